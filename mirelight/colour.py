@@ -1,0 +1,162 @@
+"""Transfer curves, luminance and tone curves; NumPy only, float32 in and out.
+
+Light is linear Rec.709 throughout. *Display-encoded* means the values of an 8-bit picture divided by 255. Arrays of any
+shape; tone curves that mix channels want (..., 3). Nothing here clips to 1: the writer of an 8-bit picture does.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirelight.model import Profile, ToneCurve
+
+F32: TypeAlias = NDArray[np.float32]
+
+ENGINE_GAMMA = 2.2  # PlayCanvas decodes and encodes with a plain power, not with the sRGB curve
+ENGINE_ENCODE_OFFSET = 1e-7  # PlayCanvas adds this before its final power, so that pow never sees zero
+
+_LARGEST = np.float32(1e9)  # brighter light is clamped before a rational curve, whose squares would overflow
+
+_REC709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709-6 §3.2
+
+
+def srgb_encode(linear: ArrayLike) -> F32:
+    """Linear light to display values by the sRGB curve (IEC 61966-2-1); negative values stay on its linear part."""
+    x = np.asarray(linear, dtype=np.float32)
+    curved = np.float32(1.055) * np.maximum(x, np.float32(0.0031308)) ** np.float32(1 / 2.4) - np.float32(0.055)
+    return np.asarray(np.where(x <= np.float32(0.0031308), x * np.float32(12.92), curved), dtype=np.float32)
+
+
+def srgb_decode(encoded: ArrayLike) -> F32:
+    """Display values to linear light, the inverse of :func:`srgb_encode`; goes on above 1 on the power part."""
+    x = np.asarray(encoded, dtype=np.float32)
+    curved = ((np.maximum(x, np.float32(0.04045)) + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    return np.asarray(np.where(x <= np.float32(0.04045), x / np.float32(12.92), curved), dtype=np.float32)
+
+
+def power_encode(linear: ArrayLike) -> F32:
+    """Linear light to display values as PlayCanvas does: power 1 / 2.2, negative values become 0.
+
+    Without the engine's `ENGINE_ENCODE_OFFSET`, so that :func:`power_decode` is its exact inverse.
+    """
+    x = np.maximum(np.asarray(linear, dtype=np.float32), np.float32(0))
+    return np.asarray(x ** np.float32(1 / ENGINE_GAMMA), dtype=np.float32)
+
+
+def power_decode(encoded: ArrayLike) -> F32:
+    """Display values to linear light as PlayCanvas does: power 2.2, negative values become 0."""
+    x = np.maximum(np.asarray(encoded, dtype=np.float32), np.float32(0))
+    return np.asarray(x ** np.float32(ENGINE_GAMMA), dtype=np.float32)
+
+
+def encode(linear: ArrayLike, profile: Profile) -> F32:
+    """Linear light to display values by the profile's curve: sRGB (physical) or the 2.2 power (playcanvas)."""
+    return power_encode(linear) if profile == "playcanvas" else srgb_encode(linear)
+
+
+def decode(encoded: ArrayLike, profile: Profile) -> F32:
+    """Display values to linear light by the profile's curve, the inverse of :func:`encode`."""
+    return power_decode(encoded) if profile == "playcanvas" else srgb_decode(encoded)
+
+
+def luminance(rgb: ArrayLike) -> F32:
+    """Relative luminance (...,) of linear Rec.709 (..., 3)."""
+    return np.asarray(np.asarray(rgb, dtype=np.float32) @ _REC709_LUMINANCE, dtype=np.float32)
+
+
+def tone_map(linear: ArrayLike, curve: ToneCurve) -> F32:
+    """Scene-linear light (..., 3) to display-linear light by a tone curve; encode and clip afterwards.
+
+    Exposure is the caller's: multiply first. `none` returns the input. `aces`, `neutral` and `agx` treat negative light
+    as none.
+
+    - `aces`: Narkowicz' fit of the ACES RRT and sRGB ODT (2016), per channel, as PlayCanvas' TONEMAP_ACES computes it;
+      it tends to 2.51 / 2.43, not to 1.
+    - `neutral`: Khronos PBR Neutral (specification 1.0): keeps base colours, compresses above 0.76 + 0.04.
+    - `agx`: Troy Sobotka's AgX, base look, with the matrices of Blender and three.js (Rec.2020 inset) and Sobotka's
+      closed-form sigmoid. three.js replaces that by a polynomial of degree 6, off by up to 0.006 of display value.
+    """
+    light = np.asarray(linear, dtype=np.float32)
+    if curve == "none":
+        return light
+    light = np.clip(light, np.float32(0), _LARGEST)
+    if curve == "aces":
+        return _aces(light)
+    if curve == "neutral":
+        return _neutral(light)
+    return _agx(light)
+
+
+def _aces(x: F32) -> F32:
+    a, b, c, d, e = (np.float32(v) for v in (2.51, 0.03, 2.43, 0.59, 0.14))
+    return np.asarray(x * (a * x + b) / (x * (c * x + d) + e), dtype=np.float32)
+
+
+def _neutral(light: F32) -> F32:
+    fresnel = np.float32(0.04)  # normal-incidence reflectance of a dielectric, taken off so that base colours stay
+    start = np.float32(0.8) - fresnel
+    room = 1 - start
+    desaturation = np.float32(0.15)
+
+    lowest = light.min(axis=-1, keepdims=True)
+    offset = np.where(lowest < 2 * fresnel, lowest - lowest * lowest / (4 * fresnel), fresnel)
+    shifted = light - offset
+    peak = shifted.max(axis=-1, keepdims=True)
+    over = np.maximum(peak, start)  # where the peak lies below, the result is `shifted` itself
+    compressed_peak = 1 - room * room / (over + room - start)
+    compressed = shifted * (compressed_peak / over)
+    towards_white = 1 - 1 / (desaturation * (over - compressed_peak) + 1)
+    out = compressed + (compressed_peak - compressed) * towards_white
+    return np.asarray(np.where(peak < start, shifted, out), dtype=np.float32)
+
+
+# ITU-R BT.2407 §2.2: linear Rec.709 to linear Rec.2020; rows are output channels.
+_REC2020_FROM_REC709 = np.array(
+    [[0.6274039, 0.3292830, 0.0433131], [0.0690973, 0.9195404, 0.0113623], [0.0163914, 0.0880133, 0.8955953]]
+)
+# Blender's and three.js' AgX primaries in Rec.2020: colours are drawn inwards, shaped per channel, and drawn back less.
+_AGX_INSET = np.array(
+    [
+        [0.856627153315983, 0.0951212405381588, 0.0482516061458583],
+        [0.137318972929847, 0.761241990602591, 0.101439036467562],
+        [0.11189821299995, 0.0767994186031903, 0.811302368396859],
+    ]
+)
+_AGX_OUTSET = np.array(
+    [
+        [1.1271005818144368, -0.11060664309660323, -0.016493938717834573],
+        [-0.1413297634984383, 1.157823702216272, -0.016493938717834257],
+        [-0.14132976349843826, -0.11060664309660294, 1.2519364065950405],
+    ]
+)
+_AGX_STOPS = (-10.0, 6.5)  # stops below and above middle gray that the sigmoid spans
+_AGX_GRAY = 0.18
+_AGX_SLOPE, _AGX_TOE, _AGX_SHOULDER = 2.0, 3.0, 3.25  # of the sigmoid at middle gray, and its two powers
+
+
+def _agx(light: F32) -> F32:
+    inset = light.astype(np.float64) @ (_AGX_INSET @ _REC2020_FROM_REC709).T
+    low, high = _AGX_STOPS
+    stops = np.log2(np.maximum(inset, 1e-10) / _AGX_GRAY)
+    shaped = _agx_sigmoid(np.clip((stops - low) / (high - low), 0, 1))
+    display = np.maximum(shaped @ _AGX_OUTSET.T, 0)
+    out = display**2.2 @ np.linalg.inv(_REC2020_FROM_REC709).T
+    return np.asarray(np.maximum(out, 0), dtype=np.float32)
+
+
+def _agx_sigmoid(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sobotka's curve: through (0, 0), (1, 1) and, with the given slope, (pivot, 1/2)."""
+    pivot = -_AGX_STOPS[0] / (_AGX_STOPS[1] - _AGX_STOPS[0])
+    distance = np.abs(x - pivot)
+    toe = _half_sigmoid(distance, pivot, _AGX_TOE)
+    shoulder = _half_sigmoid(distance, 1 - pivot, _AGX_SHOULDER)
+    return np.asarray(np.where(x < pivot, 0.5 - toe, 0.5 + shoulder))
+
+
+def _half_sigmoid(distance: NDArray[np.float64], span: float, power: float) -> NDArray[np.float64]:
+    """Rises with the slope from 0 and reaches 1/2 at `span`: s d / (1 + k d^p)^(1/p)."""
+    k = ((2 * _AGX_SLOPE * span) ** power - 1) / span**power
+    return np.asarray(_AGX_SLOPE * distance / (1 + k * distance**power) ** (1 / power))

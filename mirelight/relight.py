@@ -1,0 +1,288 @@
+"""Light meets splats: one factor per pixel and channel, by which the finished composite is multiplied.
+
+The factor is the same for every splat under a pixel, and blending is linear, so multiplying the composite is the same
+as multiplying each splat before blending: one composite serves every lighting of its camera. Two modes differ only in
+the factor: `tint` (what GsplatRelighting does) and `ratio` (new light over captured light). See docs/relighting.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from mirelight import colour
+from mirelight.model import (
+    F32,
+    Camera,
+    Frame,
+    LightingBuffer,
+    LightLayer,
+    Profile,
+    Provenance,
+    RelightSettings,
+    SplatLayer,
+)
+
+_FULL_COVERAGE = np.float32(0.5)  # playcanvas: the share of a texel from which its one sample counts as a hit
+_NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole captured view is black
+
+
+def apply(
+    splats: SplatLayer | None,
+    lighting: LightingBuffer | None,
+    settings: RelightSettings,
+    *,
+    captured: LightingBuffer | None = None,
+    made_by: Provenance | None = None,
+) -> Frame:
+    """One relit frame.
+
+    Args:
+        splats: the composite to relight; None gives the lit proxy itself (radiance, premultiplied, alpha = coverage;
+            `brightness` is a setting of the tint and is not applied).
+        lighting: the new light, seen by the same camera, at the frame's or a smaller resolution; None gives the unlit
+            frame.
+        settings: mode, space, blend and the modes' own numbers.
+        captured: the light that the capture was made under, from the same camera, resolution and seed (mode `ratio`).
+        made_by: carried into the frame.
+
+    Returns:
+        The frame; with `blend` 0 its `rgba` is its `unlit` bit for bit. `lighting` in it has the frame's resolution.
+
+    Raises:
+        ValueError: neither splats nor lighting; `ratio` without `captured`; buffers of different cameras.
+    """
+    if splats is None:
+        if lighting is None:
+            raise ValueError("a frame needs splats, lighting, or both")
+        return _lit_proxy(lighting, made_by)
+    unlit = unlit_rgba(splats)
+    if lighting is None:
+        return _frame(splats, unlit, unlit, np.ones_like(splats.color), None, made_by)
+
+    factor = _factor(splats.camera, lighting, settings, captured)
+    factor = _mix(np.float32(1), factor, settings.blend)
+    relit = unlit if settings.blend == 0 else _multiply(splats, factor, _space(splats, settings))
+    return _frame(splats, relit, unlit, factor, upsample(lighting, splats.camera), made_by)
+
+
+def unlit_rgba(splats: SplatLayer) -> F32:
+    """(H, W, 4) the splats as captured: linear light, premultiplied by alpha = 1 - transmittance.
+
+    Display-encoded composites are decoded un-premultiplied, per pixel, by their profile's curve: encoding the result
+    the same way gives back the picture that was blended in display space.
+    """
+    alpha = np.float32(1) - splats.transmittance
+    rgb = splats.color if splats.linear else _decode_premultiplied(splats.color, alpha, splats.profile)
+    return np.concatenate([rgb, alpha[..., None]], axis=-1)
+
+
+def lighting_camera(camera: Camera, settings: RelightSettings) -> Camera:
+    """The camera that the lighting of `camera` is traced with: the same view on `texture_scale` times the pixels.
+
+    Sizes are rounded up; in the playcanvas profile down, as GsplatRelighting sizes its texture.
+    """
+    round_size = math.floor if settings.profile == "playcanvas" else math.ceil
+    width, height = (max(1, round_size(n * settings.texture_scale)) for n in (camera.width, camera.height))
+    return camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
+
+
+def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
+    """The buffer on the pixel grid of `camera`: bilinear between pixel centres, edges repeated.
+
+    Colours stay premultiplied. AOVs are averages weighted by coverage, normals are made unit again. The variance of a
+    weighted sum of independent pixels has squared weights; neighbours become correlated, which it does not say.
+    """
+    size = camera.height, camera.width
+    if lighting.coverage.shape == size:
+        return lighting
+    coverage = _bilinear(lighting.coverage, size)
+
+    def average(aov: F32) -> F32:
+        flat = aov[..., None] if aov.ndim == 2 else aov
+        summed = _bilinear(flat * lighting.coverage[..., None], size)
+        return (_divide(summed, coverage[..., None])).reshape((*size, *aov.shape[2:]))
+
+    return LightingBuffer(
+        camera=camera,
+        coverage=coverage,
+        layers=tuple(
+            LightLayer(name=x.name, direct=_bilinear(x.direct, size), indirect=_bilinear(x.indirect, size))
+            for x in lighting.layers
+        ),
+        depth=average(lighting.depth),
+        position=average(lighting.position),
+        normal=_unit_or_zero(average(lighting.normal)),
+        geometric_normal=_unit_or_zero(average(lighting.geometric_normal)),
+        albedo=average(lighting.albedo),
+        variance=None if lighting.variance is None else _bilinear(lighting.variance, size, squared_weights=True),
+        spp=lighting.spp,
+    )
+
+
+# --- the two factors -------------------------------------------------------------------------------------------------
+
+
+def _factor(
+    camera: Camera, lighting: LightingBuffer, settings: RelightSettings, captured: LightingBuffer | None
+) -> F32:
+    """(H, W, 3) what full relighting multiplies each pixel by, before `blend`."""
+    _same_view(camera, lighting)
+    if settings.mode == "tint":
+        tint = _engine_tint if settings.profile == "playcanvas" else _tint
+        return tint(lighting, settings, (camera.height, camera.width))
+    if captured is None:
+        raise ValueError("mode 'ratio' needs the lighting that the capture was made under")
+    _same_view(camera, captured)
+    return _ratio(upsample(lighting, camera), upsample(captured, camera), settings)
+
+
+def _tint(lighting: LightingBuffer, settings: RelightSettings, size: tuple[int, int]) -> F32:
+    """mix(background, lit brightness, coverage), where lit is already multiplied by coverage."""
+    coverage = _bilinear(lighting.coverage, size)[..., None]
+    lit = _bilinear(lighting.beauty, size)
+    return np.float32(settings.background) * (1 - coverage) + lit * np.float32(settings.brightness)
+
+
+def _engine_tint(lighting: LightingBuffer, settings: RelightSettings, size: tuple[int, int]) -> F32:
+    """The tint as GsplatRelighting's shader computes it from its texture.
+
+    The texture has one sample a texel: colour and coverage 1, or zeros. Between texels both are interpolated and then
+    multiplied again by `mix`, so scaled textures darken towards silhouettes; that is the engine's look, kept here.
+    """
+    hit = (lighting.coverage >= _FULL_COVERAGE)[..., None]
+    texel = np.where(hit, _divide(lighting.beauty, lighting.coverage[..., None]), np.float32(0))
+    coverage = _bilinear(hit.astype(np.float32), size)
+    lit = _bilinear(texel, size)
+    background = np.float32(settings.background)
+    return background * (1 - coverage) + lit * np.float32(settings.brightness) * coverage
+
+
+def _ratio(new: LightingBuffer, captured: LightingBuffer, settings: RelightSettings) -> F32:
+    """min((L_new + d m) / (L_captured + d m), max) wherever the proxy covers anything; `background` elsewhere.
+
+    L is the lit proxy's radiance (premultiplied over coverage), m the mean luminance of L_captured over the proxy. It
+    is the ratio of two averages over a pixel, and it is applied in full at partly covered pixels: the splats there are
+    the same surface. (Against path-traced truth, averaging sub-pixel ratios costs 0.4 dB, fading by coverage 0.1 to
+    0.4 dB.)
+    """
+    covered = captured.coverage.sum(dtype=np.float64)
+    mean = colour.luminance(captured.beauty).sum(dtype=np.float64) / covered if covered > 0 else 0.0
+    floor = np.float32(max(settings.delta * mean, _NO_LIGHT))
+    radiance_new = _divide(new.beauty, new.coverage[..., None])
+    radiance_captured = _divide(captured.beauty, captured.coverage[..., None])
+    ratio = np.minimum((radiance_new + floor) / (radiance_captured + floor), np.float32(settings.max_ratio))
+    seen = (np.minimum(new.coverage, captured.coverage) > 0)[..., None]
+    return np.asarray(np.where(seen, ratio, np.float32(settings.background)), dtype=np.float32)
+
+
+# --- multiplying -----------------------------------------------------------------------------------------------------
+
+
+def _space(splats: SplatLayer, settings: RelightSettings) -> Literal["linear", "display"]:
+    """Where the factor multiplies. The engine multiplies in the space that it blends in; a ratio is of linear light."""
+    if settings.mode == "ratio" or splats.linear:
+        return "linear"
+    return "display" if settings.profile == "playcanvas" else settings.space
+
+
+def _multiply(splats: SplatLayer, factor: F32, space: Literal["linear", "display"]) -> F32:
+    """(H, W, 4) linear, premultiplied: the composite times the factor."""
+    alpha = np.float32(1) - splats.transmittance
+    if space == "display":
+        rgb = _decode_premultiplied(splats.color * factor, alpha, splats.profile)
+    else:
+        rgb = unlit_rgba(splats)[..., :3] * factor
+    return np.concatenate([rgb, alpha[..., None]], axis=-1)
+
+
+def _decode_premultiplied(color: F32, alpha: F32, profile: Profile) -> F32:
+    a = alpha[..., None]
+    return np.asarray(a * colour.decode(_divide(color, a), profile), dtype=np.float32)
+
+
+def _mix(a: np.float32, b: F32, share: float) -> F32:
+    s = np.float32(share)
+    return np.asarray(a * (1 - s) + b * s, dtype=np.float32)
+
+
+def _divide(numerator: F32, denominator: F32) -> F32:
+    """numerator / denominator, 0 where the denominator is 0."""
+    safe = np.where(denominator > 0, denominator, np.float32(1))
+    return np.asarray(np.where(denominator > 0, numerator / safe, np.float32(0)), dtype=np.float32)
+
+
+def _unit_or_zero(vectors: F32) -> F32:
+    return _divide(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+# --- resampling ------------------------------------------------------------------------------------------------------
+
+
+def _bilinear(image: F32, size: tuple[int, int], *, squared_weights: bool = False) -> F32:
+    """The image (h, w) or (h, w, c) on a grid of `size` (rows, columns), as a GPU's linear filter reads it.
+
+    Pixel centres lie at +0.5 on both grids; beyond the outermost centres the edge repeats. `squared_weights` squares
+    the four weights of each sample, which turns variances of independent pixels into those of the interpolated ones.
+    """
+    if image.shape[:2] == size:
+        return image
+    rows = _along(image, 0, size[0], squared_weights)
+    return _along(rows, 1, size[1], squared_weights)
+
+
+def _along(image: F32, axis: int, count: int, squared_weights: bool) -> F32:
+    n = image.shape[axis]
+    at = (np.arange(count, dtype=np.float64) + 0.5) * (n / count) - 0.5
+    low = np.floor(at)
+    share = (at - low).astype(np.float32).reshape((-1, *(1,) * (image.ndim - axis - 1)))
+    first = np.take(image, np.clip(low, 0, n - 1).astype(np.intp), axis=axis)
+    second = np.take(image, np.clip(low + 1, 0, n - 1).astype(np.intp), axis=axis)
+    if squared_weights:
+        # where both samples are one clamped edge pixel, the weights add before they are squared
+        clamped = ((low < 0) | (low + 1 > n - 1)).reshape(share.shape)
+        return np.asarray(np.where(clamped, first, first * (1 - share) ** 2 + second * share**2), dtype=np.float32)
+    return np.asarray(first * (1 - share) + second * share, dtype=np.float32)
+
+
+# --- frames ----------------------------------------------------------------------------------------------------------
+
+
+def _frame(
+    splats: SplatLayer,
+    rgba: F32,
+    unlit: F32,
+    factor: F32,
+    lighting: LightingBuffer | None,
+    made_by: Provenance | None,
+) -> Frame:
+    return Frame(
+        camera=splats.camera,
+        rgba=rgba,
+        unlit=unlit,
+        factor=factor,
+        lighting=lighting,
+        splats=splats,
+        made_by=made_by,
+    )
+
+
+def _lit_proxy(lighting: LightingBuffer, made_by: Provenance | None) -> Frame:
+    rgba = np.concatenate([lighting.beauty, lighting.coverage[..., None]], axis=-1)
+    return Frame(
+        camera=lighting.camera, rgba=rgba, unlit=None, factor=None, lighting=lighting, splats=None, made_by=made_by
+    )
+
+
+def _same_view(camera: Camera, lighting: LightingBuffer) -> None:
+    """Refuses a buffer of another camera; the pixel grid may differ."""
+    other = lighting.camera.resized(camera.width, camera.height)
+    matches = (
+        np.array_equal(other.world_from_camera, camera.world_from_camera)
+        and np.allclose([other.fx, other.fy, other.cx, other.cy], [camera.fx, camera.fy, camera.cx, camera.cy])
+        and other.projection == camera.projection
+    )
+    if not matches:
+        raise ValueError(f"the lighting was traced from {lighting.camera.name!r}, the splats seen from {camera.name!r}")

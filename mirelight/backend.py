@@ -134,12 +134,11 @@ def ask(path: str, where: str = "") -> LlvmLibrary:
 
 
 def libraries() -> list[LlvmLibrary]:
-    """Every libLLVM of this machine, the user's own choice first, then newest first. Asks each one, so not for every run."""
-    asked = sorted((ask(*pair) for pair in _found()), key=lambda x: x.version or (-1, 0, 0), reverse=True)
+    """Every libLLVM of this machine, DRJIT_LIBLLVM_PATH first, then newest first. Asks each one: slow, for doctor."""
     named = os.environ.get(_VARIABLE)
-    return ([ask(named, _VARIABLE)] if named else []) + [
-        x for x in asked if not named or os.path.realpath(x.path) != os.path.realpath(named)
-    ]
+    others = [x for x in _found() if not named or os.path.realpath(x[0]) != os.path.realpath(named)]
+    asked = sorted((ask(*pair) for pair in others), key=lambda x: x.version or (-1, 0, 0), reverse=True)
+    return ([ask(named, _VARIABLE)] if named else []) + asked
 
 
 def _newest_sound() -> LlvmLibrary | None:

@@ -1,0 +1,150 @@
+"""`mirelight doctor`: what this machine has, what mirelight uses of it, and whether a small render passes."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+from mirelight import __version__, backend
+from mirelight.errors import BackendError
+from mirelight.model import Variant
+
+_SECONDS = 300  # a cold kernel compile takes under one; a machine under load takes longer
+
+
+def run() -> int:
+    """Print the findings; 0 where the default variant renders, else 2."""
+    print(f"mirelight {__version__}, Python {platform.python_version()}, {platform.platform()}")
+    print(f"cores   {_cores()} usable of {os.cpu_count()}")
+    print(f"memory  {_memory()}")
+    for line in _llvm():
+        print(line)
+    results = {variant: _check(variant) for variant in get_args(Variant)}
+    for variant, problem in results.items():
+        print(f"{variant:<12} {'renders' if problem is None else problem}")
+    for name, state in _optional():
+        print(f"{name:<12} {state}")
+    return 0 if results["llvm_ad_rgb"] is None else 2
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _memory() -> str:
+    try:
+        fields = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+    except OSError:
+        return "not known on this system"
+    total, free = (int(fields[key].split()[0]) / 2**20 for key in ("MemTotal", "MemAvailable"))
+    limit = _group_limit()
+    within = f", limited to {limit / 2**30:.1f} GiB by the control group" if limit else ""
+    return f"{free:.1f} GiB available of {total:.1f} GiB{within}"
+
+
+def _group_limit() -> int | None:
+    """Bytes that this process's container may take; None where unlimited."""
+    for name in ("memory.max", "memory/memory.limit_in_bytes"):
+        try:
+            value = int((Path("/sys/fs/cgroup") / name).read_text())
+        except (OSError, ValueError):
+            continue
+        if value < 2**60:
+            return value
+    return None
+
+
+def _llvm() -> list[str]:
+    found = backend.libraries()
+    used = backend.choose()
+    lines = []
+    for library in found:
+        mark = "used" if used and library.path == used.path else "    "
+        lines.append(f"libLLVM {mark} {library.path} ({library.where}): {library.verdict}")
+    if used is None:
+        lines.append(f"libLLVM      none that is sound; to install it: {backend.install_command()}")
+    return lines
+
+
+def _check(variant: Variant) -> str | None:
+    """Render in a child process, so that a bad library cannot take this one down; None where it passed."""
+    command = [sys.executable, "-m", "mirelight.doctor", variant]
+    try:
+        child = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_SECONDS)
+    except subprocess.TimeoutExpired:
+        return f"FAILED: nothing after {_SECONDS} s"
+    if child.returncode == 0:
+        return None
+    if child.returncode < 0:
+        return f"FAILED: the process was ended by {signal.Signals(-child.returncode).name}"
+    said = (child.stdout.strip() or child.stderr.strip() or "no message").splitlines()[-1]
+    return f"not usable: {said}"
+
+
+def small_render(variant: Variant) -> None:
+    """A white sphere in a white furnace (whose mean must be 1) and one Dr.Jit kernel.
+
+    Raises:
+        BackendError: the variant cannot run, or its result is wrong.
+    """
+    mi = backend.mitsuba(variant)
+    import numpy as np
+
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": -1, "rr_depth": 1000},
+            "light": {"type": "constant", "radiance": 1.0},
+            "shape": {"type": "sphere", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 1.0}}},
+            "sensor": {
+                "type": "perspective",
+                "to_world": mi.ScalarTransform4f().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0]),
+                "film": {"type": "hdrfilm", "width": 16, "height": 16},
+            },
+        }
+    )
+    mean = float(np.array(mi.render(scene, spp=16, seed=0))[..., :3].mean())
+    if not abs(mean - 1) < 0.03:  # six standard errors
+        raise BackendError(f"a furnace whose mean must be 1 has {mean:.4f}")
+    if variant == "scalar_rgb":
+        return
+    dr, types = backend.drjit(variant)
+    total = dr.sum(dr.sqrt(dr.arange(types.Float, 10001) * dr.arange(types.Float, 10001)))
+    if abs(float(total[0]) - 50005000) > 500:
+        raise BackendError(f"a sum that must be 50005000 is {float(total[0]):.0f}")
+
+
+def _optional() -> list[tuple[str, str]]:
+    """What only some commands need, and what it is for."""
+    browser = next((b for b in ("chromium", "chromium-browser", "google-chrome") if shutil.which(b)), None)
+    playwright = importlib.util.find_spec("playwright")
+    converter = shutil.which("splat-transform")
+    return [
+        ("Chromium", browser or "not found (mirelight realtime): apt-get install chromium"),
+        ("npm", shutil.which("npm") or "not found (mirelight realtime): apt-get install npm"),
+        (
+            "playwright",
+            "installed" if playwright else "not found (mirelight realtime): pip install 'mirelight[realtime]'",
+        ),
+        ("splat-transform", converter or "not found (.ksplat, LCC): npm install -g @playcanvas/splat-transform"),
+    ]
+
+
+def _child(variant: str) -> int:
+    try:
+        small_render(next(v for v in get_args(Variant) if v == variant))
+    except BackendError as error:
+        print(error)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_child(sys.argv[1]))

@@ -1,0 +1,67 @@
+"""The types that cross module borders: frozen, NumPy only, every array checked and read-only.
+
+Shapes and units stand in each field's comment. H, W: image rows and columns. Light is linear Rec.709; see
+`mirelight.conventions` for axes.
+"""
+
+from __future__ import annotations
+
+from mirelight.model.arrays import F32, F64, I32, frozen_array
+from mirelight.model.cameras import Camera
+from mirelight.model.lights import (
+    AreaLight,
+    DirectionalLight,
+    Environment,
+    Light,
+    Lighting,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
+from mirelight.model.results import Frame, LightingBuffer, LightLayer, Provenance, SplatLayer
+from mirelight.model.scene import Material, ProxyMesh, Scene, SplatCloud
+from mirelight.model.settings import (
+    CompositorSettings,
+    DisplaySettings,
+    Job,
+    OutputSettings,
+    Profile,
+    RelightSettings,
+    RenderSettings,
+    ToneCurve,
+    Variant,
+)
+
+__all__ = [
+    "F32",
+    "F64",
+    "I32",
+    "AreaLight",
+    "Camera",
+    "CompositorSettings",
+    "DirectionalLight",
+    "DisplaySettings",
+    "Environment",
+    "Frame",
+    "Job",
+    "Light",
+    "LightLayer",
+    "Lighting",
+    "LightingBuffer",
+    "Material",
+    "OutputSettings",
+    "PointLight",
+    "Profile",
+    "Provenance",
+    "ProxyMesh",
+    "RelightSettings",
+    "RenderSettings",
+    "Scene",
+    "SplatCloud",
+    "SplatLayer",
+    "SpotLight",
+    "SunLight",
+    "ToneCurve",
+    "Variant",
+    "frozen_array",
+]

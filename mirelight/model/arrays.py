@@ -1,0 +1,37 @@
+"""Array types, and the check that every public array goes through."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+F32: TypeAlias = NDArray[np.float32]
+F64: TypeAlias = NDArray[np.float64]
+I32: TypeAlias = NDArray[np.int32]
+
+
+def frozen_array(value: ArrayLike, shape: tuple[int | None, ...], dtype: Any, name: str) -> NDArray[Any]:
+    """`value` as a C-contiguous read-only array of `dtype`; None in `shape` fits any length.
+
+    No copy is made where the value already fits; a writeable array that fits is viewed, not locked.
+
+    Raises:
+        ValueError: the shape differs.
+    """
+    array = np.ascontiguousarray(value, dtype=dtype)
+    fits = array.ndim == len(shape) and all(w is None or w == n for w, n in zip(shape, array.shape, strict=True))
+    if not fits:
+        wanted = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
+        raise ValueError(f"{name}: shape {array.shape}, expected {wanted}")
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def freeze(owner: object, name: str, shape: tuple[int | None, ...], dtype: Any = np.float32) -> None:
+    """Replace a frozen dataclass' array field by its checked, read-only form; None stays None."""
+    value = getattr(owner, name)
+    if value is not None:
+        object.__setattr__(owner, name, frozen_array(value, shape, dtype, f"{type(owner).__name__}.{name}"))

@@ -1,0 +1,99 @@
+"""Cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mirelight import conventions
+from mirelight.model.arrays import F64, freeze
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Camera:
+    """A pinhole or orthographic camera. A camera-space point (x, y, z), z < 0 in front, lands on pixel
+    ``(cx + fx x / w, cy - fy y / w)`` with ``w = -z`` (perspective) or ``w = 1`` (orthographic)."""
+
+    name: str = "camera"
+    world_from_camera: F64  # (4, 4) rigid; columns right, up, back, position (world units)
+    width: int  # px
+    height: int  # px
+    fx: float  # px (perspective) or px per world unit (orthographic)
+    fy: float  # px or px per world unit
+    cx: float  # px from the left edge of the image; width / 2 is centred
+    cy: float  # px from the top edge; height / 2 is centred
+    projection: Literal["perspective", "orthographic"] = "perspective"
+    near: float = 0.01  # world units along the view axis; nearer splats and surfaces are not seen
+    far: float = float("inf")  # world units
+
+    def __post_init__(self) -> None:
+        freeze(self, "world_from_camera", (4, 4), np.float64)
+        r = self.world_from_camera[:3, :3]
+        if not np.allclose(r @ r.T, np.eye(3), atol=1e-4) or np.linalg.det(r) < 0:
+            raise ValueError("world_from_camera is not rigid (scale, shear or mirror); see conventions.rigid_part")
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"image of {self.width} x {self.height} pixels")
+        if not (self.fx > 0 and self.fy > 0 and 0 < self.near < self.far):
+            raise ValueError("fx and fy must be positive, and 0 < near < far")
+
+    @property
+    def camera_from_world(self) -> F64:
+        """(4, 4) inverse of `world_from_camera`."""
+        r, t = self.world_from_camera[:3, :3], self.world_from_camera[:3, 3]
+        out = np.eye(4)
+        out[:3, :3], out[:3, 3] = r.T, -r.T @ t
+        return out
+
+    @property
+    def position(self) -> F64:
+        """(3,) eye position, world units."""
+        return self.world_from_camera[:3, 3]
+
+    def resized(self, width: int, height: int) -> Camera:
+        """The same view on another pixel grid (used for `texture_scale` and small tests)."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=self.cx * sx,
+            cy=self.cy * sy,
+        )
+
+    @staticmethod
+    def perspective(
+        world_from_camera: ArrayLike,
+        width: int,
+        height: int,
+        *,
+        yfov: float,
+        name: str = "camera",
+        near: float = 0.01,
+        far: float = float("inf"),
+    ) -> Camera:
+        """A centred pinhole camera with square pixels; `yfov` is the vertical field of view in degrees."""
+        f = height / (2 * np.tan(np.radians(yfov) / 2))
+        return Camera(
+            name=name,
+            world_from_camera=np.asarray(world_from_camera),
+            width=width,
+            height=height,
+            fx=float(f),
+            fy=float(f),
+            cx=width / 2,
+            cy=height / 2,
+            near=near,
+            far=far,
+        )
+
+    @staticmethod
+    def look_at(
+        position: ArrayLike, target: ArrayLike, width: int, height: int, *, yfov: float = 45.0, **named: Any
+    ) -> Camera:
+        """A centred pinhole camera at `position` looking at `target`; `named` as for :meth:`perspective`."""
+        return Camera.perspective(conventions.look_at(position, target), width, height, yfov=yfov, **named)

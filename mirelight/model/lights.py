@@ -1,0 +1,130 @@
+"""Lights and environments. KHR = glTF extension KHR_lights_punctual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.model.arrays import F32, F64, freeze
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DirectionalLight:
+    """KHR directional light: parallel, no position, hard shadows."""
+
+    name: str
+    direction: F64  # (3,) unit, the way the light travels
+    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear Rec.709
+    intensity: float = 1.0  # lux (illuminance on a facing surface)
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        object.__setattr__(self, "direction", conventions.unit(self.direction))
+        freeze(self, "direction", (3,), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointLight:
+    """KHR point light, or a sphere of that radius with the same candela."""
+
+    name: str
+    position: F64  # (3,) world units
+    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
+    intensity: float = 1.0  # candela
+    range: float = float("inf")  # world units; KHR window max(min(1 - (d/range)^4, 1), 0); inf: none
+    radius: float = 0.0  # world units; 0: a point with hard shadows
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        freeze(self, "position", (3,), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SpotLight:
+    """KHR spot light: squared smooth cone between two half angles, `range` as for points."""
+
+    name: str
+    position: F64  # (3,) world units
+    direction: F64  # (3,) unit, the cone's axis away from the light
+    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
+    intensity: float = 1.0  # candela inside the inner cone
+    range: float = float("inf")  # world units
+    inner_cone_angle: float = 0.0  # rad, half angle, 0 <= inner < outer
+    outer_cone_angle: float = float(np.pi / 4)  # rad, half angle, <= pi / 2
+    radius: float = 0.0  # world units; 0: a point with hard shadows
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        freeze(self, "position", (3,), np.float64)
+        object.__setattr__(self, "direction", conventions.unit(self.direction))
+        freeze(self, "direction", (3,), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SunLight:
+    """A far disc: a directional light with an angular diameter, so soft shadow edges."""
+
+    name: str
+    direction: F64  # (3,) unit, the way the light travels (from the disc's centre)
+    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
+    intensity: float = 1.0  # lux on a surface facing the disc's centre
+    angular_diameter: float = 0.53  # degrees, > 0
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        object.__setattr__(self, "direction", conventions.unit(self.direction))
+        freeze(self, "direction", (3,), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AreaLight:
+    """A glowing rectangle, disk or sphere, seen by light only (it is not part of the proxy and blocks nothing)."""
+
+    name: str
+    shape: Literal["rectangle", "disk", "sphere"]
+    world_from_light: F64  # (4, 4) rigid; a rectangle or disk lies in its XY plane and shines along its -Z
+    size: tuple[float, float]  # world units: rectangle width and height; disk and sphere: diameter, twice
+    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
+    intensity: float = 1.0  # candela per square metre (radiance), the same in every direction it shines
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        freeze(self, "world_from_light", (4, 4), np.float64)
+
+
+Light: TypeAlias = DirectionalLight | PointLight | SpotLight | SunLight | AreaLight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Environment:
+    """Light from all around: an equirectangular map or one constant radiance (a 1 x 1 map)."""
+
+    name: str = "environment"
+    radiance: F32  # (h, w, 3) linear; row 0 is +Y; conventions.py says which way the columns look
+    intensity: float = 1.0  # multiplies the radiance
+    rotation: float = 0.0  # degrees about +Y, counter-clockwise seen from above
+
+    def __post_init__(self) -> None:
+        freeze(self, "radiance", (None, None, 3))
+
+    @property
+    def is_constant(self) -> bool:
+        """True where the radiance is the same in every direction."""
+        return self.radiance.shape[:2] == (1, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lighting:
+    """A named set of lights: what one frame is lit by. Light names are unique in it."""
+
+    name: str = "lighting"
+    lights: tuple[Light, ...] = ()
+    environment: Environment | None = None
+
+    @property
+    def layer_names(self) -> tuple[str, ...]:
+        """One name per layer: the lights in order, then the environment."""
+        return tuple(x.name for x in self.lights) + ((self.environment.name,) if self.environment else ())

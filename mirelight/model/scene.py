@@ -1,0 +1,98 @@
+"""What is rendered: splats, proxy mesh, materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mirelight.model.arrays import F32, F64, I32, freeze
+from mirelight.model.cameras import Camera
+from mirelight.model.lights import Lighting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SplatCloud:
+    """Gaussian splats in world space, activated (no logs or logits). N splats, K = (SH degree + 1)^2."""
+
+    means: F32  # (N, 3) world units
+    quats: F32  # (N, 4) wxyz, unit
+    scales: F32  # (N, 3) linear standard deviations, world units
+    opacities: F32  # (N,) 0..1
+    sh: F32  # (N, K, 3) coefficients of display-encoded colour; colour = 0.5 + sum sh Y
+    dropped: int = 0  # splats removed on reading because a value was NaN or infinite
+    antialiased: bool = False  # trained with opacity compensation (SPZ flag, Mip-Splatting)
+
+    def __post_init__(self) -> None:
+        n = len(self.means)
+        freeze(self, "means", (n, 3))
+        freeze(self, "quats", (n, 4))
+        freeze(self, "scales", (n, 3))
+        freeze(self, "opacities", (n,))
+        freeze(self, "sh", (n, None, 3))
+        if self.sh.shape[1] not in (1, 4, 9, 16):
+            raise ValueError(f"SplatCloud.sh: {self.sh.shape[1]} coefficients, expected 1, 4, 9 or 16")
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @property
+    def sh_degree(self) -> int:
+        """0 to 3."""
+        return round(float(self.sh.shape[1] ** 0.5)) - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Material:
+    """What a proxy's own file says of its surface; used where the albedo comes from the file."""
+
+    name: str = "default"
+    base_color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear factor
+    base_color_texture: F32 | None = None  # (h, w, 3) linear, row 0 at v = 0 (glTF: top), repeat wrap
+    emissive: F64 = field(default_factory=lambda: np.zeros(3))  # (3,) linear radiance, strength multiplied in
+
+    def __post_init__(self) -> None:
+        freeze(self, "base_color", (3,), np.float64)
+        freeze(self, "base_color_texture", (None, None, 3))
+        freeze(self, "emissive", (3,), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProxyMesh:
+    """The triangle mesh that stands for the captured scene, in world space. Lit from both sides."""
+
+    vertices: F32  # (V, 3) world units
+    faces: I32  # (F, 3) indices into vertices
+    normals: F32 | None = None  # (V, 3) unit shading normals; None: flat
+    uvs: F32 | None = None  # (V, 2) glTF: v = 0 is the texture's top row
+    vertex_colors: F32 | None = None  # (V, 3) linear
+    face_materials: I32 | None = None  # (F,) index into materials; None: all 0
+    materials: tuple[Material, ...] = (Material(),)
+    albedo: F64 | None = field(default_factory=lambda: np.full(3, 0.5))  # (3,) linear; None: the file's own colours
+
+    def __post_init__(self) -> None:
+        v = len(self.vertices)
+        freeze(self, "vertices", (v, 3))
+        freeze(self, "faces", (None, 3), np.int32)
+        for name, width in (("normals", 3), ("uvs", 2), ("vertex_colors", 3)):
+            freeze(self, name, (v, width))
+        freeze(self, "face_materials", (len(self.faces),), np.int32)
+        freeze(self, "albedo", (3,), np.float64)
+        if len(self.faces) and not (int(self.faces.min()) >= 0 and int(self.faces.max()) < v):
+            raise ValueError(f"ProxyMesh.faces: an index outside 0..{v - 1}")
+
+    @property
+    def bounds(self) -> tuple[F32, F32]:
+        """Lowest and highest corner, (3,) each."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """What is rendered. Every camera is rendered under every lighting."""
+
+    splats: SplatCloud | None = None
+    proxy: ProxyMesh | None = None
+    cameras: tuple[Camera, ...] = ()
+    lightings: tuple[Lighting, ...] = ()
+    captured: Lighting | None = None  # the lighting under which the splats were captured, where known

@@ -1,0 +1,93 @@
+"""Every setting, one type per stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from mirelight.model.scene import Scene
+
+Profile: TypeAlias = Literal["physical", "playcanvas"]
+Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
+ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderSettings:
+    """How the lighting is traced."""
+
+    spp: int = 64  # samples per pixel
+    noise: float | None = None  # relative error target; None: exactly spp samples
+    max_depth: int = 8  # vertices of a path from the eye's first hit on; 1: direct light only
+    seed: int = 0
+    variant: Variant = "llvm_ad_rgb"
+    denoise: bool = False
+    threads: int | None = None  # None: every core
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompositorSettings:
+    """How splats become pixels. The playcanvas-only fields are ignored by the physical profile."""
+
+    profile: Profile = "physical"
+    sort: Literal["depth", "radial"] = "depth"  # view-space z, or distance to the eye
+    work_buffer: Literal["compact", "large"] = "compact"  # playcanvas: GSPLATDATA_COMPACT (its default) or _LARGE
+    min_pixel_size: float = 2.0  # playcanvas: smaller splats are dropped (its doubled pixels)
+    alpha_clip: float = 1.0 / 255.0  # fragments below are dropped
+    tone: ToneCurve = "none"  # playcanvas, gamma pipeline: tone curve per splat
+    exposure: float = 1.0  # playcanvas: linear factor before that curve
+    linear: bool = False  # playcanvas: 'linear' pipeline (colours decoded by a 2.2 power before blending)
+    eight_bit: bool = False  # playcanvas: round after every blended splat, as its RGBA8 target does
+    max_memory: int | None = None  # bytes; None: what the machine has free
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelightSettings:
+    """How lighting meets splats. Defaults are the engine's GsplatRelighting attributes."""
+
+    mode: Literal["tint", "ratio"] = "tint"
+    profile: Profile = "physical"
+    space: Literal["linear", "display"] = "linear"  # in which the factor multiplies
+    blend: float = 1.0  # 0: unlit frame, bit for bit; 1: fully relit
+    brightness: float = 2.0  # multiplies the lit proxy (tint)
+    background: float = 1.0  # the factor where the proxy does not cover (tint)
+    texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 1]
+    delta: float = 0.01  # ratio: regularisation, share of the captured light's mean luminance
+    max_ratio: float = 16.0  # ratio: upper clamp
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DisplaySettings:
+    """How linear light becomes a PNG."""
+
+    exposure: float = 0.0  # stops
+    tone: ToneCurve = "none"
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # display-encoded, behind the splats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputSettings:
+    """Where and what is written."""
+
+    directory: Path = Path("out")
+    exr: bool = True
+    png: bool = True
+    layers: bool = True  # one EXR part per light
+    aovs: bool = True  # depth, position, normals
+    half: bool = False  # 16-bit colour (positions and depth stay 32-bit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A job file, loaded: the scene and every setting, validated."""
+
+    source: Path  # the job file, absolute
+    scene: Scene
+    render: RenderSettings = RenderSettings()
+    compositor: CompositorSettings = CompositorSettings()
+    relight: RelightSettings = RelightSettings()
+    display: DisplaySettings = DisplaySettings()
+    output: OutputSettings = OutputSettings()
+    inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex

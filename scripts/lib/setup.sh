@@ -102,15 +102,22 @@ make_venv() {
     "$python" -m venv --clear .venv
 }
 
+# Runs pip quietly, or stops with the end of what it said: pip_install WHAT ARGUMENT…
+pip_install() {
+    local what=$1; shift
+    "$PYTHON" -m pip install --disable-pip-version-check "$@" >"$log" 2>&1 && return
+    tail -n 5 "$log" >&2
+    stop "pip could not install $what" "By hand: .venv/bin/pip install $*" "Then run this script again."
+}
+
 # Installs a locked environment and mirelight itself, once per content of the lock: install_locked LOCK
 install_locked() {
     local lock=$1 stamp=.venv/mirelight-$1.sha256 wanted
     wanted=$(cat "$lock" pyproject.toml <(pwd) | sha256sum)
     [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ] && return
     say "installing the locked Python environment ($lock)"
-    "$PYTHON" -m pip install -q --disable-pip-version-check --require-hashes -r "$lock" || stop "pip could not install $lock"
-    "$PYTHON" -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation --editable . ||
-        stop "pip could not install mirelight itself"
+    pip_install "$lock" --require-hashes -r "$lock"
+    pip_install "mirelight itself" --no-deps --no-build-isolation --editable .
     printf '%s\n' "$wanted" >"$stamp"
 }
 

@@ -1,0 +1,97 @@
+"""The numbers that turn a splat into pixels, one set per profile, shared by the NumPy oracle and the Dr.Jit kernels.
+
+A splat of projected covariance S (px²) and opacity o covers a pixel at offset d from its centre with
+
+    E     = exp(-½ dᵀ (S + low_pass I)⁻¹ d)
+    alpha = min(o E, alpha_max)                     plain
+    alpha = o (E - e⁻⁴) / (1 - e⁻⁴)                 truncated: falls to 0 at d²= 8, where the engine's quad ends
+
+and a fragment with alpha below the clip is dropped.
+
+Sources: `physical` is Kerbl et al. 2023 and its CUDA rasteriser (forward.cu, auxiliary.h); `playcanvas` is the
+PlayCanvas 2.23 shader chunks gsplatCorner and gsplat, whose covariance is in doubled pixels, so that its "+0.3" is
+0.075 px².
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mirelight.model import Camera, CompositorSettings
+
+E4 = float(np.exp(-4.0))  # the truncated kernel's value at its edge
+
+
+@dataclass(frozen=True, slots=True)
+class SplatKernel:
+    """How one profile rasterises. Lengths in pixels of the frame."""
+
+    low_pass: float  # px², added to both variances
+    alpha_clip: float  # fragments below are dropped
+    alpha_max: float  # upper clamp of a fragment's alpha; 1: none
+    truncated: bool  # the kernel minus its value at d² = 8, rescaled
+    stop: float | None  # a fragment that would leave less transmittance is not blended and ends its pixel
+    frustum_margin: float | None  # Jacobian's slope clamp, in tangents of the half field of view; None: no clamp
+    clips_depth: bool  # centres outside near..far are dropped; else only those behind the eye
+    least_compensation: float  # floor of the squared opacity compensation of antialiased clouds
+    min_variance: float  # px² (low-pass included): splats whose major variance is smaller are dropped
+    max_variance: float  # px²: variances along the axes are clamped to it
+
+
+def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
+    """The kernel of `settings.profile` for one frame size."""
+    if settings.profile == "physical":
+        return SplatKernel(
+            low_pass=0.3,
+            alpha_clip=settings.alpha_clip,
+            alpha_max=0.99,
+            truncated=False,
+            stop=1e-4,
+            frustum_margin=0.3,
+            clips_depth=True,
+            least_compensation=2.5e-5,
+            min_variance=0.0,
+            max_variance=float("inf"),
+        )
+    half_extent = min(1024, camera.width, camera.height)  # px, the engine's largest half quad
+    return SplatKernel(
+        low_pass=0.075,
+        alpha_clip=settings.alpha_clip,
+        alpha_max=1.0,
+        truncated=True,
+        stop=None,
+        frustum_margin=None,
+        clips_depth=False,
+        least_compensation=0.0,
+        min_variance=settings.min_pixel_size**2 / 32,  # half extent sqrt(8 v) px against min_pixel_size / 2 px
+        max_variance=half_extent**2 / 8,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SlopeLimits:
+    """Where a perspective Jacobian's slopes x/w and y/w (y up) are clamped."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+
+def slope_limits(kernel: SplatKernel, camera: Camera) -> SlopeLimits:
+    """The frustum widened by `frustum_margin` half fields of view on each side.
+
+    For a centred camera that is the CUDA rasteriser's 1.3 tan(fov / 2); off-centre cameras follow gsplat's form.
+    """
+    if kernel.frustum_margin is None or camera.projection == "orthographic":
+        return SlopeLimits(-np.inf, np.inf, -np.inf, np.inf)
+    x = kernel.frustum_margin * camera.width / (2 * camera.fx)
+    y = kernel.frustum_margin * camera.height / (2 * camera.fy)
+    return SlopeLimits(
+        left=-camera.cx / camera.fx - x,
+        right=(camera.width - camera.cx) / camera.fx + x,
+        bottom=-(camera.height - camera.cy) / camera.fy - y,
+        top=camera.cy / camera.fy + y,
+    )

@@ -1,0 +1,89 @@
+"""What the rasteriser reads of a cloud: as stored (physical), or as the engine's work buffers hold it (playcanvas)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import colour
+from mirelight.model import F32, F64, CompositorSettings, SplatCloud
+
+_LOG_SCALE_MIN, _LOG_SCALE_RANGE = -12.0, 21.0  # COMPACT: natural logarithm of the scale, 8 bits
+COMPACT_COLOR_STEPS = (2047.0, 2047.0, 1023.0)  # COMPACT: levels of red, green and blue over 0..4
+
+
+def through_half(values: NDArray[np.floating]) -> F32:
+    """Values rounded to half precision."""
+    return np.asarray(values, dtype=np.float16).astype(np.float32)
+
+
+def _compact_scales(scales: F32) -> F32:
+    """8 bits of log scale over e^-12..e^9; below 1e-10 exactly 0."""
+    with np.errstate(divide="ignore"):
+        level = (np.log(scales) - _LOG_SCALE_MIN) * (255 / _LOG_SCALE_RANGE)
+    level = np.floor(np.clip(level + 0.5, 1, 255))
+    out = np.exp(level * (_LOG_SCALE_RANGE / 255) + _LOG_SCALE_MIN)
+    return np.where(scales < 1e-10, 0, out).astype(np.float32)
+
+
+def _compact_quats(quats: F32) -> F32:
+    """11, 11 and 10 bits of the half-angle projection p = xyz / sqrt(1 + w), w >= 0."""
+    q = np.where(quats[:, :1] < 0, -quats, quats).astype(np.float64)
+    p = q[:, 1:] / np.sqrt(1 + q[:, :1])
+    steps = np.array([2047.0, 2047.0, 1023.0])
+    p = np.floor(np.clip((p * 0.5 + 0.5) * steps + 0.5, 0, steps)) / steps * 2 - 1
+    d = np.sum(p * p, axis=1, keepdims=True)
+    return np.concatenate([1 - d, np.sqrt(np.maximum(0, 2 - d)) * p], axis=1).astype(np.float32)
+
+
+def _large_quats(quats: F32) -> F32:
+    """x, y, z as half floats with w >= 0 restored from them."""
+    q = through_half(np.where(quats[:, :1] < 0, -quats, quats)[:, 1:])
+    w = np.sqrt(np.maximum(0, 1 - np.sum(q * q, axis=1, keepdims=True)))
+    return np.concatenate([w, q], axis=1)
+
+
+def shape_of(splats: SplatCloud, settings: CompositorSettings) -> tuple[F32, F32, F32]:
+    """Quaternions (N, 4) wxyz unit, scales (N, 3) and opacities (N,) as the profile's rasteriser reads them."""
+    norms = np.linalg.norm(splats.quats, axis=1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quats = (splats.quats / norms).astype(np.float32)
+    opacities = np.clip(splats.opacities, 0, 1)
+    if settings.profile == "physical":
+        return quats, splats.scales, opacities
+    if settings.work_buffer == "large":
+        return _large_quats(quats), through_half(splats.scales), through_half(opacities)
+    levels = np.floor(opacities * 255 + 0.5) / 255
+    return _compact_quats(quats), _compact_scales(splats.scales), levels.astype(np.float32)
+
+
+def factors_of(quats: F32, scales: F32) -> F64:
+    """(N, 3, 3) matrices R diag(scales): the covariance is their product with their transpose."""
+    w, x, y, z = np.moveaxis(quats.astype(np.float64), 1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1) * scales[:, None, :]
+
+
+def colors_of(rgb: F64, settings: CompositorSettings) -> F32:
+    """What is blended, (N, 3) float32, from evaluated splat colours ``0.5 + Σ sh Y``, display-encoded.
+
+    Physical: max(0, colour). Playcanvas: through the work buffer, then the tone curve per splat in the gamma pipeline,
+    or the 2.2 power in the linear one.
+    """
+    if settings.profile == "physical":
+        return np.maximum(rgb, 0).astype(np.float32)
+    if settings.work_buffer == "large":
+        stored = np.maximum(through_half(rgb), 0)
+    else:
+        steps = np.array(COMPACT_COLOR_STEPS) / 4
+        stored = (np.floor(np.clip(rgb, 0, 4) * steps + 0.5) / steps).astype(np.float32)
+    if settings.linear:
+        return colour.power_decode(stored)
+    if settings.tone == "none":
+        return stored
+    light = colour.tone_map(colour.power_decode(stored) * np.float32(settings.exposure), settings.tone)
+    return np.asarray(np.power(light + np.float32(colour.ENGINE_ENCODE_OFFSET), np.float32(1 / colour.ENGINE_GAMMA)))

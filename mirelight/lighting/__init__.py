@@ -1,0 +1,7 @@
+"""The lighting pass: a proxy mesh under lights, path-traced into a screen-aligned buffer of layers."""
+
+from __future__ import annotations
+
+from mirelight.lighting.trace import Progress, Tracer, trace
+
+__all__ = ["Progress", "Tracer", "trace"]

@@ -1,0 +1,143 @@
+"""Sampling of the light table on the device: irradiance from one light at one point, before any shadow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mirelight.lighting.lights import Kind
+
+SHADOW_END = (
+    1.0 - 2.0**-10
+)  # how far a shadow ray goes to its light, so that a lamp on a wall is not in the wall's shadow
+
+
+def _group(table: Any, row: Any, group: int) -> Any:
+    """One group of four floats of a row, as (Vector3f, Float)."""
+    v = dr.gather(mi.Vector4f, table, row * 6 + group)
+    return mi.Vector3f(v.x, v.y, v.z), v.w
+
+
+def _cone_direction(axis: Any, one_minus_cos: Any, u: Any) -> Any:
+    """A direction drawn evenly over the solid angle of a cone about `axis`."""
+    z = u.x * one_minus_cos  # 1 - cos
+    r = dr.safe_sqrt(z * (2 - z))
+    sin_phi, cos_phi = dr.sincos(dr.two_pi * u.y)
+    s, t = mi.coordinate_system(axis)
+    return s * (r * cos_phi) + t * (r * sin_phi) + axis * (1 - z)
+
+
+def _punctual(table: Any, row: Any, position: Any, kind: Any, p: Any) -> tuple[Any, Any, Any]:
+    """(way to the light's centre, its distance, irradiance on a facing surface) by KHR_lights_punctual."""
+    axis, _ = _group(table, row, 1)
+    strength, inverse_range = _group(table, row, 2)
+    cone, _ = _group(table, row, 5)
+    far = (kind == float(Kind.DIRECTIONAL)) | (kind == float(Kind.SUN))
+    to_light = dr.select(far, position, position - p)
+    d2 = dr.squared_norm(to_light)
+    inverse = dr.select(d2 > 0, dr.rsqrt(d2), 0)
+    wi = to_light * inverse
+    distance = dr.select(far, dr.inf, d2 * inverse)
+    window = dr.clip(1 - dr.square(dr.square(distance * inverse_range)), 0, 1)
+    angular = dr.square(dr.clip(dr.fma(-dr.dot(axis, wi), -cone.x, cone.y), 0, 1))
+    falloff = dr.select(far, 1, window * angular * dr.square(inverse))
+    return wi, distance, strength * falloff
+
+
+def _cone_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any) -> tuple[Any, Any, Any]:
+    """A sun or a glowing ball, its cone of directions sampled evenly: (way, distance to its surface, irradiance / cos).
+
+    A ball of I candela has radiance I / (pi r²) and fills the cone sin θ = r / d; the estimate L / pdf then is
+    I / d² · 2 / (1 + cos θ), which tends to the point light's I / d². A sun of E lux the same with E.
+    """
+    _, radius = _group(table, row, 1)
+    axis, distance, irradiance = _punctual(table, row, position, kind, p)
+    sun = kind == float(Kind.SUN)
+    sine2 = dr.square(dr.select(sun, radius, radius / distance))
+    cosine = dr.safe_sqrt(1 - sine2)
+    wi = _cone_direction(axis, sine2 / (1 + cosine), u)
+    along = distance * dr.dot(wi, axis)
+    surface = along - dr.safe_sqrt(dr.square(radius) - dr.square(distance) + dr.square(along))
+    irradiance = dr.select(sine2 < 1, irradiance * (2 / (1 + cosine)), 0)  # nothing inside the ball
+    return wi, dr.select(sun, dr.inf, surface), irradiance
+
+
+def _rectangle_point(x0: Any, y0: Any, z0: Any, width: Any, height: Any, u: Any) -> tuple[Any, Any, Any]:
+    """(x, y, solid angle): a point of a rectangle, evenly over its solid angle, seen from the origin at depth z0 < 0.
+
+    Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles" (EGSR 2013).
+    """
+    x1, y1 = x0 + width, y0 + height
+    n0z, n1z = -y0 * dr.rsqrt(z0 * z0 + y0 * y0), x1 * dr.rsqrt(z0 * z0 + x1 * x1)
+    n2z, n3z = y1 * dr.rsqrt(z0 * z0 + y1 * y1), -x0 * dr.rsqrt(z0 * z0 + x0 * x0)
+    g0, g1 = dr.safe_acos(-n0z * n1z), dr.safe_acos(-n1z * n2z)
+    g2, g3 = dr.safe_acos(-n2z * n3z), dr.safe_acos(-n3z * n0z)
+    k = dr.two_pi - g2 - g3
+    solid_angle = g0 + g1 - k
+
+    sin_au, cos_au = dr.sincos(u.x * solid_angle + k)
+    fu = (cos_au * n0z - n2z) / sin_au
+    cu = dr.clip(dr.copysign(dr.rsqrt(fu * fu + n0z * n0z), fu), -1, 1)
+    x = dr.clip(-(cu * z0) / dr.maximum(dr.safe_sqrt(1 - cu * cu), 1e-7), x0, x1)
+    d2 = x * x + z0 * z0
+    h0, h1 = y0 * dr.rsqrt(d2 + y0 * y0), y1 * dr.rsqrt(d2 + y1 * y1)
+    hv = dr.lerp(h0, h1, u.y)
+    y = dr.clip(hv * dr.sqrt(d2) * dr.rsqrt(dr.maximum(1 - hv * hv, 1e-7)), y0, y1)
+    return x, y, solid_angle
+
+
+def _area_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any) -> tuple[Any, Any, Any]:
+    """A point on a glowing rectangle (by solid angle) or disk (by area): (way, distance, irradiance / cos)."""
+    normal, _ = _group(table, row, 1)
+    radiance, _ = _group(table, row, 2)
+    x_axis, half_width = _group(table, row, 3)
+    y_axis, half_height = _group(table, row, 4)
+    disk = kind == float(Kind.DISK)
+    to_centre = position - p
+    z0 = dr.dot(to_centre, normal)  # below 0 where p is in front
+    x0, y0 = dr.dot(to_centre, x_axis) - half_width, dr.dot(to_centre, y_axis) - half_height
+
+    x_s, y_s, solid_angle = _rectangle_point(x0, y0, z0, 2 * half_width, 2 * half_height, u)
+    by_angle = (~disk) & (solid_angle > 0.02)  # below, single precision fails the formula and area sampling is as good
+    on_disk = mi.warp.square_to_uniform_disk_concentric(u)
+    flat_x = dr.select(disk, on_disk.x, 2 * u.x - 1)
+    flat_y = dr.select(disk, on_disk.y, 2 * u.y - 1)
+    x = dr.select(by_angle, x_s, x0 + half_width * (1 + flat_x))
+    y = dr.select(by_angle, y_s, y0 + half_height * (1 + flat_y))
+
+    d2 = x * x + y * y + z0 * z0
+    inverse = dr.rsqrt(d2)
+    area = dr.select(disk, dr.pi, 4) * half_width * half_height
+    solid = dr.select(by_angle, solid_angle, area * -z0 * inverse * dr.square(inverse))
+    way = x_axis * (x * inverse) + y_axis * (y * inverse) + normal * (z0 * inverse)
+    return way, d2 * inverse, dr.select(z0 < 0, radiance * solid, 0)
+
+
+@dr.syntax  # type: ignore[misc]
+def sample(table: Any, row: Any, p: Any, n: Any, u: Any) -> tuple[Any, Any, Any]:
+    """One light's unshadowed irradiance at a point.
+
+    Args:
+        table: the rows of `mirelight.lighting.lights.pack`, flat.
+        row: UInt32 which light.
+        p, n: Point3f and unit Vector3f of the surface (n on the side that is lit).
+        u: Point2f in [0, 1)².
+
+    Returns:
+        (Vector3f unit way to the light, Float length of the shadow ray, Vector3f irradiance estimate; 0 below the
+        horizon).
+    """
+    position, kind = _group(table, row, 0)
+    p = mi.Vector3f(p)
+    wi, distance, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
+    if kind <= float(Kind.SPOT):
+        wi, distance, irradiance = _punctual(table, row, position, kind, p)
+    else:
+        if kind <= float(Kind.SPHERE):
+            wi, distance, irradiance = _cone_sample(table, row, position, kind, p, u)
+        else:
+            wi, distance, irradiance = _area_sample(table, row, position, kind, p, u)
+    cosine = dr.maximum(dr.dot(wi, n), 0)
+    return wi, distance * SHADOW_END, irradiance * cosine

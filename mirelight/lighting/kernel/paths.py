@@ -1,0 +1,137 @@
+"""The path tracer: one symbolic loop, fused with the film into one kernel.
+
+Two-sided diffuse surfaces. At every hit the table's lights are sampled, at the first one all of them; the environment
+is sampled once by its map and once by the reflected ray, joined by multiple importance sampling with the balance
+heuristic (Veach 1997). What a vertex adds goes to its own light's layer at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from mirelight.lighting.kernel import lights as punctual
+from mirelight.lighting.kernel.film import Film
+from mirelight.lighting.kernel.samples import mix, number, pair
+from mirelight.lighting.kernel.sky import Sky
+from mirelight.lighting.kernel.surface import Surface
+from mirelight.lighting.kernel.view import View
+
+ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
+
+
+class LightSet:
+    """The light table and its strata in device memory (see `mirelight.lighting.lights`)."""
+
+    def __init__(self, table: Any, first: Any, later: Any, layer_of_light: Any) -> None:
+        self.table = mi.Float(table.ravel())
+        self.first_picks = dr.opaque(mi.UInt32, len(first) - 1)
+        self.later_picks = dr.opaque(mi.UInt32, len(later) - 1)
+        self.strata = mi.UInt32([*first.tolist(), *later.tolist()])
+        self.layer_of_light = mi.UInt32(layer_of_light)
+
+
+class Pass(NamedTuple):
+    """Which samples of which pixels one launch takes: lanes are pixel by pixel, 2^log2_samples of each."""
+
+    lanes: int
+    first_pixel: Any  # UInt32
+    log2_samples: Any  # UInt32
+    first_sample: Any  # UInt32
+    seed: Any  # UInt32
+    max_depth: Any  # UInt32
+
+
+@dr.syntax  # type: ignore[misc]
+def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: Film, job: Pass) -> None:
+    """Trace one pass and add it to the film."""
+    lane = dr.arange(mi.UInt32, job.lanes)
+    pixel = job.first_pixel + (lane >> job.log2_samples)
+    sample = job.first_sample + (lane & ((mi.UInt32(1) << job.log2_samples) - 1))
+    stream = mix(pixel, job.seed)
+
+    primary = view.ray(pixel, pair(sample, stream))
+    found = surface.nearest(primary, mi.Bool(True), coherent=True)
+    active = mi.Bool(found.is_valid())
+    face, uv, d = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(primary.d)
+    seen = surface.at(face, uv, d, active)
+    film.add_surface(pixel, seen, view.depth(seen.p), active)
+
+    depth = mi.UInt32(0)
+    throughput = mi.Vector3f(1)  # β, the albedo of every hit so far
+    radiance = mi.Vector3f(0)  # L, all that this path brings to the pixel
+    sky_on, sky_sampled, max_depth = sky.present, sky.sampled, job.max_depth
+
+    while active:
+        salt = mix(stream, depth + 1)
+        at = surface.at(face, uv, d, active)
+        weight = throughput * at.albedo * dr.inv_pi
+        indirect = depth > 0
+
+        # the lights of the table
+        picks = dr.select(indirect, lights.later_picks, lights.first_picks)
+        boundary = dr.select(indirect, lights.first_picks + 1, 0)
+        pick = mi.UInt32(0)
+        while active & (pick < picks):
+            light = dr.gather(mi.UInt32, lights.strata, boundary + pick, active)
+            end = dr.gather(mi.UInt32, lights.strata, boundary + pick + 1, active)
+            chosen, chosen_weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
+            wi, distance, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
+            while light < end:  # a weighted reservoir of one over the stratum
+                own = mix(salt, light + 16)
+                w_wi, w_distance, w_irradiance = punctual.sample(
+                    lights.table, light, at.p, at.normal, pair(sample, own)
+                )
+                w = dr.mean(w_irradiance)
+                total += w
+                take = number(sample, own) * total < w
+                chosen = dr.select(take, light, chosen)
+                chosen_weight = dr.select(take, w, chosen_weight)
+                wi = dr.select(take, w_wi, wi)
+                distance = dr.select(take, w_distance, distance)
+                irradiance = dr.select(take, w_irradiance, irradiance)
+                light += 1
+            lit = active & (chosen_weight > 0)
+            lit &= ~surface.blocked(mi.Ray3f(at.start, wi, distance, mi.Float(0), mi.Color0f()), lit)
+            value = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
+            layer = dr.gather(mi.UInt32, lights.layer_of_light, chosen, lit)
+            film.add_light(pixel, layer, indirect, value, lit)
+            radiance += value
+            pick += 1
+
+        # the environment, sampled by its map
+        sky_d, sky_pdf = sky.sample(number(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), active & sky_sampled)
+        cosine = dr.dot(sky_d, at.normal)
+        lit = active & sky_sampled & (cosine > 0) & (sky_pdf > 0)
+        lit &= ~surface.blocked(mi.Ray3f(at.start, sky_d, mi.Float(dr.inf), mi.Float(0), mi.Color0f()), lit)
+        density = sky_pdf + cosine * dr.inv_pi  # balance heuristic: both ways' densities
+        value = dr.select(lit, weight * sky.radiance(sky_d, lit) * (cosine / density), 0)
+        film.add_sky(pixel, indirect, value, lit)
+        radiance += value
+
+        # the reflected ray
+        depth += 1
+        throughput *= at.albedo
+        go_on = active & ((depth < max_depth) | sky_on) & (dr.max(throughput) > 0)
+        survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
+        go_on &= number(sample, mix(salt, 4)) < survival
+        throughput = throughput / survival
+        d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(sample, mix(salt, 3))))
+        found = surface.nearest(mi.Ray3f(at.start, d), go_on)
+        hit = go_on & found.is_valid()
+
+        # the environment, met by the reflected ray
+        escaped = go_on & ~hit & sky_on
+        reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
+        mapped = sky.pdf(d, escaped)
+        share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
+        value = dr.select(escaped, throughput * sky.radiance(d, escaped) * share, 0)
+        film.add_sky(pixel, indirect, value, escaped)
+        radiance += value
+
+        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
+        active = hit & (depth < max_depth)
+
+    film.add_path(pixel, radiance)

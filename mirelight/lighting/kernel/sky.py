@@ -1,0 +1,92 @@
+"""The environment on the device: radiance by direction, and importance sampling of its bright parts."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mirelight.lighting.environment import PreparedEnvironment
+
+
+class Sky:
+    """An environment map in device memory. Its size, pixels and rotation are data, never compiled in."""
+
+    def __init__(self, prepared: PreparedEnvironment, *, present: bool) -> None:
+        h, w = prepared.texels.shape[:2]
+        rows, columns = prepared.density.shape
+        sampled = len(prepared.slots) > 2
+        self.texels = mi.Float(prepared.texels.ravel())
+        self.slots = mi.UInt32(prepared.slots)
+        self.density = mi.Float(prepared.density.ravel())
+        self.size = dr.opaque(mi.UInt32, w), dr.opaque(mi.UInt32, h)
+        self.cells = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
+        self.slot_count = dr.opaque(mi.UInt32, len(prepared.slots))
+        self.sampled = dr.opaque(mi.Bool, sampled)
+        self.present = dr.opaque(mi.Bool, present)
+        self.sin = dr.opaque(mi.Float, math.sin(prepared.rotation))
+        self.cos = dr.opaque(mi.Float, math.cos(prepared.rotation))
+
+    def uv(self, d: Any) -> tuple[Any, Any]:
+        """Map coordinates in [0, 1]² of a unit direction (conventions.py: u = 0.5 is +X, 0.75 is +Z, v = 0 is +Y)."""
+        x = d.x * self.cos - d.z * self.sin
+        z = d.x * self.sin + d.z * self.cos
+        return 0.5 + dr.atan2(z, x) * dr.inv_two_pi, dr.safe_acos(d.y) * dr.inv_pi
+
+    def direction(self, u: Any, v: Any) -> Any:
+        """The unit direction at map coordinates; the inverse of `uv`."""
+        sin_phi, cos_phi = dr.sincos(dr.two_pi * (u - 0.5))
+        sin_theta, cos_theta = dr.sincos(dr.pi * v)
+        x, z = cos_phi * sin_theta, sin_phi * sin_theta
+        return mi.Vector3f(x * self.cos + z * self.sin, cos_theta, z * self.cos - x * self.sin)
+
+    def radiance(self, d: Any, active: Any) -> Any:
+        """Vector3f radiance arriving from direction d, bilinear between pixel centres."""
+        w, h = self.size
+        u, v = self.uv(d)
+        x, y = u * mi.Float(w) + (mi.Float(w) - 0.5), dr.clip(v * mi.Float(h) - 0.5, 0, mi.Float(h) - 1)
+        x_low, y_low = dr.floor(x), dr.floor(y)
+        fx, fy = x - x_low, y - y_low
+        x0 = mi.UInt32(x_low)
+        x0 = dr.select(x0 >= w, x0 - w, x0)
+        x0 = dr.select(x0 >= w, x0 - w, x0)
+        x1 = dr.select(x0 + 1 >= w, 0, x0 + 1)
+        y0 = mi.UInt32(y_low)
+        y1 = dr.minimum(y0 + 1, h - 1)
+
+        def texel(x: Any, y: Any) -> Any:
+            return dr.gather(mi.Vector4f, self.texels, y * w + x, active)
+
+        value = dr.lerp(
+            dr.lerp(texel(x0, y0), texel(x1, y0), fx),
+            dr.lerp(texel(x0, y1), texel(x1, y1), fx),
+            fy,
+        )
+        return mi.Vector3f(value.x, value.y, value.z)
+
+    def _density(self, column: Any, row: Any, sin_theta: Any, active: Any) -> Any:
+        """Probability per solid angle of a cell's light samples."""
+        flat = dr.gather(mi.Float, self.density, row * self.cells[0] + column, active)
+        return dr.select(sin_theta > 1e-6, flat / (2 * dr.square(mi.Float(dr.pi)) * sin_theta), 0)
+
+    def pdf(self, d: Any, active: Any) -> Any:
+        """Density with which `sample` draws direction d; 0 where it never does."""
+        columns, rows = self.cells
+        u, v = self.uv(d)
+        column = dr.minimum(mi.UInt32(u * mi.Float(columns)), columns - 1)
+        row = dr.minimum(mi.UInt32(v * mi.Float(rows)), rows - 1)
+        active = active & self.sampled
+        return dr.select(active, self._density(column, row, dr.safe_sqrt(1 - d.y * d.y), active), 0)
+
+    def sample(self, choice: Any, inside: Any, active: Any) -> tuple[Any, Any]:
+        """(direction, density): a cell by `choice` in [0, 1), then a place `inside` it in [0, 1)²."""
+        columns, rows = self.cells
+        slot = dr.minimum(mi.UInt32(choice * mi.Float(self.slot_count)), self.slot_count - 1)
+        cell = dr.gather(mi.UInt32, self.slots, slot, active)
+        column, row = cell & 0xFFFF, cell >> 16
+        u = (mi.Float(column) + inside.x) / mi.Float(columns)
+        v = (mi.Float(row) + inside.y) / mi.Float(rows)
+        d = self.direction(u, v)
+        return d, self._density(column, row, dr.safe_sqrt(1 - d.y * d.y), active)

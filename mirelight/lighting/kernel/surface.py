@@ -1,0 +1,162 @@
+"""The proxy on the device: ray queries through Mitsuba's scene, and everything else about a surface point."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mirelight.lighting.materials import Atlas, pack_materials
+from mirelight.model import ProxyMesh
+
+# A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
+# the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
+OFFSET = 2.0**-18
+
+
+class Point(NamedTuple):
+    """A surface point as the viewer sees it: both normals on the viewer's side."""
+
+    p: Any  # Point3f on the triangle
+    start: Any  # Point3f where rays leave
+    geometric_normal: Any  # Vector3f
+    normal: Any  # Vector3f shading normal
+    albedo: Any  # Vector3f
+    emission: Any  # Vector3f radiance
+
+
+class Surface:
+    """The mesh in device memory and Mitsuba's scene over it. What kinds of data it has is compiled in, values are not."""
+
+    def __init__(self, proxy: ProxyMesh) -> None:
+        self.scene = _scene(proxy)
+        self.faces = mi.UInt32(np.append(proxy.faces.astype(np.uint32).ravel(), np.zeros(6, np.uint32)))
+        self.vertices = _vectors(proxy.vertices)
+        self.normals = None if proxy.normals is None else _vectors(proxy.normals)
+        from_file = proxy.albedo is None
+        self.colors = _vectors(proxy.vertex_colors) if from_file and proxy.vertex_colors is not None else None
+        self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in _constant_albedo(proxy)))
+        self.emissive = any(bool(np.any(m.emissive > 0)) for m in proxy.materials)
+        self.atlas: Atlas | None = None
+        if (from_file and _needs_materials(proxy)) or self.emissive:
+            self.atlas = pack_materials(proxy)
+            self.materials = mi.Float(self.atlas.rows.ravel())
+            self.material_of_face = mi.UInt32(self.atlas.of_face)
+        self.colored = from_file and self.atlas is not None
+        self.textured = self.colored and self.atlas is not None and self.atlas.texels is not None
+        if self.textured and self.atlas is not None and proxy.uvs is not None:
+            self.texels = mi.Float(self.atlas.texels)
+            self.uvs = mi.Float(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
+
+    # --- rays ---
+
+    def nearest(self, ray: Any, active: Any, *, coherent: bool = False) -> Any:
+        """Mitsuba's PreliminaryIntersection3f of the nearest hit."""
+        return self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
+
+    def blocked(self, ray: Any, active: Any) -> Any:
+        """Bool: something lies on the ray."""
+        return self.scene.ray_test(ray, active)
+
+    # --- a surface point ---
+
+    def at(self, face: Any, uv: Any, d: Any, active: Any) -> Point:
+        """The point with barycentric coordinates `uv` on a face, seen along direction d."""
+        i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
+        v = [self._vector(self.vertices, k, active) for k in i]
+        b = (1 - uv.x - uv.y, uv.x, uv.y)
+        e1, e2 = v[1] - v[0], v[2] - v[0]
+        p = v[0] + e1 * uv.x + e2 * uv.y
+        ng = dr.normalize(dr.cross(e1, e2))
+        side = dr.select(dr.dot(ng, d) > 0, mi.Float(-1), mi.Float(1))
+        ng = ng * side
+        n, lifted = (ng, p) if self.normals is None else self._smooth(i, v, b, p, ng, side, active)
+        reach = dr.max(abs(p)) + dr.maximum(dr.max(abs(e1)), dr.max(abs(e2)))
+        start = lifted + ng * (OFFSET * reach)
+        albedo, emission = self._material(face, i, b, active)
+        return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission)
+
+    def _vector(self, buffer: Any, index: Any, active: Any) -> Any:
+        q = dr.gather(mi.Vector4f, buffer, index, active)
+        return mi.Vector3f(q.x, q.y, q.z)
+
+    def _smooth(self, i: Any, v: Any, b: Any, p: Any, ng: Any, side: Any, active: Any) -> tuple[Any, Any]:
+        """Shading normal, and p lifted onto the smooth surface that the vertex normals describe.
+
+        Rays start from the lifted point, so facets do not shadow their neighbours at the terminator (Hanika, "Hacking
+        the Shadow Terminator", Ray Tracing Gems II, 2021).
+        """
+        ns = [self._vector(self.normals, k, active) * side for k in i]
+        n = ns[0] * b[0] + ns[1] * b[1] + ns[2] * b[2]
+        length2 = dr.squared_norm(n)
+        n = dr.select(length2 > 1e-12, n * dr.rsqrt(length2), ng)
+        n = dr.select(dr.dot(n, ng) > 0, n, ng)  # a normal that contradicts its face is no use
+        lifted = mi.Vector3f(p)
+        for k in range(3):
+            lifted -= ns[k] * (b[k] * dr.minimum(dr.dot(p - v[k], ns[k]), 0))
+        return n, lifted
+
+    def _material(self, face: Any, i: Any, b: Any, active: Any) -> tuple[Any, Any]:
+        albedo, emission = mi.Vector3f(self.albedo), mi.Vector3f(0)
+        if self.atlas is not None:
+            material = dr.gather(mi.UInt32, self.material_of_face, face, active)
+            if self.emissive:
+                emission = self._vector(self.materials, material * 3 + 1, active)
+            if self.colored:
+                albedo = self._vector(self.materials, material * 3, active)
+            if self.textured:
+                albedo = albedo * self._texture(material, i, b, active)
+        if self.colors is not None:
+            c = [self._vector(self.colors, k, active) for k in i]
+            albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
+        return dr.clip(albedo, 0, 1), emission
+
+    def _texture(self, material: Any, i: Any, b: Any, active: Any) -> Any:
+        """Base colour from the atlas: bilinear, repeated."""
+        place = dr.gather(mi.Vector4f, self.materials, material * 3 + 2, active)  # width, height, first texel (2 parts)
+        w, h = mi.UInt32(place.x), mi.UInt32(place.y)
+        first = mi.UInt32(place.z) + (mi.UInt32(place.w) << 16)
+        uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in i]
+        at = uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]
+        x, y = (at.x - dr.floor(at.x)) * place.x - 0.5, (at.y - dr.floor(at.y)) * place.y - 0.5
+        x_low, y_low = dr.floor(x), dr.floor(y)
+        x0 = dr.select(x_low < 0, w - 1, dr.minimum(mi.UInt32(dr.maximum(x_low, 0)), w - 1))
+        y0 = dr.select(y_low < 0, h - 1, dr.minimum(mi.UInt32(dr.maximum(y_low, 0)), h - 1))
+        x1, y1 = dr.select(x0 + 1 >= w, 0, x0 + 1), dr.select(y0 + 1 >= h, 0, y0 + 1)
+        fx, fy = x - x_low, y - y_low
+
+        def texel(x: Any, y: Any) -> Any:
+            return self._vector(self.texels, first + y * w + x, active)
+
+        return dr.lerp(
+            dr.lerp(texel(x0, y0), texel(x1, y0), fx),
+            dr.lerp(texel(x0, y1), texel(x1, y1), fx),
+            fy,
+        )
+
+
+def _vectors(rows: Any) -> Any:
+    """(n, 3) as a flat buffer of n + 2 groups of four, which one packet gather reads."""
+    padded = np.zeros((len(rows) + 2, 4), np.float32)
+    padded[: len(rows), :3] = rows
+    return mi.Float(padded.ravel())
+
+
+def _scene(proxy: ProxyMesh) -> Any:
+    mesh = mi.Mesh("proxy", vertex_count=len(proxy.vertices), face_count=len(proxy.faces))
+    if len(proxy.faces):
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = mi.Float(proxy.vertices.ravel())
+        parameters["faces"] = mi.UInt32(proxy.faces.astype(np.uint32).ravel())
+        parameters.update()
+    return mi.load_dict({"type": "scene", "proxy": mesh})
+
+
+def _constant_albedo(proxy: ProxyMesh) -> Any:
+    return proxy.albedo if proxy.albedo is not None else proxy.materials[0].base_color
+
+
+def _needs_materials(proxy: ProxyMesh) -> bool:
+    return len(proxy.materials) > 1 or proxy.materials[0].base_color_texture is not None

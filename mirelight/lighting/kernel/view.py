@@ -1,0 +1,49 @@
+"""Camera rays from `model.Camera`: off-centre, non-square pixels and orthographic alike, with every number as data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mirelight.model import Camera
+
+
+class View:
+    """A camera in device memory. A ray starts on the near plane, so `near` + its length is the depth along the axis."""
+
+    def __init__(self, camera: Camera) -> None:
+        m = camera.world_from_camera
+        self.right, self.up, self.back, self.eye = (_vector(m[:3, k]) for k in range(4))
+        self.scale = _number(1 / camera.fx), _number(1 / camera.fy)
+        self.centre = _number(camera.cx), _number(camera.cy)
+        self.width = dr.opaque(mi.UInt32, camera.width)
+        self.near = _number(camera.near)
+        reach = camera.far - camera.near
+        self.reach = _number(min(reach, float(2.0**126)))
+        self.perspective = _number(1.0 if camera.projection == "perspective" else 0.0)
+
+    def ray(self, pixel: Any, jitter: Any) -> Any:
+        """Mitsuba's Ray3f through a pixel (row-major index) at `jitter` in [0, 1)² from its corner."""
+        row = pixel // self.width
+        column = pixel - row * self.width
+        x = (mi.Float(column) + jitter.x - self.centre[0]) * self.scale[0]
+        y = (self.centre[1] - mi.Float(row) - jitter.y) * self.scale[1]
+        slope = self.perspective  # 1: rays spread from the eye; 0: they start spread and stay parallel
+        spread = dr.select(slope > 0, self.near, 1)
+        d = (self.right * x + self.up * y) * slope - self.back
+        o = self.eye + (self.right * x + self.up * y) * spread - self.back * self.near
+        return mi.Ray3f(mi.Point3f(o), d, self.reach, mi.Float(0), mi.Color0f())
+
+    def depth(self, p: Any) -> Any:
+        """Distance of a point along the view axis."""
+        return -dr.dot(mi.Vector3f(p) - self.eye, self.back)
+
+
+def _number(value: float) -> Any:
+    return dr.opaque(mi.Float, value)
+
+
+def _vector(value: Any) -> Any:
+    return mi.Vector3f(*(_number(float(x)) for x in value))

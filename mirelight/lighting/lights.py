@@ -1,0 +1,140 @@
+"""The light table: every light as one row of floats, so that lights can change without a recompile. NumPy only.
+
+Formulas of directional, point and spot lights: KHR_lights_punctual, "Range Property" and "Inner and Outer Cone Angles".
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import (
+    F32,
+    AreaLight,
+    DirectionalLight,
+    Light,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
+
+ROW = 24  # floats a light: six groups of four, which one packet gather each reads
+ALL_LIGHTS = 12  # up to this many, every light is sampled at every hit; LIGHTS measured it as the break-even
+MAX_LAYERS = 64  # above this many lights they share one layer (a layer's film takes 24 bytes a pixel)
+
+
+class Kind(IntEnum):
+    """How a row is sampled. Order matters: up to SPOT a light is a point, up to SPHERE a cone of directions."""
+
+    DIRECTIONAL = 0
+    POINT = 1
+    SPOT = 2
+    SUN = 3
+    SPHERE = 4
+    RECTANGLE = 5
+    DISK = 6
+
+
+def _row(
+    kind: Kind,
+    *,
+    position: NDArray[np.float64],
+    strength: NDArray[np.float64],
+    axis: NDArray[np.float64] | None = None,
+    radius: float = 0.0,
+    reach: float = float("inf"),
+    cone: tuple[float, float] = (0.0, 1.0),
+    x: tuple[NDArray[np.float64], float] | None = None,
+    y: tuple[NDArray[np.float64], float] | None = None,
+) -> NDArray[np.float64]:
+    """One light: [position, kind | axis, radius | strength, 1 / range | x axis, half width | y axis, half height | cone].
+
+    `position` is the way to the light for lights at infinity; `cone` is KHR's (lightAngleScale, lightAngleOffset), and
+    (0, 1) is no cone; `radius` of a sun is the sine of its angular radius.
+    """
+    zero = (np.zeros(3), 0.0)
+    groups = [
+        (position, float(kind)),
+        (np.zeros(3) if axis is None else axis, radius),
+        (strength, 1.0 / reach),
+        x or zero,
+        y or zero,
+        (np.array([cone[0], cone[1], 0.0]), 0.0),
+    ]
+    return np.concatenate([np.append(vector, number) for vector, number in groups])
+
+
+def spot_cone(inner: float, outer: float) -> tuple[float, float]:
+    """KHR's (lightAngleScale, lightAngleOffset): the cone is saturate(scale cos + offset) squared. Angles in rad."""
+    scale = 1.0 / max(0.001, float(np.cos(inner) - np.cos(outer)))
+    return scale, float(-np.cos(outer)) * scale
+
+
+def _pack(light: Light) -> NDArray[np.float64]:
+    match light:
+        case DirectionalLight():
+            return _row(Kind.DIRECTIONAL, position=-light.direction, strength=light.color * light.intensity)
+        case SunLight():
+            sine = float(np.sin(np.radians(light.angular_diameter) / 2))
+            kind = Kind.SUN if sine > 0 else Kind.DIRECTIONAL
+            return _row(kind, position=-light.direction, strength=light.color * light.intensity, radius=sine)
+        case PointLight():
+            kind = Kind.SPHERE if light.radius > 0 else Kind.POINT
+            return _row(
+                kind,
+                position=light.position,
+                strength=light.color * light.intensity,
+                radius=light.radius,
+                reach=light.range,
+            )
+        case SpotLight():
+            return _row(
+                Kind.SPHERE if light.radius > 0 else Kind.SPOT,
+                position=light.position,
+                strength=light.color * light.intensity,
+                axis=light.direction,
+                radius=light.radius,
+                reach=light.range,
+                cone=spot_cone(light.inner_cone_angle, light.outer_cone_angle),
+            )
+        case AreaLight():
+            return _pack_area(light)
+        case _:
+            assert_never(light)
+
+
+def _pack_area(light: AreaLight) -> NDArray[np.float64]:
+    m = light.world_from_light
+    half_width, half_height = light.size[0] / 2, light.size[1] / 2
+    radiance = light.color * light.intensity
+    if light.shape == "sphere":  # candela of a glowing ball: radiance times its silhouette
+        strength = radiance * np.pi * half_width**2
+        return _row(Kind.SPHERE, position=m[:3, 3], strength=strength, radius=half_width)
+    return _row(
+        Kind.RECTANGLE if light.shape == "rectangle" else Kind.DISK,
+        position=m[:3, 3],
+        strength=radiance,
+        axis=-m[:3, 2],
+        radius=half_width,
+        x=(m[:3, 0], half_width),
+        y=(m[:3, 1], half_height),
+    )
+
+
+def pack(lights: tuple[Light, ...]) -> F32:
+    """The light table, (max(n, 2), ROW) float32: unused rows are dark directional lights.
+
+    At least two rows, because Dr.Jit treats a single one as a constant and would compile it in.
+    """
+    rows = [_pack(light) for light in lights]
+    while len(rows) < 2:
+        rows.append(_row(Kind.DIRECTIONAL, position=np.array([0.0, 1.0, 0.0]), strength=np.zeros(3)))
+    return np.asarray(rows, dtype=np.float32)
+
+
+def strata(count: int, picks: int) -> NDArray[np.uint32]:
+    """Boundaries that cut `count` lights into `picks` runs of nearly equal length, (picks + 1,)."""
+    return np.asarray([count * k // max(picks, 1) for k in range(picks + 1)], dtype=np.uint32)

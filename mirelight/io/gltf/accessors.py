@@ -62,7 +62,7 @@ def read_accessor(document: Document, index: int, user: Fields | None = None) ->
         raise entry.fail("count", f"{count} elements without a bufferView", f"at most {_MAX_IMPLICIT} are read")
     if "sparse" in entry:
         values = _substitute(document, entry.child("sparse"), values, dtype, entry.text("type"))
-    return _denormalised(values) if entry.flag("normalized") else values
+    return denormalised(values) if entry.flag("normalized") else values
 
 
 def _component_type(entry: Fields, name: str = "componentType") -> np.dtype[Any]:
@@ -132,7 +132,7 @@ def _substitute(
     return out
 
 
-def _denormalised(values: NDArray[Any]) -> NDArray[Any]:
+def denormalised(values: NDArray[Any]) -> NDArray[Any]:
     """glTF §3.6.2.2: c / max for unsigned, max(c / max, -1) for signed integers; float32."""
     if values.dtype.kind == "f":
         return values

@@ -1,0 +1,68 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from mirelight.errors import OutputError
+
+_REASONS = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file is larger than this system allows",
+    errno.EACCES: "no permission to write there",
+    errno.EPERM: "no permission to write there",
+    errno.EROFS: "the file system is read-only",
+    errno.ENOENT: "the folder does not exist",
+    errno.ENOTDIR: "its folder is not a folder",
+    errno.EISDIR: "it is a folder",
+    errno.ENAMETOOLONG: "the name is too long",
+}
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """A temporary path to write to, moved to `path` when the block ends well and removed when it does not.
+
+    The temporary file stands in the same folder with the same suffix, empty at first. Bytes reach the disk before the
+    name does, so a crash leaves the old file or the new one.
+
+    Args:
+        path: the file that shall appear; its folder must exist.
+
+    Raises:
+        OutputError: the folder is missing or cannot be written, the disk is full, or `path` is a folder.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise OutputError(f"{path}: cannot be written (it is a folder)")
+    try:
+        temporary = path.with_name(f".{path.stem[:80]}-{secrets.token_hex(6)}{path.suffix}")
+        temporary.touch(exist_ok=False)
+    except OSError as e:
+        raise output_error(path, e) from None
+    try:
+        yield temporary
+        _publish(temporary, path)
+    except OSError as e:
+        raise output_error(path, e) from None
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def output_error(path: str | Path, error: OSError) -> OutputError:
+    """The error to raise for a file that the system refused to write."""
+    reason = _REASONS.get(error.errno or 0) or error.strerror or str(error)
+    return OutputError(f"{path}: cannot be written ({reason}); nothing half-written was left")
+
+
+def _publish(temporary: Path, path: Path) -> None:
+    with temporary.open("rb") as file:
+        os.fsync(file.fileno())
+    temporary.replace(path)

@@ -1,0 +1,91 @@
+"""KHR_lights_punctual: every light with the node that carries it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.io.gltf.document import Document
+from mirelight.io.gltf.fields import Fields
+from mirelight.io.gltf.names import unique_names
+from mirelight.io.gltf.nodes import Node
+from mirelight.model import DirectionalLight, Light, PointLight, SpotLight
+
+_EXTENSION = "KHR_lights_punctual"
+
+
+def read_node_lights(document: Document, nodes: Iterable[Node]) -> tuple[Light, ...]:
+    """The lights of the placed nodes, in node order.
+
+    A light shines along its node's world -Z; scale changes neither intensity nor range (KHR_lights_punctual, "Light
+    properties"). Names are the light's, else the node's, else its type, made unique.
+
+    Raises:
+        InputError: a value outside the specification, with its field.
+    """
+    carriers = [(node, user) for node in nodes if (user := node.fields.extension(_EXTENSION)) is not None]
+    found = [(node, _definition(document, user)) for node, user in carriers]
+    names = unique_names([(light.text("name", ""), node.name, light.text("type")) for node, light in found])
+    return tuple(_light(light, node, name) for (node, light), name in zip(found, names, strict=True))
+
+
+def _definition(document: Document, user: Fields) -> Fields:
+    lights = document.top.child("extensions").child(_EXTENSION).children("lights")
+    index = user.integer("light")
+    if index >= len(lights):
+        raise user.fail("light", f"there is no light {index} ({len(lights)} in the file)")
+    return lights[index]
+
+
+def _light(light: Fields, node: Node, name: str) -> Light:
+    color, intensity = light.vector("color", 3, (1, 1, 1)), light.number("intensity", 1.0)
+    if np.any(color < 0) or np.any(color > 1):
+        raise light.fail("color", f"{color.tolist()}", "every component must lie in 0..1; scale the intensity instead")
+    if intensity < 0:
+        raise light.fail("intensity", f"{intensity:g}", "it must not be negative")
+    kind = light.text("type")
+    position = node.world[:3, 3]
+    if kind == "directional":
+        return DirectionalLight(name=name, direction=_direction(node), color=color, intensity=intensity)
+    if kind == "point":
+        return PointLight(name=name, position=position, color=color, intensity=intensity, range=_range(light))
+    if kind == "spot":
+        inner, outer = _cone(light.child("spot"))
+        return SpotLight(
+            name=name,
+            position=position,
+            direction=_direction(node),
+            color=color,
+            intensity=intensity,
+            range=_range(light),
+            inner_cone_angle=inner,
+            outer_cone_angle=outer,
+        )
+    raise light.fail("type", f"{kind[:40]!r}", "expected directional, point or spot")
+
+
+def _direction(node: Node) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    try:
+        return conventions.unit(-node.world[:3, 2])
+    except ValueError:
+        raise node.fields.fail("", "its Z axis has length zero, so its light has no direction") from None
+
+
+def _range(light: Fields) -> float:
+    value = light.number("range", math.inf)
+    if value <= 0:
+        raise light.fail("range", f"{value:g}", "it must be positive; leave it out for no limit")
+    return value
+
+
+def _cone(spot: Fields) -> tuple[float, float]:
+    inner, outer = spot.number("innerConeAngle", 0.0), spot.number("outerConeAngle", math.pi / 4)
+    # Single-precision writers print pi / 2 a little too large.
+    if not 0 < outer <= math.pi / 2 + 1e-6:
+        raise spot.fail("outerConeAngle", f"{outer:g}", "it must lie above 0 and not above pi / 2")
+    if not 0 <= inner < outer:
+        raise spot.fail("innerConeAngle", f"{inner:g}, with outerConeAngle {outer:g}", "it must lie in 0 .. outer")
+    return inner, min(outer, math.pi / 2)

@@ -1,0 +1,171 @@
+"""A glTF file as relighting sees it: one proxy mesh in world space, its lights and its cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.io.gltf.animation import animated_nodes
+from mirelight.io.gltf.cameras import GltfCamera, read_node_cameras
+from mirelight.io.gltf.deform import joint_matrices, morphed, vertex_matrices
+from mirelight.io.gltf.document import Document, read_document
+from mirelight.io.gltf.geometry import Piece, check_size, read_mesh_pieces, triangle_primitives
+from mirelight.io.gltf.lights import read_node_lights
+from mirelight.io.gltf.materials import Surface, read_materials
+from mirelight.io.gltf.nodes import Matrix, Node, instance_worlds, place_nodes
+from mirelight.io.surface import filled_normals, flat_shaded
+from mirelight.model import F32, I32, Light, Material, ProxyMesh
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GltfScene:
+    """What a glTF file holds for relighting."""
+
+    path: Path
+    mesh: ProxyMesh | None  # every triangle of the scene in world space; None where there is none
+    lights: tuple[Light, ...]  # KHR_lights_punctual, in node order
+    cameras: tuple[GltfCamera, ...]  # in node order
+    animated_cameras: tuple[str, ...]  # names of the cameras that an animation moves
+
+
+def read_scene(path: str | Path, *, textures: bool = True) -> GltfScene:
+    """Read a .glb or .gltf file.
+
+    The mesh's `albedo` is left at its gray default; the file's colours are in `materials` and `vertex_colors`.
+
+    Args:
+        path: the file.
+        textures: decode base colour textures. Without, no image is opened, and files whose textures cannot be read
+            still serve as a plain proxy.
+
+    Raises:
+        InputError: anything in the file that cannot be used, with its field.
+    """
+    document = read_document(path)
+    nodes = place_nodes(document)
+    cameras = read_node_cameras(document, nodes.values())
+    moving = animated_nodes(document, nodes)
+    return GltfScene(
+        path=document.path,
+        mesh=_read_proxy(document, nodes, textures),
+        lights=read_node_lights(document, nodes.values()),
+        cameras=cameras,
+        animated_cameras=tuple(x.name for x in cameras if x.node in moving),
+    )
+
+
+def read_lights(path: str | Path) -> tuple[Light, ...]:
+    """The punctual lights of a .glb or .gltf file, without reading its meshes (see :func:`read_scene`)."""
+    document = read_document(path)
+    return read_node_lights(document, place_nodes(document).values())
+
+
+def read_cameras(path: str | Path) -> tuple[GltfCamera, ...]:
+    """The cameras of a .glb or .gltf file, without reading its meshes (see :func:`read_scene`)."""
+    document = read_document(path)
+    return read_node_cameras(document, place_nodes(document).values())
+
+
+def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool) -> ProxyMesh | None:
+    carriers = [
+        (node, document.entry("meshes", node.fields.integer("mesh"), node.fields, "mesh"))
+        for node in nodes.values()
+        if "mesh" in node.fields
+    ]
+    worlds = [instance_worlds(document, node) for node, _ in carriers]
+    check_size(document, [(mesh, len(w)) for (_, mesh), w in zip(carriers, worlds, strict=True)])
+    primitives = [p for mesh in {m.where: m for _, m in carriers}.values() for p in triangle_primitives(mesh)]
+    used = {index for p in primitives if (index := p.integer("material", None)) is not None}
+    surfaces = read_materials(document, used, textures)
+    cache: dict[str, list[Piece]] = {}
+    placed: list[Piece] = []
+    for (node, mesh), poses in zip(carriers, worlds, strict=True):
+        if mesh.where not in cache:
+            cache[mesh.where] = read_mesh_pieces(document, mesh, surfaces)
+        joints = joint_matrices(document, nodes, node)
+        for piece in cache[mesh.where]:
+            shape = morphed(piece, mesh, node)
+            if joints is not None:
+                placed.append(_moved(shape, vertex_matrices(shape, joints)))
+            else:
+                placed += [_moved(shape, world) for world in poses]
+    return _merged(placed, surfaces) if placed else None
+
+
+def _moved(piece: Piece, world: Matrix) -> Piece:
+    """The piece in world space; `world` is one matrix (4, 4) or one per vertex (V, 4, 4).
+
+    Normals go by the inverse transpose; a mirrored piece's winding is turned, so that its outside stays outside
+    (glTF §3.7.4).
+    """
+    if np.array_equal(world, np.eye(4)):
+        return piece
+    linear, offset = world[..., :3, :3], world[..., :3, 3]
+    positions = (np.einsum("...ij,...j->...i", linear, piece.positions.astype(np.float64)) + offset).astype(np.float32)
+    if not np.all(np.isfinite(positions)):
+        raise piece.fields.fail("attributes.POSITION", "positions that are not finite in world space", "scale it down")
+    mirrored = bool(np.median(np.linalg.det(linear)) < 0)
+    faces, normals = piece.faces, piece.normals
+    if mirrored:
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    if normals is not None:
+        turned = np.einsum("...ij,...j->...i", _cofactor(linear), normals.astype(np.float64))
+        length = np.linalg.norm(turned, axis=1, keepdims=True) * (-1 if mirrored else 1)
+        normals = (turned / np.where(length != 0, length, 1)).astype(np.float32)
+    return replace(piece, positions=positions, faces=faces, normals=normals)
+
+
+def _cofactor(linear: Matrix) -> Matrix:
+    """det(M) M^-T of (..., 3, 3), which also exists where M flattens."""
+    a, b, c = linear[..., 0, :], linear[..., 1, :], linear[..., 2, :]
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+
+
+def _merged(pieces: list[Piece], surfaces: dict[int, Surface]) -> ProxyMesh:
+    """One mesh of all pieces. Attributes that only some have are filled in: white, uv 0, the faces' own normals."""
+    if any(p.normals is not None for p in pieces):
+        pieces = [p if p.normals is not None else _with_flat_normals(p) for p in pieces]
+    offsets = np.cumsum([0] + [len(p.positions) for p in pieces])
+    faces = np.concatenate([p.faces + np.int32(at) for p, at in zip(pieces, offsets, strict=False)])
+    positions = np.concatenate([p.positions for p in pieces])
+    normals = _joined([p.normals for p in pieces], pieces, 3, 0.0)
+    materials, face_materials = _material_table(pieces, surfaces)
+    return ProxyMesh(
+        vertices=positions,
+        faces=faces,
+        normals=None if normals is None else filled_normals(positions, faces, normals),
+        uvs=_joined([p.uvs for p in pieces], pieces, 2, 0.0),
+        vertex_colors=_joined([p.colors for p in pieces], pieces, 3, 1.0),
+        face_materials=face_materials,
+        materials=materials,
+    )
+
+
+def _joined(parts: list[F32 | None], pieces: list[Piece], width: int, fill: float) -> F32 | None:
+    if all(x is None for x in parts):
+        return None
+    blanks = [np.full((len(p.positions), width), fill, dtype=np.float32) for p in pieces]
+    return np.concatenate([blank if x is None else x for x, blank in zip(parts, blanks, strict=True)])
+
+
+def _material_table(pieces: list[Piece], surfaces: dict[int, Surface]) -> tuple[tuple[Material, ...], I32 | None]:
+    """The materials in use and each face's index into them; None where there is only one."""
+    indices = np.concatenate([p.face_materials for p in pieces])
+    used, compact = np.unique(indices, return_inverse=True)
+    materials = tuple(Material() if i < 0 else surfaces[int(i)].material for i in used)
+    return materials, None if len(used) == 1 else compact.astype(np.int32)
+
+
+def _with_flat_normals(piece: Piece) -> Piece:
+    """The piece with three vertices of its own for each face and the face's normal on them (glTF §3.7.2.1)."""
+    order, normals = flat_shaded(piece.positions, piece.faces)
+    return replace(
+        piece,
+        positions=piece.positions[order],
+        faces=np.arange(len(order), dtype=np.int32).reshape(-1, 3),
+        normals=normals,
+        uvs=None if piece.uvs is None else piece.uvs[order],
+        colors=None if piece.colors is None else piece.colors[order],
+    )

@@ -1,0 +1,215 @@
+"""Write a mesh, punctual lights and cameras as one GLB file."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import __version__, colour, conventions
+from mirelight.errors import OutputError
+from mirelight.io.atomic import atomic_path
+from mirelight.model import F32, Camera, DirectionalLight, Light, Material, PointLight, ProxyMesh, SpotLight
+
+_LIGHTS = "KHR_lights_punctual"
+_STRENGTH = "KHR_materials_emissive_strength"
+_ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963
+
+
+def write_glb(
+    path: str | Path, mesh: ProxyMesh | None = None, lights: Sequence[Light] = (), cameras: Sequence[Camera] = ()
+) -> None:
+    """Write a GLB file that `read_scene` and any glTF viewer reads.
+
+    Vertices, normals, texture coordinates, colours and faces come back bit for bit; faces are grouped by material.
+    Textures are stored as 8-bit sRGB PNG. A mesh's `albedo`, if it has one, is not stored: the file keeps the surface's
+    own colours. Point and spot lights with a radius lose it: KHR_lights_punctual has none.
+
+    Args:
+        path: the file to write.
+        mesh: what to store, in world space.
+        lights: directional, point and spot lights, each as a node.
+        cameras: centred cameras, each as a node.
+
+    Raises:
+        OutputError: a kind of light or camera that glTF cannot hold, or a file that cannot be written.
+    """
+    builder = _Builder(Path(path))
+    if mesh is not None:
+        builder.add_mesh(mesh)
+    for light in lights:
+        builder.add_light(light)
+    for camera in cameras:
+        builder.add_camera(camera)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(builder.glb())
+
+
+@dataclass
+class _Builder:
+    """Collects the JSON and the binary chunk of one file."""
+
+    path: Path
+    binary: bytearray = field(default_factory=bytearray)
+    parts: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    lights: list[dict[str, Any]] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    def add(self, kind: str, entry: dict[str, Any]) -> int:
+        """Append an entry to one of the top-level arrays; returns its index."""
+        entries = self.parts.setdefault(kind, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+    def add_view(self, data: bytes, target: int | None = None) -> int:
+        """Append bytes to the binary chunk, aligned to 4."""
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        entry: dict[str, Any] = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
+        if target is not None:
+            entry["target"] = target
+        self.binary += data
+        return self.add("bufferViews", entry)
+
+    def add_accessor(self, values: NDArray[Any], target: int, bounds: bool = False) -> int:
+        """Store (n,) uint32 or (n, k) float32."""
+        values = np.ascontiguousarray(values)
+        entry: dict[str, Any] = {
+            "bufferView": self.add_view(values.tobytes(), target),
+            "componentType": 5126 if values.dtype.kind == "f" else 5125,
+            "count": len(values),
+            "type": "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}",
+        }
+        if bounds:
+            entry["min"], entry["max"] = values.min(axis=0).tolist(), values.max(axis=0).tolist()
+        return self.add("accessors", entry)
+
+    def add_mesh(self, mesh: ProxyMesh) -> None:
+        if not len(mesh.vertices) or not len(mesh.faces):
+            raise OutputError(f"{self.path}: a mesh without triangles cannot be stored; nothing was written")
+        attributes = {"POSITION": self.add_accessor(mesh.vertices, _ARRAY_BUFFER, bounds=True)}
+        for name, values in (("NORMAL", mesh.normals), ("TEXCOORD_0", mesh.uvs), ("COLOR_0", mesh.vertex_colors)):
+            if values is not None:
+                attributes[name] = self.add_accessor(values, _ARRAY_BUFFER)
+        owners = np.zeros(len(mesh.faces), dtype=np.int32) if mesh.face_materials is None else mesh.face_materials
+        primitives = []
+        for index, material in enumerate(mesh.materials):
+            faces = mesh.faces[owners == index]
+            if len(faces):
+                indices = self.add_accessor(faces.reshape(-1).astype(np.uint32), _INDEX_BUFFER)
+                entry = {"attributes": attributes, "indices": indices, "material": self.add_material(material)}
+                primitives.append(entry)
+        self.add("nodes", {"name": "proxy", "mesh": self.add("meshes", {"name": "proxy", "primitives": primitives})})
+
+    def add_material(self, material: Material) -> int:
+        shape: dict[str, Any] = {
+            "baseColorFactor": [*material.base_color.tolist(), 1.0],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0,
+        }
+        if material.base_color_texture is not None:
+            view = self.add_view(_png(material.base_color_texture))
+            source = self.add("images", {"bufferView": view, "mimeType": "image/png"})
+            shape["baseColorTexture"] = {"index": self.add("textures", {"source": source})}
+        entry: dict[str, Any] = {"name": material.name, "pbrMetallicRoughness": shape, "doubleSided": True}
+        brightest = float(material.emissive.max())
+        if brightest > 0:
+            # A power of two, so that factor * strength gives the same bits back.
+            strength = 2.0 ** math.ceil(math.log2(brightest)) if brightest > 1 else 1.0
+            entry["emissiveFactor"] = (material.emissive / strength).tolist()
+            if strength != 1:
+                entry["extensions"] = {_STRENGTH: {"emissiveStrength": strength}}
+                self.used.add(_STRENGTH)
+        return self.add("materials", entry)
+
+    def add_light(self, light: Light) -> None:
+        if not isinstance(light, (DirectionalLight, PointLight, SpotLight)):
+            kind = type(light).__name__
+            raise OutputError(f"{self.path}: {_LIGHTS} has no {kind} ({light.name!r}); nothing was written")
+        entry: dict[str, Any] = {"name": light.name, "color": light.color.tolist(), "intensity": light.intensity}
+        pose = np.eye(4)
+        if not isinstance(light, PointLight):
+            pose[:3, :3] = _rotation_along(light.direction)
+        if isinstance(light, DirectionalLight):
+            entry["type"] = "directional"
+        else:
+            pose[:3, 3] = light.position
+            entry["type"] = "point" if isinstance(light, PointLight) else "spot"
+            if math.isfinite(light.range):
+                entry["range"] = light.range
+        if isinstance(light, SpotLight):
+            entry["spot"] = {"innerConeAngle": light.inner_cone_angle, "outerConeAngle": light.outer_cone_angle}
+        self.used.add(_LIGHTS)
+        self.lights.append(entry)
+        extension = {_LIGHTS: {"light": len(self.lights) - 1}}
+        self.add("nodes", {"name": light.name, "matrix": _column_major(pose), "extensions": extension})
+
+    def add_camera(self, camera: Camera) -> None:
+        centred = math.isclose(camera.cx * 2, camera.width) and math.isclose(camera.cy * 2, camera.height)
+        if not centred or not math.isclose(camera.fx, camera.fy, rel_tol=1e-6):
+            found = "off-centre or has pixels that are not square"
+            raise OutputError(f"{self.path}: the camera {camera.name!r} is {found}; glTF cannot hold it")
+        view: dict[str, Any] = {"znear": camera.near}
+        if math.isfinite(camera.far):
+            view["zfar"] = camera.far
+        if camera.projection == "perspective":
+            view |= {
+                "yfov": 2 * math.atan(camera.height / (2 * camera.fy)),
+                "aspectRatio": camera.width / camera.height,
+            }
+        else:
+            view |= {"xmag": camera.width / (2 * camera.fx), "ymag": camera.height / (2 * camera.fy)}
+            view.setdefault("zfar", camera.near * 1e6)  # orthographic cameras must have one
+        index = self.add("cameras", {"name": camera.name, "type": camera.projection, camera.projection: view})
+        node = {"name": camera.name, "camera": index, "matrix": _column_major(camera.world_from_camera)}
+        self.add("nodes", node)
+
+    def glb(self) -> bytes:
+        """The whole file (glTF §4.4)."""
+        top: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": f"mirelight {__version__}"},
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(self.parts.get("nodes", []))))} if "nodes" in self.parts else {}],
+            **self.parts,
+        }
+        if self.used:
+            top["extensionsUsed"] = sorted(self.used)
+        if self.lights:
+            top["extensions"] = {_LIGHTS: {"lights": self.lights}}
+        body = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
+        if body:
+            top["buffers"] = [{"byteLength": len(body)}]
+        text = json.dumps(top, separators=(",", ":"), allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<2I", len(text), 0x4E4F534A) + text
+        if body:
+            chunks += struct.pack("<2I", len(body), 0x004E4942) + body
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _rotation_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A rotation (3, 3) whose -Z is `direction`, exactly."""
+    rotation = conventions.look_at((0, 0, 0), direction)[:3, :3].copy()
+    rotation[:, 2] = -direction
+    return rotation
+
+
+def _column_major(matrix: NDArray[np.float64]) -> list[float]:
+    return [float(x) for x in matrix.T.reshape(-1)]
+
+
+def _png(linear: F32) -> bytes:
+    """8-bit sRGB PNG of a linear texture."""
+    from PIL import Image
+
+    stored = np.rint(np.clip(colour.srgb_encode(linear), 0, 1) * 255).astype(np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(stored, "RGB").save(stream, "PNG")
+    return stream.getvalue()

@@ -1,0 +1,49 @@
+"""Normals of triangle meshes, shared by the mesh readers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mirelight.model import F32, F64, I32
+
+
+def face_normals(vertices: F32, faces: I32) -> F64:
+    """(F, 3) cross products of the edges: along the face's normal, twice its area long."""
+    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
+def flat_shaded(vertices: F32, faces: I32) -> tuple[I32, F32]:
+    """Vertex order (3 F,) that gives every face its own vertices, and their normals (3 F, 3)."""
+    normals = np.repeat(_unit(face_normals(vertices, faces)), 3, axis=0)
+    return faces.reshape(-1), normals
+
+
+def filled_normals(vertices: F32, faces: I32, normals: F32) -> F32:
+    """Unit normals, with those of length zero replaced by the mean of the faces around them.
+
+    Normals that are already unit to single precision are left as they are, bit for bit.
+    """
+    length = np.linalg.norm(normals.astype(np.float64), axis=1)
+    off = np.abs(length - 1) > 1e-4
+    if not bool(off.any()):
+        return normals
+    out = normals.copy()
+    out[off] = _unit(normals[off].astype(np.float64))
+    zero = length < 1e-12
+    if bool(zero.any()):
+        around = np.zeros((len(vertices), 3))
+        touching = faces[zero[faces].any(axis=1)]
+        for i in range(3):
+            np.add.at(around, touching[:, i], face_normals(vertices, touching))
+        out[zero] = _unit(around[zero])
+    return out
+
+
+def _unit(vectors: F64) -> F32:
+    """Each row scaled to length 1; rows of length zero become +Y."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    flat = length[:, 0] < 1e-300
+    out = vectors / np.where(flat[:, None], 1.0, length)
+    out[flat] = (0.0, 1.0, 0.0)
+    return out.astype(np.float32)

@@ -1,0 +1,358 @@
+"""The relighting formulas on buffers made up by hand: identities, closed forms, and the edges of the input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mirelight import colour, relight
+from mirelight.model import Camera, LightingBuffer, LightLayer, RelightSettings, SplatLayer
+
+H, W = 12, 17
+TINT = RelightSettings(mode="tint")
+RATIO = RelightSettings(mode="ratio")
+
+
+def camera(width: int = W, height: int = H, x: float = 0.0) -> Camera:
+    return Camera.look_at((x, 1, 4), (x, 0, 0), width, height)
+
+
+def splat_layer(seed: int = 0, **changed: Any) -> SplatLayer:
+    rng = np.random.default_rng(seed)
+    transmittance = rng.uniform(0, 1, (H, W)).astype(np.float32)
+    transmittance[0] = 1  # a row without splats
+    transmittance[1] = 0  # an opaque one
+    straight = rng.uniform(0, 1, (H, W, 3))
+    fields: dict[str, Any] = {
+        "camera": camera(),
+        "color": straight * (1 - transmittance[..., None]),
+        "transmittance": transmittance,
+        "depth": np.ones((H, W)),
+        "median_depth": np.ones((H, W)),
+    }
+    return SplatLayer(**(fields | changed))
+
+
+def lit(radiance: Any, coverage: Any = 1.0, view: Camera | None = None) -> LightingBuffer:
+    """A buffer of one layer with that radiance where the proxy covers."""
+    view = view or camera()
+    shape = (view.height, view.width)
+    cover = np.broadcast_to(np.asarray(coverage, dtype=np.float32), shape)
+    radiance = np.broadcast_to(np.asarray(radiance, dtype=np.float32), (*shape, 3))
+    premultiplied = radiance * cover[..., None]
+    up: Any = np.broadcast_to([0.0, 1.0, 0.0], (*shape, 3)) * (cover[..., None] > 0)
+    return LightingBuffer(
+        camera=view,
+        coverage=cover,
+        layers=(LightLayer(name="sun", direct=premultiplied * 0.75, indirect=premultiplied * 0.25),),
+        depth=np.where(cover > 0, 4, 0),
+        position=up * 2,
+        normal=up,
+        geometric_normal=up,
+        albedo=np.abs(up) * 0.5,
+        variance=np.full((*shape, 3), 0.04),
+    )
+
+
+# --- what holds in every mode ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("settings", [TINT, RATIO, replace(TINT, space="display"), replace(TINT, profile="playcanvas")])
+def test_blend_zero_is_the_unlit_frame_bit_for_bit(settings: RelightSettings) -> None:
+    layer = splat_layer(profile=settings.profile)
+    new, captured = lit((3, 0.1, 7), 0.6), lit((0.2, 1, 1), 0.6)
+    frame = relight.apply(layer, new, replace(settings, blend=0.0), captured=captured)
+    assert frame.unlit is not None
+    assert frame.rgba.tobytes() == frame.unlit.tobytes()
+    assert frame.factor is not None
+    assert np.all(frame.factor == 1)
+
+
+def test_no_lighting_is_the_unlit_frame() -> None:
+    layer = splat_layer()
+    frame = relight.apply(layer, None, TINT)
+    assert frame.rgba.tobytes() == relight.unlit_rgba(layer).tobytes()
+
+
+def test_alpha_is_never_relit() -> None:
+    layer = splat_layer()
+    for settings in (TINT, RATIO, replace(TINT, space="display")):
+        frame = relight.apply(layer, lit(5.0), settings, captured=lit(1.0))
+        np.testing.assert_array_equal(frame.rgba[..., 3], 1 - layer.transmittance)
+
+
+def test_unlit_encodes_back_to_the_blended_picture() -> None:
+    for profile in ("physical", "playcanvas"):
+        layer = splat_layer(profile=profile)
+        rgba = relight.unlit_rgba(layer)
+        alpha = rgba[..., 3:]
+        straight = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0)
+        np.testing.assert_allclose(colour.encode(straight, layer.profile) * alpha, layer.color, atol=3e-7)
+
+
+def test_linear_composites_are_not_decoded() -> None:
+    layer = splat_layer(linear=True, profile="playcanvas")
+    np.testing.assert_array_equal(relight.unlit_rgba(layer)[..., :3], layer.color)
+
+
+def test_without_splats_the_frame_is_the_lit_proxy() -> None:
+    buffer = lit((0.5, 1, 2), 0.25)
+    frame = relight.apply(None, buffer, replace(TINT, brightness=9.0))
+    np.testing.assert_array_equal(frame.rgba[..., :3], buffer.beauty)
+    np.testing.assert_array_equal(frame.rgba[..., 3], buffer.coverage)
+    assert frame.unlit is None
+    assert frame.factor is None
+
+
+def test_wrong_combinations_are_refused() -> None:
+    with pytest.raises(ValueError, match="splats, lighting, or both"):
+        relight.apply(None, None, TINT)
+    with pytest.raises(ValueError, match="made under"):
+        relight.apply(splat_layer(), lit(1.0), RATIO)
+    with pytest.raises(ValueError, match="traced from"):
+        relight.apply(splat_layer(), lit(1.0, view=camera(x=0.5)), TINT)
+    with pytest.raises(ValueError, match="traced from"):
+        relight.apply(splat_layer(), lit(1.0), RATIO, captured=lit(1.0, view=camera(x=0.5)))
+
+
+# --- tint ------------------------------------------------------------------------------------------------------------
+
+
+def test_tint_formula_in_linear_light() -> None:
+    rng = np.random.default_rng(3)
+    coverage = rng.uniform(0, 1, (H, W))
+    radiance = rng.uniform(0, 2, (H, W, 3))
+    settings = replace(TINT, blend=0.7, brightness=1.5, background=0.4)
+    layer = splat_layer()
+    frame = relight.apply(layer, lit(radiance, coverage), settings)
+
+    c = coverage[..., None]
+    factor = 0.4 * (1 - c) + 1.5 * radiance * c
+    unlit = relight.unlit_rgba(layer)[..., :3].astype(np.float64)
+    np.testing.assert_allclose(frame.rgba[..., :3], unlit * (1 + 0.7 * (factor - 1)), rtol=2e-6, atol=1e-7)
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor, 1 + 0.7 * (factor - 1), rtol=1e-6)
+
+
+def test_tint_in_display_space_scales_encoded_colour() -> None:
+    layer = splat_layer()
+    frame = relight.apply(layer, lit(0.25), replace(TINT, space="display", brightness=2.0))
+    alpha = frame.rgba[..., 3:]
+    straight = np.divide(frame.rgba[..., :3], alpha, out=np.zeros_like(layer.color), where=alpha > 0)
+    np.testing.assert_allclose(colour.srgb_encode(straight) * alpha, 0.5 * layer.color, atol=3e-7)
+
+
+def test_display_tint_differs_from_linear_tint_as_gamma_says() -> None:
+    layer = splat_layer(profile="playcanvas")
+    half = lit(0.25)
+    linear = relight.apply(layer, half, TINT).rgba[..., :3]
+    display = relight.apply(layer, half, replace(TINT, space="display")).rgba[..., :3]
+    np.testing.assert_allclose(display, linear * 0.5**1.2, rtol=3e-5, atol=1e-8)
+
+
+def test_playcanvas_multiplies_where_it_blends() -> None:
+    engine = replace(TINT, profile="playcanvas", brightness=1.0)
+    gamma = splat_layer(profile="playcanvas")
+    linear = splat_layer(profile="playcanvas", linear=True)
+    out_gamma = relight.apply(gamma, lit(0.5), engine).rgba[..., :3]
+    out_linear = relight.apply(linear, lit(0.5), engine).rgba[..., :3]
+    np.testing.assert_allclose(out_gamma, relight.unlit_rgba(gamma)[..., :3] * 0.5**2.2, rtol=2e-5, atol=1e-8)
+    np.testing.assert_allclose(out_linear, linear.color * 0.5, rtol=1e-6)
+
+
+def test_playcanvas_coverage_is_zero_or_one() -> None:
+    engine = replace(TINT, profile="playcanvas", brightness=1.0, background=3.0)
+    coverage = np.zeros((H, W))
+    coverage[:, 8:] = 0.6  # more than half of the pixel: its one sample hits
+    coverage[:, 5:8] = 0.4
+    frame = relight.apply(splat_layer(profile="playcanvas"), lit(0.5, coverage), engine)
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor[:, 8:], 0.5, rtol=1e-6)
+    np.testing.assert_allclose(frame.factor[:, :8], 3.0)
+
+
+# --- ratio -----------------------------------------------------------------------------------------------------------
+
+
+def varied(seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.random.default_rng(seed).uniform(0.05, 3, (H, W, 3))
+
+
+def test_the_same_light_changes_nothing() -> None:
+    layer = splat_layer()
+    light = lit(varied(4), np.random.default_rng(5).uniform(0, 1, (H, W)))
+    frame = relight.apply(layer, light, RATIO, captured=light)
+    np.testing.assert_allclose(frame.rgba, relight.unlit_rgba(layer), rtol=1e-6)
+
+
+def test_twice_the_light_is_twice_the_picture() -> None:
+    radiance = varied(6)
+    frame = relight.apply(splat_layer(), lit(2 * radiance), replace(RATIO, delta=0.0), captured=lit(radiance))
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor, 2, rtol=1e-6)
+    np.testing.assert_allclose(frame.rgba[..., :3], 2 * relight.unlit_rgba(splat_layer())[..., :3], rtol=1e-6)
+
+
+def test_ratio_formula_with_regularisation() -> None:
+    new, old, coverage = varied(7), varied(8), np.random.default_rng(9).uniform(0.1, 1, (H, W))
+    frame = relight.apply(splat_layer(), lit(new, coverage), RATIO, captured=lit(old, coverage))
+    luminance = old @ [0.2126, 0.7152, 0.0722]
+    m = (luminance * coverage).sum() / coverage.sum()
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor, np.minimum((new + 0.01 * m) / (old + 0.01 * m), 16), rtol=3e-6)
+
+
+def test_ratio_is_applied_in_full_at_partly_covered_pixels() -> None:
+    coverage = np.full((H, W), 0.03)
+    coverage[:, :4] = 0
+    settings = replace(RATIO, background=0.5)
+    frame = relight.apply(splat_layer(), lit(0.3, coverage), settings, captured=lit(0.6, coverage))
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor[:, 4:], (0.3 + 0.006) / (0.6 + 0.006), rtol=1e-5)
+    np.testing.assert_array_equal(frame.factor[:, :4], np.float32(0.5))
+
+
+def test_ratio_is_clamped_and_shadows_stay_finite() -> None:
+    old = np.zeros((H, W, 3))
+    old[:, :5] = 1
+    frame = relight.apply(splat_layer(), lit(1.0), RATIO, captured=lit(old))
+    assert frame.factor is not None
+    assert np.all(frame.factor[:, 5:] == 16)
+    np.testing.assert_allclose(frame.factor[:, :5], 1, rtol=1e-6)
+
+
+def test_a_black_capture_gives_the_clamp_or_one() -> None:
+    new = np.zeros((H, W, 3))
+    new[:, 5:] = 1
+    frame = relight.apply(splat_layer(), lit(new), RATIO, captured=lit(0.0))
+    assert frame.factor is not None
+    assert np.isfinite(frame.rgba).all()
+    assert np.all(frame.factor[:, 5:] == 16)
+    assert np.all(frame.factor[:, :5] == 1)
+
+
+def test_an_empty_view_is_left_alone() -> None:
+    frame = relight.apply(splat_layer(), lit(0.0, 0.0), RATIO, captured=lit(0.0, 0.0))
+    np.testing.assert_array_equal(frame.rgba, relight.unlit_rgba(splat_layer()))
+
+
+def test_ratio_ignores_the_tints_brightness_and_space() -> None:
+    new, old = lit(varied(10)), lit(varied(11))
+    plain = relight.apply(splat_layer(), new, RATIO, captured=old)
+    other = relight.apply(splat_layer(), new, replace(RATIO, brightness=7, space="display"), captured=old)
+    np.testing.assert_array_equal(plain.rgba, other.rgba)
+
+
+def test_a_lambert_surface_is_relit_to_the_truth() -> None:
+    """A textured, curved Lambert surface under two suns and skies: the ratio recovers the new picture."""
+    yy, xx = np.mgrid[0:H, 0:W]
+    normal = np.stack([np.sin(xx / 5), np.cos(yy / 4), np.full((H, W), 1.5)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    albedo = np.random.default_rng(12).uniform(0.05, 0.9, (H, W, 3))
+
+    def irradiance(towards: Any, sun: Any, sky: Any) -> Any:
+        direction = np.asarray(towards) / np.linalg.norm(towards)
+        return np.maximum(normal @ direction, 0)[..., None] * np.asarray(sun) + np.asarray(sky)
+
+    before = irradiance((0.3, 1, 0.5), (0.9, 0.8, 0.7), (0.3, 0.35, 0.5))
+    after = irradiance((-1, 0.3, 0.4), (1.8, 0.9, 0.3), (0.05, 0.05, 0.1))
+    layer = splat_layer(color=colour.srgb_encode(albedo * before / np.pi), transmittance=np.zeros((H, W)))
+    truth = albedo * after / np.pi
+    proxy_after, proxy_before = lit(0.5 * after / np.pi), lit(0.5 * before / np.pi)
+
+    def psnr(settings: RelightSettings) -> float:
+        out = relight.apply(layer, proxy_after, settings, captured=proxy_before).rgba[..., :3]
+        error = colour.srgb_encode(out).clip(0, 1) - colour.srgb_encode(truth).clip(0, 1)
+        return float(-10 * np.log10(np.mean(error**2)))
+
+    assert psnr(replace(RATIO, delta=0.0)) > 110  # float32 rounding is all that is left
+    assert psnr(RATIO) > 40  # the regularisation's own cost
+    assert psnr(RATIO) > psnr(TINT) + 15
+
+
+# --- texture scale ---------------------------------------------------------------------------------------------------
+
+
+def test_lighting_camera_rounds_as_its_profile_says() -> None:
+    view = camera(17, 11)
+    small = relight.lighting_camera(view, replace(TINT, texture_scale=0.5))
+    assert (small.width, small.height) == (9, 6)
+    engine = relight.lighting_camera(view, replace(TINT, texture_scale=0.5, profile="playcanvas"))
+    assert (engine.width, engine.height) == (8, 5)
+    assert relight.lighting_camera(view, TINT) is view
+    tiny = relight.lighting_camera(camera(3, 2), replace(TINT, texture_scale=0.1, profile="playcanvas"))
+    assert (tiny.width, tiny.height) == (1, 1)
+
+
+def test_upsampling_keeps_linear_ramps_and_alignment() -> None:
+    """A ramp over the view stays that ramp between the outermost coarse centres, whatever the two sizes are."""
+    fine = camera(40, 24)
+    coarse = relight.lighting_camera(fine, replace(TINT, texture_scale=0.3))
+    u = (np.arange(coarse.width) + 0.5) / coarse.width
+    v = (np.arange(coarse.height) + 0.5) / coarse.height
+    radiance = (u[None, :] + 2 * v[:, None])[..., None] * np.array([1, 2, 0.5])
+    big = relight.upsample(lit(radiance, view=coarse), fine)
+
+    fu = np.clip((np.arange(40) + 0.5) / 40, u[0], u[-1])
+    fv = np.clip((np.arange(24) + 0.5) / 24, v[0], v[-1])
+    expected = (fu[None, :] + 2 * fv[:, None])[..., None] * np.array([1, 2, 0.5])
+    np.testing.assert_allclose(big.beauty, expected, rtol=2e-6)
+    assert big.camera is fine
+
+
+def test_upsampled_aovs_are_those_of_the_surface() -> None:
+    fine = camera(40, 24)
+    coarse = camera(10, 6)
+    coverage = np.zeros((6, 10))
+    coverage[2:5, 3:7] = 1
+    big = relight.upsample(lit(1.0, coverage, view=coarse), fine)
+    inside = big.coverage > 0
+    assert 0 < inside.sum() < inside.size
+    np.testing.assert_allclose(big.depth[inside], 4, rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(big.normal[inside], axis=-1), 1, rtol=1e-6)
+    np.testing.assert_array_equal(big.depth[~inside], 0)
+    np.testing.assert_allclose(big.beauty, big.coverage[..., None] * np.ones(3), rtol=1e-6)
+
+
+def test_upsampled_variance_matches_a_monte_carlo_estimate() -> None:
+    rng = np.random.default_rng(13)
+    fine, coarse = camera(9, 7), camera(4, 3)
+    sigma = rng.uniform(0.5, 2, (3, 4, 3))
+    draws = np.stack(
+        [relight.upsample(lit(rng.normal(0, sigma), view=coarse), fine).beauty.astype(np.float64) for _ in range(4000)]
+    )
+    noisy = replace(lit(0.0, view=coarse), variance=(sigma**2).astype(np.float32))
+    predicted = relight.upsample(noisy, fine).variance
+    assert predicted is not None
+    np.testing.assert_allclose(predicted / draws.var(axis=0), 1, atol=0.15)
+
+
+def test_coarse_lighting_is_upsampled_into_the_frame() -> None:
+    settings = replace(TINT, texture_scale=0.5)
+    coarse = relight.lighting_camera(camera(), settings)
+    frame = relight.apply(splat_layer(), lit(0.75, view=coarse), settings)
+    assert frame.lighting is not None
+    assert frame.lighting.coverage.shape == (H, W)
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor, 1.5, rtol=1e-6)
+
+
+def test_engine_scaled_texture_darkens_towards_silhouettes() -> None:
+    """The shader multiplies the interpolated colour (zeros outside) by the interpolated coverage once more."""
+    settings = replace(TINT, profile="playcanvas", texture_scale=0.5, brightness=1.0, background=0.0)
+    coarse = camera(8, 6)
+    coverage = np.zeros((6, 8))
+    coverage[:, 4:] = 1
+    frame = relight.apply(
+        splat_layer(profile="playcanvas", camera=camera(16, 12), **sized(12, 16)), lit(1.0, coverage, coarse), settings
+    )
+    assert frame.factor is not None
+    np.testing.assert_allclose(frame.factor[0, 5:11, 0], [0, 0, 0.25**2, 0.75**2, 1, 1][0:6], atol=1e-6)
+
+
+def sized(height: int, width: int) -> dict[str, Any]:
+    flat = np.ones((height, width), dtype=np.float32)
+    return {"color": np.ones((height, width, 3)), "transmittance": 0 * flat, "depth": flat, "median_depth": flat}

@@ -1,0 +1,131 @@
+"""What every reader of untrusted files and every writer needs: checks before memory is taken, paths that stay inside
+their folder, files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
+
+from mirelight.errors import InputError, OutputError
+
+
+def existing(path: str | Path) -> Path:
+    """`path` as a Path that leads to a file or a folder.
+
+    Raises:
+        InputError: nothing is there, or it is neither file nor folder (a device, a pipe).
+    """
+    path = Path(path)
+    try:
+        if path.is_file() or path.is_dir():
+            return path
+        found = "no such file" if not path.exists() else "neither a file nor a folder"
+    except (OSError, ValueError) as e:
+        found = f"cannot be read ({getattr(e, 'strerror', None) or 'bad path'})"
+    raise InputError(path, found, "check the path")
+
+
+def open_binary(path: Path) -> BufferedReader:
+    """The file, open for reading.
+
+    Raises:
+        InputError: it cannot be opened.
+    """
+    try:
+        return path.open("rb")
+    except (OSError, ValueError) as e:
+        reason = getattr(e, "strerror", None) or "bad path"
+        raise InputError(path, f"cannot be read ({reason})", "check the path and its permissions") from None
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """The whole of a small file.
+
+    Raises:
+        InputError: it cannot be read, or is longer than `limit` bytes.
+    """
+    with open_binary(path) as file:
+        try:
+            data = file.read(limit + 1)
+        except OSError as e:
+            raise InputError(path, f"cannot be read ({e.strerror})") from None
+    if len(data) > limit:
+        raise InputError(path, f"more than {limit:,} bytes where that is the most expected", "the file is damaged")
+    return data
+
+
+def contained(folder: Path, name: str, file: Path, field: str) -> Path:
+    """The path of `name`, a relative path with forward slashes written in `file`, inside `folder`.
+
+    Symbolic links are followed before the check.
+
+    Raises:
+        InputError: `name` is empty, absolute, or leaves the folder.
+    """
+    shown = repr(name if len(name) <= 60 else name[:57] + "...")
+    relative = PurePosixPath(name)
+    if not name or "\0" in name or "\\" in name or relative.is_absolute() or ":" in relative.parts[0]:
+        raise InputError(file, f"{shown} is not a relative path", "put the file beside this one", field=field)
+    try:
+        base = folder.resolve()
+        target = (base / relative).resolve()
+    except (OSError, RuntimeError):
+        raise InputError(file, f"{shown} cannot be followed", field=field) from None
+    if not target.is_relative_to(base):
+        raise InputError(file, f"{shown} leaves the folder of the file", "put it beside this one", field=field)
+    return target
+
+
+def available_memory() -> int | None:
+    """Bytes that this process can still take without swapping; None where the system does not tell.
+
+    Linux: MemAvailable, lowered by the limit of the process' own cgroup (v2), which is what a container has.
+    """
+    found = []
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        found += [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
+    with contextlib.suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        limit, used = (int((group / name).read_text(encoding="ascii")) for name in ("memory.max", "memory.current"))
+        found.append(max(limit - used, 0))
+    return min(found) if found else None
+
+
+def require_memory(file: Path, needed: int, what: str) -> None:
+    """Refuse what would not fit before it is allocated.
+
+    Raises:
+        InputError: `needed` bytes are more than the machine has left; names both.
+    """
+    free = available_memory()
+    if free is not None and needed > free:
+        found = f"{what} take {needed / 2**30:,.1f} GiB, {free / 2**30:,.1f} GiB are free"
+        raise InputError(file, found, "use a smaller file or a machine with more memory")
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[BinaryIO]:
+    """Write a file under a temporary name beside it and move it into place when the block ends without an error.
+
+    Raises:
+        OutputError: the folder is missing or cannot be written, or the disk is full. Nothing half-written is left.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        with temporary.open("xb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as e:
+        raise OutputError(f"{path}: cannot be written ({e.strerror or e}); nothing was left there") from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)

@@ -1,0 +1,126 @@
+"""A cloud that is filled slice by slice: the result is allocated once, and nothing else of its size is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.errors import InputError
+from mirelight.io.safety import require_memory
+from mirelight.model import F32, SplatCloud
+
+ROWS = 1 << 14  # splats converted at a time; their values stay in the processor's cache
+
+
+class Slot(NamedTuple):
+    """Views of the next n splats of a cloud in the making, to be written in place with activated values."""
+
+    means: F32  # (n, 3)
+    quats: F32  # (n, 4) wxyz, any length
+    scales: F32  # (n, 3)
+    opacities: F32  # (n,)
+    sh: F32  # (n, K, 3)
+
+
+def cloud_bytes(count: int, coefficients: int) -> int:
+    """Bytes of a SplatCloud of `count` splats with K `coefficients`."""
+    return 4 * count * (3 + 4 + 3 + 1 + 3 * coefficients)
+
+
+class CloudBuilder:
+    """Collects splats: write into :meth:`slot`, then :meth:`commit`.
+
+    A splat with a NaN, or with an infinite position, scale, rotation or colour is dropped and counted. A rotation of
+    length zero has no direction at all and becomes the identity, as splat-transform reads it. Opacity is clipped to
+    0–1 and scales lose their sign, which the Gaussian does not see.
+    """
+
+    def __init__(self, file: Path, capacity: int, coefficients: int) -> None:
+        """Allocate room for `capacity` splats with K `coefficients`.
+
+        Raises:
+            InputError: there are none, or more than fit into memory.
+        """
+        if capacity < 1:
+            raise InputError(file, "no splats in it")
+        require_memory(file, cloud_bytes(capacity, coefficients), f"{capacity:,} splats")
+        self._file = file
+        self._whole = Slot(
+            means=np.empty((capacity, 3), dtype=np.float32),
+            quats=np.empty((capacity, 4), dtype=np.float32),
+            scales=np.empty((capacity, 3), dtype=np.float32),
+            opacities=np.empty(capacity, dtype=np.float32),
+            sh=np.empty((capacity, coefficients, 3), dtype=np.float32),
+        )
+        self._filled = 0
+        self._dropped = 0
+
+    def slot(self, count: int) -> Slot:
+        """Views of the next `count` splats."""
+        here = slice(self._filled, self._filled + count)
+        return Slot(*(array[here] for array in self._whole))
+
+    def commit(self, slot: Slot) -> None:
+        """Accept what was written into the slot last handed out."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            _normalise(slot.quats)
+            np.abs(slot.scales, out=slot.scales)
+            np.clip(slot.opacities, 0, 1, out=slot.opacities)
+            good = _finite(slot)
+        kept = int(np.count_nonzero(good))
+        if kept < len(good):
+            for array in slot:
+                array[:kept] = array[good]
+        self._filled += kept
+        self._dropped += len(good) - kept
+
+    def cloud(self, *, antialiased: bool = False) -> SplatCloud:
+        """The finished cloud; the builder is not used afterwards.
+
+        Raises:
+            InputError: every splat was dropped.
+        """
+        if not self._filled:
+            raise InputError(self._file, f"all {self._dropped:,} splats hold NaN or infinite values")
+        means, quats, scales, opacities, sh = (array[: self._filled] for array in self._whole)
+        return SplatCloud(
+            means=means,
+            quats=quats,
+            scales=scales,
+            opacities=opacities,
+            sh=sh,
+            dropped=self._dropped,
+            antialiased=antialiased,
+        )
+
+
+def _normalise(quats: F32) -> None:
+    """Scale rotations to length 1 in place; length zero becomes the identity, infinite ones become NaN."""
+    square = np.einsum("ij,ij->i", quats, quats)
+    odd = ~((square > 1e-30) & (square < 1e30))  # where float32 squares lose their meaning, and NaN
+    if odd.any():
+        quats[odd] = _normalised_extremes(quats[odd])
+        square[odd] = 1
+    quats *= (1 / np.sqrt(square))[:, None]
+
+
+def _normalised_extremes(quats: F32) -> NDArray[np.float64]:
+    q = quats.astype(np.float64)
+    length = np.linalg.norm(q, axis=1, keepdims=True)
+    q[length[:, 0] == 0] = (1, 0, 0, 0)
+    length[length == 0] = 1
+    return np.asarray(q / length)
+
+
+def _finite(slot: Slot) -> NDArray[np.bool_]:
+    """(n,) true where every value is finite. Row sums tell nearly always; rows whose sum is not are looked at again."""
+    tables = (slot.means, slot.quats, slot.scales, slot.sh.reshape(len(slot.sh), -1))
+    good = np.isfinite(slot.opacities)
+    for table in tables:
+        good &= np.isfinite(table @ np.ones(table.shape[1], dtype=np.float32))
+    for row in np.flatnonzero(~good):
+        good[row] = np.isfinite(slot.opacities[row]) and all(np.isfinite(table[row]).all() for table in tables)
+    return good

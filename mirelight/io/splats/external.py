@@ -1,0 +1,60 @@
+"""Formats that are read by PlayCanvas' command-line tool splat-transform, where it is installed (.ksplat, LCC)."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from mirelight.errors import InputError
+from mirelight.io.splats import ply
+from mirelight.io.splats.info import SplatFileInfo
+from mirelight.model import SplatCloud
+
+SUFFIXES = (".ksplat", ".lcc", ".lcc2")
+_LEVELLED = (".lcc", ".lcc2")  # these hold levels of detail, of which one is taken
+_TIMEOUT = 900  # seconds; a city-sized LCC takes minutes
+
+
+def summary(path: Path, lod: int | None) -> SplatFileInfo:
+    """The head of a converted file: the whole conversion, because only the tool knows the format. Raises InputError."""
+    with tempfile.TemporaryDirectory(prefix="mirelight-") as folder:
+        converted = ply.summary(_convert(path, Path(folder), lod))
+    return SplatFileInfo(
+        path=path,
+        format=f"{path.suffix.lower()} through splat-transform",
+        count=converted.count,
+        sh_degree=converted.sh_degree,
+        antialiased=converted.antialiased,
+        notes=converted.notes,
+    )
+
+
+def read(path: Path, lod: int | None) -> SplatCloud:
+    """The splats as splat-transform converts them, in PLY's axes. Raises InputError."""
+    with tempfile.TemporaryDirectory(prefix="mirelight-") as folder:
+        return ply.read(_convert(path, Path(folder), lod))
+
+
+def _convert(path: Path, folder: Path, lod: int | None) -> Path:
+    tool = shutil.which("splat-transform")
+    if tool is None:
+        remedy = "install it (npm install -g @playcanvas/splat-transform) or convert the file to .ply"
+        raise InputError(
+            path, f"{path.suffix.lower()} files are read through splat-transform, which is not here", remedy
+        )
+    target = folder / "converted.ply"
+    level = ["--lod-select", str(lod or 0)] if path.suffix.lower() in _LEVELLED else []
+    command = [tool, "--quiet", *level, str(path.resolve()), str(target)]
+    try:
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+    except subprocess.TimeoutExpired:
+        raise InputError(path, f"splat-transform took more than {_TIMEOUT} s", "convert it to .ply by hand") from None
+    except OSError as e:
+        raise InputError(path, f"splat-transform could not be started ({e.strerror})") from None
+    if done.returncode or not target.is_file():
+        said = (done.stderr or done.stdout or "nothing").strip().splitlines()
+        found = f"splat-transform could not convert it: {said[-1][:200] if said else 'no message'}"
+        raise InputError(path, found, "is the file whole?")
+    return target

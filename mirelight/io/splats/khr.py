@@ -1,0 +1,137 @@
+"""glTF with KHR_gaussian_splatting: activated values as vertex attributes of point primitives.
+
+Read in glTF's own world, node transforms applied, so that splats, meshes, lights and cameras of one file stand right to
+each other. PLY files have other axes: splat-transform turns PLY by 180 degrees about Z when it writes a GLB.
+Specification: Khronos, KHR_gaussian_splatting (ratified 2026), ellipse kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.errors import InputError
+from mirelight.io.gltf.accessors import accessor_count, read_accessor
+from mirelight.io.gltf.document import HANDLED_EXTENSIONS, Document, read_document
+from mirelight.io.gltf.fields import Fields
+from mirelight.io.gltf.nodes import Matrix, instance_worlds, place_nodes
+from mirelight.io.splats.builder import ROWS, CloudBuilder
+from mirelight.io.splats.edit import merge, transform
+from mirelight.io.splats.info import SplatFileInfo
+from mirelight.model import SplatCloud
+from mirelight.sh import COEFFICIENTS
+
+_NAME = "KHR_gaussian_splatting"
+_ENCODED = "srgb_rec709_display"
+
+
+def summary(path: Path) -> SplatFileInfo:
+    """The head of a glTF file with splats. Raises InputError."""
+    document = _open(path)
+    count, degree = 0, 0
+    for primitive, worlds, _ in _primitives(document):
+        attributes = _checked(primitive)
+        count += len(worlds) * accessor_count(document, attributes["POSITION"], primitive)
+        degree = max(degree, _degree(attributes))
+    return SplatFileInfo(
+        path=path,
+        format=f"glTF {_NAME}",
+        count=count,
+        sh_degree=degree,
+        notes=("in glTF axes (Y up), not turned as PLY captures are",),
+    )
+
+
+def read(path: Path) -> SplatCloud:
+    """Every splat of the default scene, in glTF's world. Raises InputError."""
+    document = _open(path)
+    clouds = []
+    for primitive, worlds, node in _primitives(document):
+        local = _read_primitive(document, primitive)
+        for world in worlds:
+            try:
+                clouds.append(transform(local, world))
+            except ValueError as e:
+                raise node.fail("", str(e)) from None
+    return merge(clouds)
+
+
+def _open(path: Path) -> Document:
+    return read_document(path, HANDLED_EXTENSIONS | {_NAME})
+
+
+def _primitives(document: Document) -> Iterator[tuple[Fields, list[Matrix], Fields]]:
+    """Splat primitives with the world matrices they stand at and the node that places them."""
+    found = False
+    for node in place_nodes(document).values():
+        mesh = node.fields.integer("mesh", None)
+        if mesh is None:
+            continue
+        for primitive in document.entry("meshes", mesh, node.fields, "mesh").children("primitives"):
+            if primitive.extension(_NAME) is not None:
+                found = True
+                yield primitive, instance_worlds(document, node), node.fields
+    if not found:
+        raise InputError(document.path, f"no {_NAME} primitive in the scene", "a mesh belongs under the proxy")
+
+
+def _checked(primitive: Fields) -> dict[str, int]:
+    """The attributes of a splat primitive that can be read, without the extension's prefix."""
+    extension = primitive.extension(_NAME)
+    assert extension is not None  # _primitives yields no others
+    kernel, space = extension.text("kernel", "ellipse"), extension.text("colorSpace", _ENCODED)
+    if kernel != "ellipse":
+        raise extension.fail("kernel", f"{kernel[:40]!r}", "the kernel 'ellipse' is read")
+    if space != _ENCODED:
+        raise extension.fail("colorSpace", f"{space[:40]!r}", f"colours in {_ENCODED!r} are read")
+    prefix = _NAME + ":"
+    attributes = {name.removeprefix(prefix): index for name, index in primitive.indices("attributes").items()}
+    for name in ("POSITION", "ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0"):
+        if name not in attributes:
+            remedy = "compressed splat extensions are not read; convert the file with splat-transform"
+            raise primitive.fail("attributes", f"no {name}", remedy)
+    return attributes
+
+
+def _degree(attributes: dict[str, int]) -> int:
+    """The highest SH degree whose coefficients are all there, and all lower ones too."""
+    degree = 0
+    while degree < 3 and all(name in attributes for name in _coefficient_names(degree + 1)):
+        degree += 1
+    return degree
+
+
+def _coefficient_names(degree: int) -> list[str]:
+    return [f"SH_DEGREE_{degree}_COEF_{i}" for i in range(2 * degree + 1)]
+
+
+def _read_primitive(document: Document, primitive: Fields) -> SplatCloud:
+    attributes = _checked(primitive)
+    degree = _degree(attributes)
+    count = accessor_count(document, attributes["POSITION"], primitive)
+
+    def column(name: str, width: int) -> NDArray[np.generic]:
+        array = read_accessor(document, attributes[name], primitive)
+        if array.shape != (count, width):
+            raise primitive.fail("attributes", f"{name} of shape {array.shape}, expected {(count, width)}")
+        return array
+
+    means, quats, scales = column("POSITION", 3), column("ROTATION", 4), column("SCALE", 3)
+    opacities = column("OPACITY", 1)
+    sh = [column(name, 3) for band in range(degree + 1) for name in _coefficient_names(band)]
+    builder = CloudBuilder(document.path, count, COEFFICIENTS[degree])
+    for first in range(0, count, ROWS):
+        rows = slice(first, min(first + ROWS, count))
+        slot = builder.slot(rows.stop - first)
+        slot.means[:] = means[rows]
+        slot.quats[:, 1:] = quats[rows, :3]  # stored xyzw
+        slot.quats[:, 0] = quats[rows, 3]
+        slot.scales[:] = scales[rows]
+        slot.opacities[:] = opacities[rows, 0]
+        for k, coefficient in enumerate(sh):
+            slot.sh[:, k] = coefficient[rows]
+        builder.commit(slot)
+    return builder.cloud()

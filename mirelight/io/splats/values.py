@@ -1,0 +1,105 @@
+"""The value conversions that splat formats share, each in one place.
+
+Stored splats keep log scales, logit opacities and spherical-harmonic colours (Kerbl et al. 2023); compressed formats
+quantise those. Everything here turns stored values into what :class:`mirelight.model.SplatCloud` holds, or back.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F32
+from mirelight.sh import C0, basis
+
+SQRT2 = 2**0.5
+
+# The components that remain when the largest one (row) is left out, in wxyz or xyzw order alike.
+_OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+
+_LARGEST_LOGIT = 20.0  # sigmoid(20) is 1 in float32; files get finite logits, which every viewer reads
+_SMALLEST_SCALE = 1e-30  # a flat axis is written as this, because log(0) is not finite
+
+
+def sigmoid(logits: NDArray[Any], out: F32) -> F32:
+    """Opacity 0–1 of logits, written into `out`; exact at ±inf."""
+    with np.errstate(over="ignore"):
+        np.negative(logits, out=out, casting="same_kind")
+        np.exp(out, out=out)
+        out += 1
+        np.reciprocal(out, out=out)
+    return out
+
+
+def logit(opacities: NDArray[Any]) -> F32:
+    """Finite logits of opacities, float32; 0 and 1 become ∓20."""
+    o = np.asarray(opacities, dtype=np.float64)
+    with np.errstate(divide="ignore"):
+        raw = np.log(o) - np.log1p(-o)
+    return np.clip(raw, -_LARGEST_LOGIT, _LARGEST_LOGIT).astype(np.float32)
+
+
+def exponential(logs: NDArray[Any], out: F32) -> F32:
+    """Linear scales of log scales, written into `out`; −inf gives 0, too large gives inf (dropped later)."""
+    with np.errstate(over="ignore"):
+        np.exp(logs, out=out, casting="same_kind")
+    return out
+
+
+def log_scale(scales: NDArray[Any]) -> F32:
+    """Finite log scales of linear scales, float32."""
+    return np.log(np.maximum(np.asarray(scales, dtype=np.float64), _SMALLEST_SCALE)).astype(np.float32)
+
+
+def dc_from_rgb(rgb: NDArray[Any]) -> NDArray[Any]:
+    """Degree-0 coefficients of a view-independent, display-encoded colour."""
+    return (rgb - 0.5) / C0
+
+
+def rgb_from_dc(dc: NDArray[Any]) -> NDArray[Any]:
+    """Inverse of :func:`dc_from_rgb`."""
+    return dc * C0 + 0.5
+
+
+def complete_quaternions(three: NDArray[Any], largest: NDArray[Any], out: F32) -> F32:
+    """Unit quaternions from their three smaller components.
+
+    Args:
+        three: (n, 3) the stored components, in order.
+        largest: (n,) index 0–3 of the component left out; it is positive.
+        out: (n, 4) written in the same component order.
+    """
+    rows = np.arange(len(out))
+    out[rows[:, None], _OTHERS[largest]] = three
+    out[rows, largest] = np.sqrt(np.maximum(1 - np.einsum("ij,ij->i", three, three), 0))
+    return out
+
+
+def three_smallest(quats: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """The three smaller components (n, 3) and the index of the largest (n,), signed so that the largest is positive."""
+    q = np.asarray(quats, dtype=np.float64)
+    rows, largest = np.arange(len(q)), np.argmax(np.abs(q), axis=1)
+    q = q * np.where(q[rows, largest] < 0, -1.0, 1.0)[:, None]
+    return np.take_along_axis(q, _OTHERS[largest], axis=1), largest
+
+
+def flip_axes(signs: tuple[int, int, int], means: F32, quats: F32, sh: F32) -> None:
+    """Change the sign of whole axes in place: the splats as seen in axes that point the other way.
+
+    A rotation R becomes S R S with S = diag(signs); that is a rotation even where S mirrors, because a Gaussian has
+    no handedness. Each SH basis function is even or odd in every axis, so its coefficient keeps or changes its sign.
+
+    Args:
+        signs: ±1 for x, y, z.
+        means: (n, 3).
+        quats: (n, 4) wxyz.
+        sh: (n, K, 3).
+    """
+    s = np.asarray(signs, dtype=np.float32)
+    means *= s
+    quats[:, 1:] *= s[[1, 2, 0]] * s[[2, 0, 1]]
+    degree = round(sh.shape[1] ** 0.5) - 1
+    probe = np.array([0.48, 0.6, 0.64])  # a direction on which no basis function is zero
+    sh *= (np.sign(basis(probe * s, degree)) * np.sign(basis(probe, degree))).astype(np.float32)[:, None]

@@ -211,5 +211,5 @@ def _png(linear: F32) -> bytes:
 
     stored = np.rint(np.clip(colour.srgb_encode(linear), 0, 1) * 255).astype(np.uint8)
     stream = io.BytesIO()
-    Image.fromarray(stored, "RGB").save(stream, "PNG")
+    Image.fromarray(np.ascontiguousarray(stored)).save(stream, "PNG")
     return stream.getvalue()

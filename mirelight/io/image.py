@@ -1,0 +1,201 @@
+"""Finished frames as files: multi-layer OpenEXR (linear, everything) and PNG (display).
+
+docs/outputs.md lists the layers and the metadata.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.errors import InputError, OutputError
+from mirelight.io.exr import Metadata, read_header, write_exr
+from mirelight.io.png import encode_display, read_png_text, write_png
+from mirelight.model import Camera, DisplaySettings, Frame, LightingBuffer, OutputSettings, Provenance, SplatLayer
+
+FINGERPRINT = "mirelight/fingerprint"
+PROVENANCE = "mirelight/provenance"
+CAMERA = "mirelight/camera"
+LIGHTS = "mirelight/lights"
+
+_MAX_LAYER_NAME = 40  # Blender cuts channel names at 63 characters
+
+
+def write(
+    frame: Frame,
+    path: str | Path,
+    display: DisplaySettings = DisplaySettings(),  # noqa: B008 - frozen
+    output: OutputSettings = OutputSettings(),  # noqa: B008 - frozen
+) -> None:
+    """Write a frame as OpenEXR or PNG, told apart by the suffix.
+
+    Args:
+        frame: what to write.
+        path: a name ending in .exr or .png in an existing folder; appears whole or not at all.
+        display: PNG only: exposure, tone curve and background.
+        output: EXR only: which layers, and whether colours are 16-bit.
+
+    Raises:
+        OutputError: another suffix, or the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".exr":
+        write_exr(path, _channels(frame, output), _metadata(frame), half=output.half)
+    elif suffix == ".png":
+        profile = frame.splats.profile if frame.splats is not None else "physical"
+        write_png(path, encode_display(frame.rgba, display, profile), _texts(frame))
+    else:
+        raise OutputError(f"{path}: a frame is written as .exr or .png, not {path.suffix or 'without a suffix'}")
+
+
+def read_fingerprint(path: str | Path) -> str | None:
+    """The fingerprint that a written .exr or .png carries; None where there is none, no file, or a broken one.
+
+    Reads the header alone, so a run can ask it of thousands of frames.
+    """
+    path = Path(path)
+    try:
+        if path.suffix.lower() == ".exr":
+            found = read_header(path)[0].get(FINGERPRINT)
+        else:
+            found = read_png_text(path).get(FINGERPRINT)
+    except (InputError, OSError):
+        return None
+    return found if isinstance(found, str) and found else None
+
+
+def layer_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    """EXR layer names of lights: letters, digits and underscores (what Nuke keeps), unique, ``light_`` before."""
+    out: list[str] = []
+    for name in names:
+        plain = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:_MAX_LAYER_NAME]
+        base, number = f"light_{plain or 'unnamed'}", 2
+        candidate = base
+        while candidate in out:
+            candidate, number = f"{base}_{number}", number + 1
+        out.append(candidate)
+    return tuple(out)
+
+
+# --- OpenEXR ---------------------------------------------------------------------------------------------------------
+
+
+def _channels(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
+    """Every channel by its full name. The relit picture has no layer name, so that simple readers show it."""
+    out = _split("", frame.rgba, "RGBA")
+    if frame.unlit is not None:
+        out |= _split("unlit", frame.unlit, "RGBA")
+    if frame.factor is not None:
+        out |= _split("factor", frame.factor, "RGB")
+    if frame.splats is not None and output.aovs:
+        out |= _splat_channels(frame.splats)
+    if frame.lighting is not None:
+        out |= _lighting_channels(frame.lighting, output)
+    return out
+
+
+def _splat_channels(splats: SplatLayer) -> dict[str, NDArray[Any]]:
+    return {
+        "transmittance.Y": splats.transmittance,
+        "splat_depth.Z": splats.depth,
+        "splat_median_depth.Z": splats.median_depth,
+    }
+
+
+def _lighting_channels(lighting: LightingBuffer, output: OutputSettings) -> dict[str, NDArray[Any]]:
+    out = _split("lighting", lighting.beauty, "RGB") | {"lighting.A": lighting.coverage}
+    if output.layers:
+        names = layer_names(tuple(layer.name for layer in lighting.layers))
+        for name, layer in zip(names, lighting.layers, strict=True):
+            out |= _split(f"{name}_direct", layer.direct, "RGB") | _split(f"{name}_indirect", layer.indirect, "RGB")
+    if output.aovs:
+        out |= {"depth.Z": lighting.depth}
+        out |= _split("position", lighting.position, "XYZ")
+        out |= _split("normal", lighting.normal, "XYZ")
+        out |= _split("geometric_normal", lighting.geometric_normal, "XYZ")
+        out |= _split("albedo", lighting.albedo, "RGB")
+        if lighting.variance is not None:
+            out |= _split("variance", lighting.variance, "RGB")
+    return out
+
+
+def _split(layer: str, values: NDArray[Any], names: str) -> dict[str, NDArray[Any]]:
+    prefix = f"{layer}." if layer else ""
+    return {prefix + name: values[..., i] for i, name in enumerate(names)}
+
+
+def _metadata(frame: Frame) -> Metadata:
+    camera = frame.camera
+    found: dict[str, str | int | float | tuple[float, float] | NDArray[np.float32]] = {
+        **_texts(frame),
+        "worldToCamera": world_to_camera(camera),
+        "worldToNDC": world_to_ndc(camera),
+        "pixelAspectRatio": float(camera.fy / camera.fx),
+        "screenWindowWidth": float(camera.width / camera.fx),
+        "screenWindowCenter": (
+            float((camera.width / 2 - camera.cx) / camera.fx),
+            float((camera.cy - camera.height / 2) / camera.fy),
+        ),
+    }
+    if frame.made_by is not None:
+        found["software"] = f"mirelight {frame.made_by.mirelight}"
+    return found
+
+
+def world_to_camera(camera: Camera) -> NDArray[np.float32]:
+    """OpenEXR's standard attribute `worldToCamera` (4, 4): left-handed, +Z into the scene, for row vectors."""
+    flip = np.diag((1.0, 1.0, -1.0, 1.0))
+    return np.ascontiguousarray((flip @ camera.camera_from_world).T, dtype=np.float32)
+
+
+def world_to_ndc(camera: Camera) -> NDArray[np.float32]:
+    """OpenEXR's `worldToNDC` (4, 4): (0, 0) the image's upper left corner, (1, 1) its lower right, for row vectors.
+
+    Divide by the fourth coordinate; the third is the depth along the view axis.
+    """
+    u, v = camera.cx / camera.width, camera.cy / camera.height
+    sx, sy = camera.fx / camera.width, camera.fy / camera.height
+    if camera.projection == "perspective":
+        project = np.array([[sx, 0, -u, 0], [0, -sy, -v, 0], [0, 0, -1, 0], [0, 0, -1, 0]])
+    else:
+        project = np.array([[sx, 0, 0, u], [0, -sy, 0, v], [0, 0, -1, 0], [0, 0, 0, 1]])
+    return np.ascontiguousarray((project @ camera.camera_from_world).T, dtype=np.float32)
+
+
+# --- metadata as text ------------------------------------------------------------------------------------------------
+
+
+def _texts(frame: Frame) -> dict[str, str]:
+    """What both formats carry: camera, lights behind the layer names, provenance and fingerprint."""
+    found = {CAMERA: _json(_camera_values(frame.camera))}
+    if frame.lighting is not None:
+        names = tuple(layer.name for layer in frame.lighting.layers)
+        found[LIGHTS] = _json(dict(zip(layer_names(names), names, strict=True)))
+    if frame.made_by is not None:
+        found[PROVENANCE] = _json(_provenance_values(frame.made_by))
+        if frame.made_by.fingerprint:
+            found[FINGERPRINT] = frame.made_by.fingerprint
+    return found
+
+
+def _camera_values(camera: Camera) -> dict[str, Any]:
+    values = {name: getattr(camera, name) for name in ("name", "projection", "width", "height", "fx", "fy", "cx", "cy")}
+    values |= {"near": camera.near, "far": camera.far if np.isfinite(camera.far) else None}
+    return values | {"world_from_camera": camera.world_from_camera.tolist()}
+
+
+def _provenance_values(made_by: Provenance) -> dict[str, Any]:
+    values = {entry.name: getattr(made_by, entry.name) for entry in fields(made_by)}
+    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in values.items()}
+
+
+def _json(values: Any) -> str:
+    """ASCII JSON with sorted keys: the same input gives the same bytes."""
+    return json.dumps(values, sort_keys=True, default=str)

@@ -1,0 +1,170 @@
+"""From the tables of a job to the model's types: reads every file that the job names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mirelight import model
+from mirelight.conventions import Matrix
+from mirelight.io.job import cameras, lighting, placing
+from mirelight.io.job.fields import PROXY
+from mirelight.io.job.hashing import digest
+from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
+from mirelight.io.job.source import Source
+from mirelight.io.job.tables import JobTable
+from mirelight.model import F32, Job, Light, Lighting, ProxyMesh, Scene, SplatCloud
+
+if TYPE_CHECKING:
+    from mirelight.io.gltf.cameras import GltfCamera
+
+GLTF_SUFFIXES = (".glb", ".gltf")
+
+
+@dataclass(slots=True)
+class Assets:
+    """Reads files by the names that the job gives them, and keeps a digest of each."""
+
+    folder: Path
+    proxy: ProxyTable | None
+    digests: dict[str, str] = field(default_factory=dict)
+
+    def path(self, named: str) -> Path:
+        """The file of a name in the job; its digest is taken now."""
+        path = self.folder / named
+        if named not in self.digests:
+            self.digests[named] = digest(path)
+        return path
+
+    def splats(self, tables: list[SplatsTable]) -> SplatCloud:
+        """All splat files in world space, as one cloud."""
+        from mirelight.io import splats
+
+        clouds = []
+        for table in tables:
+            cloud = splats.read(self.path(table.path), lod=table.lod)
+            m = placing.matrix(table.transform)
+            clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
+        return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
+
+    def mesh(self, table: ProxyTable) -> ProxyMesh:
+        """The proxy in world space."""
+        from mirelight.io import mesh
+
+        found = mesh.read_mesh(self.path(table.path), textures=table.albedo == "file")
+        m = placing.matrix(table.transform)
+        found = found if placing.is_identity(m) else mesh.transform(found, m)
+        return replace(found, albedo=None if table.albedo == "file" else np.asarray(table.albedo))
+
+    def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
+        """See :class:`lighting.LightFiles`."""
+        from mirelight.io.gltf.scene import read_lights
+
+        file, default = self._gltf(path)
+        return read_lights(file), default
+
+    def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
+        """See :class:`cameras.CameraFiles`."""
+        from mirelight.io.gltf.scene import read_cameras
+
+        file, default = self._gltf(path)
+        return read_cameras(file), default
+
+    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[Matrix, ...]:
+        """See :class:`cameras.CameraFiles`."""
+        from mirelight.io.gltf.animation import sample_cameras
+
+        file, _ = self._gltf(path)
+        return tuple(pose for _, pose in sample_cameras(file, name, fps=fps, count=frames))
+
+    def panorama(self, path: str) -> F32:
+        """See :class:`lighting.LightFiles`."""
+        from mirelight.io.environment import read_environment
+
+        return read_environment(self.path(path))
+
+    def _gltf(self, path: str) -> tuple[Path, Matrix]:
+        if path == PROXY and self.proxy is not None:
+            return self.path(self.proxy.path), placing.matrix(self.proxy.transform)
+        return self.path(path), placing.matrix(Transform())
+
+
+def build(source: Source, table: JobTable) -> Job:
+    """Read what the job names.
+
+    Raises:
+        InputError: a file cannot be used, or does not hold what the job wants of it.
+        ManyInputsError: several names that the files do not have.
+    """
+    wrong: list[Mistake] = []
+    assets = Assets(source.folder, table.proxy)
+    lightings = _lightings(table, assets, wrong)
+    captured = _captured(table, lightings, assets, wrong)
+    splats = assets.splats(table.splats) if table.splats else None
+    proxy = assets.mesh(table.proxy) if table.proxy else None
+    found = _cameras(table, assets, cameras.extent(splats, proxy), wrong)
+    source.refuse(wrong)
+    return Job(
+        source=source.path,
+        scene=Scene(splats=splats, proxy=proxy, cameras=found, lightings=lightings, captured=captured),
+        render=model.RenderSettings(**_settings(table.render)),
+        compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
+        relight=relight_settings(table),
+        display=model.DisplaySettings(**_settings(table.display)),
+        output=model.OutputSettings(**{**_settings(table.output), "directory": source.folder / table.output.directory}),
+        inputs=dict(sorted(assets.digests.items())),
+    )
+
+
+def relight_settings(table: JobTable) -> model.RelightSettings:
+    """The relight settings, with what depends on other tables filled in."""
+    physical = table.profile == "physical"
+    chosen = _settings(table.relight)
+    chosen["mode"] = chosen["mode"] or ("ratio" if table.captured is not None and physical else "tint")
+    chosen["space"] = chosen["space"] or ("linear" if physical or table.compositor.linear else "display")
+    return model.RelightSettings(profile=table.profile, **chosen)
+
+
+def _settings(table: Any) -> dict[str, Any]:
+    values = table.model_dump()
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+
+
+def _lightings(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[Lighting, ...]:
+    if table.lightings:
+        tables = enumerate(table.lightings)
+        return tuple(lighting.lighting(one.name, one, ("lightings", i), assets, wrong) for i, one in tables)
+    if table.lights or table.lights_from or table.environment:
+        return (lighting.lighting("lighting", table, (), assets, wrong),)
+    lights: tuple[Light, ...] = ()
+    if table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
+        found, m = assets.gltf_lights(PROXY)
+        lights = lighting.unique([placing.placed_light(light, m) for light in found])
+    return (Lighting(name="lighting", lights=lights),) if lights else ()
+
+
+def _captured(
+    table: JobTable, lightings: tuple[Lighting, ...], assets: Assets, wrong: list[Mistake]
+) -> Lighting | None:
+    if table.captured is None:
+        return None
+    if table.captured.lighting is not None:
+        return next(x for x in lightings if x.name == table.captured.lighting)
+    return lighting.lighting("captured", table.captured, ("captured",), assets, wrong)
+
+
+def _cameras(table: JobTable, assets: Assets, scene: cameras.Extent, wrong: list[Mistake]) -> tuple[model.Camera, ...]:
+    resolution = table.resolution[0], table.resolution[1]
+    found = cameras.cameras(table.cameras, resolution, scene)
+    for i, one in enumerate(table.cameras_from):
+        found += cameras.cameras_from(one, ("cameras_from", i), resolution, assets, wrong)
+    if not table.cameras and not table.cameras_from:
+        if table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
+            placed, m = assets.gltf_cameras(PROXY)
+            found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
+        found = found or [cameras.seeing_all(scene, resolution)]
+    return cameras.uniquely_named([cameras.scaled(camera, table.resolution_scale) for camera in found])

@@ -1,0 +1,101 @@
+"""Checks across the tables of a job. They look at the data as read, so that they speak even where a table is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from mirelight.io.job.fields import PROXY
+from mirelight.io.job.mistakes import Mistake, closest
+from mirelight.io.job.positions import Path
+
+_LIT = ("lights", "lights_from", "environment")
+
+
+def across_tables(data: dict[str, Any]) -> list[Mistake]:
+    """What is wrong between tables that may each be right: doubled names, names of nothing, two ways at once."""
+    return [
+        *_one_way_to_light(data),
+        *_captured(data),
+        *_doubles(data, "cameras"),
+        *_doubles(data, "lightings"),
+        *_doubled_lights(data),
+        *_needs_proxy(data),
+        *_ratio(data),
+    ]
+
+
+def _one_way_to_light(data: dict[str, Any]) -> Iterator[Mistake]:
+    if data.get("lightings"):
+        for key in _LIT:
+            if key in data:
+                remedy = "move it into one of the lightings, or leave lightings out"
+                yield Mistake((key,), "given beside lightings", remedy, at_key=True)
+
+
+def _captured(data: dict[str, Any]) -> Iterator[Mistake]:
+    captured = data.get("captured")
+    name = captured.get("lighting") if isinstance(captured, dict) else captured
+    if not isinstance(name, str):
+        return
+    names = [x.get("name") for x in _tables(data, "lightings")]
+    if name not in names:
+        near = closest(name, [n for n in names if isinstance(n, str)])
+        remedy = f'did you mean "{near}"?' if near else "name one of the lightings, or give a table with lights"
+        path: Path = ("captured", "lighting") if isinstance(captured, dict) else ("captured",)
+        yield Mistake(path, f"no lighting is named {name!r}", remedy)
+
+
+def _doubles(data: dict[str, Any], key: str, around: Path = ()) -> Iterator[Mistake]:
+    first: dict[str, int] = {}
+    for i, table in enumerate(_entries(data, key)):
+        name = table.get("name") if isinstance(table, dict) else None
+        if isinstance(name, str) and name in first:
+            found = f"{name!r} is the name of {key}[{first[name]}] too"
+            yield Mistake((*around, key, i, "name"), found, "give each its own name")
+        elif isinstance(name, str):
+            first[name] = i
+
+
+def _lit_tables(data: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    yield (), data
+    for i, table in enumerate(_entries(data, "lightings")):
+        if isinstance(table, dict):
+            yield ("lightings", i), table
+    if isinstance(data.get("captured"), dict):
+        yield ("captured",), data["captured"]
+
+
+def _doubled_lights(data: dict[str, Any]) -> Iterator[Mistake]:
+    for path, table in _lit_tables(data):
+        yield from _doubles(table, "lights", path)
+
+
+def _needs_proxy(data: dict[str, Any]) -> Iterator[Mistake]:
+    proxy = data.get("proxy")
+    path = proxy.get("path") if isinstance(proxy, dict) else proxy
+    is_gltf = isinstance(path, str) and path.lower().endswith((".glb", ".gltf"))
+    if proxy is not None and is_gltf:
+        return
+    found = "the proxy is not a glTF file" if proxy is not None else "there is no proxy"
+    users = [((*where, "lights_from"), table.get("lights_from")) for where, table in _lit_tables(data)]
+    for where, value in [*users, (("cameras_from",), data.get("cameras_from"))]:
+        for item in value if isinstance(value, list) else [value]:
+            if item == PROXY or (isinstance(item, dict) and item.get("path") == PROXY):
+                yield Mistake(where, found, "name a .glb or .gltf file")
+
+
+def _ratio(data: dict[str, Any]) -> Iterator[Mistake]:
+    relight = data.get("relight")
+    if isinstance(relight, dict) and relight.get("mode") == "ratio" and "captured" not in data:
+        remedy = 'add captured, the lighting that the splats were captured under, or use "tint"'
+        yield Mistake(("relight", "mode"), "'ratio' needs the captured lighting", remedy)
+
+
+def _entries(data: dict[str, Any], key: str) -> list[Any]:
+    value = data.get(key)
+    return value if isinstance(value, list) else []
+
+
+def _tables(data: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    return [x for x in _entries(data, key) if isinstance(x, dict)]

@@ -1,0 +1,212 @@
+"""Tables of the job file for lights. Names and units are those of KHR_lights_punctual; angles are in degrees."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from mirelight.io.job.fields import (
+    Color,
+    Direction,
+    GltfPath,
+    LightName,
+    Name,
+    NotNegative,
+    Positive,
+    Table,
+    Vec3,
+    one_way,
+    paths_as_tables,
+    wrong,
+)
+from mirelight.io.job.scene_tables import Environment, Transform
+
+_DIRECTION = "[x, y, z], the way the light travels."
+_POSITION = "[x, y, z] in world units."
+_TARGET = "[x, y, z], a point to shine at; instead of direction."
+_RADIUS = "Radius of a glowing sphere of the same candela, in world units; 0: hard shadows."
+_CANDELA = "Luminous intensity in candela."
+_LUX = "Illuminance of a surface that faces the light, in lux."
+_RANGE = "Distance in world units at which the light has faded to nothing (the window of KHR). Default: no end."
+
+
+def _square(value: Any) -> Any:
+    return [value] * 2 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+_TwoSizes: TypeAlias = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+Size: TypeAlias = Annotated[_TwoSizes, BeforeValidator(_square, json_schema_input_type=Positive | _TwoSizes)]
+
+
+class LightTable(Table):
+    """What all lights share."""
+
+    name: LightName | None = Field(default=None, description="Names the light's layer. Default: its type.")
+    color: Color = Field(default=[1.0, 1.0, 1.0], description="Linear [r, g, b] that multiplies the intensity.")
+
+
+class DirectionalTable(LightTable):
+    """Parallel light with hard shadows (KHR directional)."""
+
+    type: Literal["directional"]
+    direction: Direction = Field(description=_DIRECTION)
+    intensity: NotNegative = Field(default=1.0, description=_LUX)
+
+
+class SunTable(LightTable):
+    """A far disc: parallel light with soft shadow edges."""
+
+    type: Literal["sun"]
+    direction: Direction = Field(description=_DIRECTION)
+    intensity: NotNegative = Field(default=1.0, description=_LUX)
+    angular_diameter: float = Field(
+        default=0.53, gt=0, le=90, allow_inf_nan=False, description="Size of the disc in the sky, in degrees."
+    )
+
+
+class PointTable(LightTable):
+    """Light from one place in all directions (KHR point)."""
+
+    type: Literal["point"]
+    position: Vec3 = Field(description=_POSITION)
+    intensity: NotNegative = Field(default=1.0, description=_CANDELA)
+    range: Positive | None = Field(default=None, description=_RANGE)
+    radius: NotNegative = Field(default=0.0, description=_RADIUS)
+
+
+class SpotTable(LightTable):
+    """Light from one place into a cone (KHR spot)."""
+
+    type: Literal["spot"]
+    position: Vec3 = Field(description=_POSITION)
+    direction: Direction | None = Field(default=None, description=_DIRECTION)
+    target: Vec3 | None = Field(default=None, description=_TARGET)
+    intensity: NotNegative = Field(default=1.0, description=_CANDELA)
+    range: Positive | None = Field(default=None, description=_RANGE)
+    inner_cone_angle: float = Field(
+        default=0.0,
+        ge=0,
+        lt=90,
+        allow_inf_nan=False,
+        description="Half angle in degrees at which the light starts to fade.",
+    )
+    outer_cone_angle: float = Field(
+        default=45.0,
+        gt=0,
+        le=90,
+        allow_inf_nan=False,
+        description="Half angle in degrees at which it is gone; above the inner.",
+    )
+    radius: NotNegative = Field(default=0.0, description=_RADIUS)
+
+    @model_validator(mode="after")
+    def _check(self) -> SpotTable:
+        _aimed(self, self.position, self.target)
+        if self.inner_cone_angle >= self.outer_cone_angle:
+            found = f"{self.inner_cone_angle:g}, and outer_cone_angle is {self.outer_cone_angle:g}"
+            raise wrong(found, "make the inner angle the smaller one", at="inner_cone_angle")
+        return self
+
+
+class AreaTable(LightTable):
+    """A glowing rectangle, disk or sphere. It lights, but is not seen and blocks nothing."""
+
+    type: Literal["area"]
+    shape: Literal["rectangle", "disk", "sphere"] = Field(
+        default="rectangle", description="Form of the glowing surface."
+    )
+    position: Vec3 = Field(description="[x, y, z] of its centre in world units.")
+    direction: Direction | None = Field(default=None, description=_DIRECTION)
+    target: Vec3 | None = Field(default=None, description=_TARGET)
+    up: Direction = Field(default=[0.0, 1.0, 0.0], description="[x, y, z], towards which a rectangle's height points.")
+    size: Size = Field(
+        default=[1.0, 1.0], description="World units: a diameter or a square's side, or [width, height]."
+    )
+    intensity: NotNegative = Field(default=1.0, description="Luminance in candela per square metre.")
+
+    @model_validator(mode="after")
+    def _check(self) -> AreaTable:
+        if self.shape != "sphere":
+            _aimed(self, self.position, self.target)
+        elif self.direction or self.target:
+            raise wrong("a sphere shines all around", "leave it out", at="direction" if self.direction else "target")
+        if self.shape != "rectangle" and self.size[0] != self.size[1]:
+            raise wrong(f"a {self.shape} has one size", "give its diameter", at="size")
+        return self
+
+
+def _aimed(light: Table, position: list[float], target: list[float] | None) -> None:
+    one_way(light, ("direction",), ("target",), needed="add direction = [x, y, z] or target = [x, y, z]")
+    if target == position:
+        raise wrong("the light's own position", "give another point", at="target")
+
+
+def _light_type(value: Any) -> str | None:
+    kind = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
+    return f"type={kind}" if isinstance(kind, str) else None
+
+
+AnyLight: TypeAlias = Annotated[
+    Annotated[DirectionalTable, Tag("type=directional")]
+    | Annotated[PointTable, Tag("type=point")]
+    | Annotated[SpotTable, Tag("type=spot")]
+    | Annotated[SunTable, Tag("type=sun")]
+    | Annotated[AreaTable, Tag("type=area")],
+    Discriminator(_light_type),
+]
+
+
+class LightsFromTable(Table):
+    """Punctual lights of a glTF file."""
+
+    path: GltfPath = Field(description='A .glb or .gltf file, or "proxy" for the proxy\'s own file.')
+    names: list[str] | None = Field(default=None, min_length=1, description="Which lights, by name. Default: all.")
+    transform: Transform | None = Field(
+        default=None, description="Places them in the world. Default for the proxy: its own."
+    )
+    intensity: NotNegative = Field(default=1.0, description="Multiplies the intensity of each of them.")
+
+
+LightsFrom: TypeAlias = Annotated[
+    list[LightsFromTable],
+    BeforeValidator(paths_as_tables, json_schema_input_type=str | LightsFromTable | list[str | LightsFromTable]),
+    Field(max_length=1000),
+]
+
+
+class Lit(Table):
+    """Lights and environment of one lighting."""
+
+    lights: list[AnyLight] = Field(default=[], max_length=100_000, description="Lights, one table each.")
+    lights_from: LightsFrom = Field(default=[], description="glTF files whose punctual lights are added.")
+    environment: Environment | None = Field(default=None, description="Light from all around: a path or a table.")
+
+
+class LightingTable(Lit):
+    """A named lighting: each is rendered with each camera."""
+
+    name: Name = Field(description="Part of the frames' file names.")
+
+
+class CapturedTable(Lit):
+    """The lighting under which the splats were captured: given here, or one of the job's lightings."""
+
+    lighting: str | None = Field(
+        default=None, description="Name of one of the job's lightings; instead of the other keys."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> CapturedTable:
+        if self.lighting is not None and (self.lights or self.lights_from or self.environment):
+            raise wrong("a lighting's name and lights", "keep one of them", at="lighting")
+        return self
+
+
+def _name_as_table(value: Any) -> Any:
+    return {"lighting": value} if isinstance(value, str) else value
+
+
+Captured: TypeAlias = Annotated[
+    CapturedTable, BeforeValidator(_name_as_table, json_schema_input_type=str | CapturedTable)
+]

@@ -1,0 +1,178 @@
+"""Tables of lights and environments as the model's lightings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.conventions import Matrix
+from mirelight.io.job.light_tables import (
+    AnyLight,
+    AreaTable,
+    DirectionalTable,
+    LightsFromTable,
+    Lit,
+    PointTable,
+    SpotTable,
+    SunTable,
+)
+from mirelight.io.job.mistakes import Mistake, closest
+from mirelight.io.job.placing import environment_rotation, matrix, placed_light
+from mirelight.io.job.positions import Path
+from mirelight.io.job.scene_tables import EnvironmentTable
+from mirelight.model import (
+    F32,
+    AreaLight,
+    DirectionalLight,
+    Environment,
+    Light,
+    Lighting,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
+
+ENVIRONMENT = "environment"  # its layer's name
+
+
+class LightFiles(Protocol):
+    """Reads what a lighting names."""
+
+    def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
+        """The lights of a glTF file ("proxy": the proxy's), and the transform that they have by default."""
+
+    def panorama(self, path: str) -> F32:
+        """An environment picture (h, w, 3), linear."""
+
+
+def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mistake]) -> Lighting:
+    """The lighting of a table that stands `at` a path of the job; what is wrong is added to `wrong`."""
+    lights = [_light(light) for light in table.lights]
+    for i, one in enumerate(table.lights_from):
+        lights += _from_file(one, (*at, "lights_from", i), files, wrong)
+    environment = _environment(table.environment, files) if table.environment else None
+    return Lighting(name=name, lights=unique(lights), environment=environment)
+
+
+def unique(lights: list[Light]) -> tuple[Light, ...]:
+    """The lights with names that differ from each other and from the environment's."""
+    taken = {ENVIRONMENT}
+    out = []
+    for light in lights:
+        name = free_name(light.name, taken)
+        taken.add(name)
+        out.append(light if name == light.name else replace(light, name=name))
+    return tuple(out)
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """`name`, or with a number where it is taken: lamp, lamp-2, lamp-3."""
+    out, number = name, 1
+    while out in taken:
+        number += 1
+        out = f"{name}-{number}"
+    return out
+
+
+def choose(
+    names: list[str], wanted: list[str] | None, at: Path, what: str, file: str, wrong: list[Mistake]
+) -> Iterator[int]:
+    """Indices of the wanted names (None: of all); one that does not exist is added to `wrong`."""
+    if wanted is None:
+        if not names:
+            wrong.append(Mistake(at, f"{file!r} holds no {what}", "name a file that does, or leave it out"))
+        yield from range(len(names))
+        return
+    for i, name in enumerate(wanted):
+        if name in names:
+            yield names.index(name)
+            continue
+        near = closest(name, names)
+        listed = f"it has {', '.join(names[:10])}" if names else "it has none"
+        remedy = f'did you mean "{near}"?' if near else listed
+        wrong.append(Mistake((*at, "names", i), f"no {what} {name!r} in {file!r}", remedy))
+
+
+def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[Mistake]) -> list[Light]:
+    found, default = files.gltf_lights(table.path)
+    m = matrix(table.transform) if table.transform else default
+    chosen = choose([x.name for x in found], table.names, at, "light", table.path, wrong)
+    lights = [placed_light(found[i], m) for i in chosen]
+    return [replace(light, intensity=light.intensity * table.intensity) for light in lights]
+
+
+def _light(table: AnyLight) -> Light:
+    name = table.name or table.type
+    color = np.asarray(table.color)
+    match table:
+        case DirectionalTable():
+            return DirectionalLight(
+                name=name, color=color, intensity=table.intensity, direction=np.asarray(table.direction)
+            )
+        case SunTable():
+            return SunLight(
+                name=name,
+                color=color,
+                intensity=table.intensity,
+                direction=np.asarray(table.direction),
+                angular_diameter=table.angular_diameter,
+            )
+        case PointTable():
+            return PointLight(
+                name=name,
+                color=color,
+                intensity=table.intensity,
+                position=np.asarray(table.position),
+                range=table.range or math.inf,
+                radius=table.radius,
+            )
+        case SpotTable():
+            return SpotLight(
+                name=name,
+                color=color,
+                intensity=table.intensity,
+                position=np.asarray(table.position),
+                direction=_direction(table),
+                range=table.range or math.inf,
+                inner_cone_angle=math.radians(table.inner_cone_angle),
+                outer_cone_angle=math.radians(table.outer_cone_angle),
+                radius=table.radius,
+            )
+        case AreaTable():
+            pose = conventions.compose(table.position)
+            if table.shape != "sphere":
+                position = np.asarray(table.position)
+                pose = conventions.look_at(position, position + _direction(table), table.up)
+            width, height = table.size
+            return AreaLight(
+                name=name,
+                color=color,
+                intensity=table.intensity,
+                shape=table.shape,
+                world_from_light=pose,
+                size=(width, height),
+            )
+
+
+def _direction(table: SpotTable | AreaTable) -> Matrix:
+    if table.direction is not None:
+        return conventions.unit(table.direction)
+    return conventions.unit(np.subtract(table.target or (0, 0, 0), table.position))
+
+
+def _environment(table: EnvironmentTable, files: LightFiles) -> Environment:
+    if table.path is not None:
+        radiance = files.panorama(table.path)
+    else:
+        radiance = np.asarray(table.radiance, dtype=np.float32).reshape(1, 1, 3)
+    return Environment(
+        name=ENVIRONMENT,
+        radiance=radiance,
+        intensity=table.intensity,
+        rotation=environment_rotation(table.rotation, table.orientation),
+    )

@@ -1,0 +1,144 @@
+"""Tables of the job file for what is in the scene: splats, proxy, environment."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+
+from mirelight.io.job.fields import (
+    AssetPath,
+    ColorOrGray,
+    Degrees,
+    Matrix,
+    NotNegative,
+    Positive,
+    Quaternion,
+    Table,
+    Vec3,
+    one_way,
+    path_as_table,
+    paths_as_tables,
+    wrong,
+)
+
+
+class Transform(Table):
+    """How a file's content is placed in the world: scaled, then rotated, then moved; or one matrix."""
+
+    translation: Vec3 | None = Field(default=None, description="[x, y, z] in world units. Default: no shift.")
+    rotation_euler: Annotated[list[Degrees], Field(min_length=3, max_length=3)] | None = Field(
+        default=None,
+        description="[x, y, z] in degrees about the fixed axes, X first, then Y, then Z (PlayCanvas' eulerAngles).",
+    )
+    rotation_quaternion: Quaternion | None = Field(default=None, description="[w, x, y, z]; normalised when read.")
+    scale: Positive | None = Field(default=None, description="One factor for all axes. Default: 1.")
+    matrix: Matrix | None = Field(
+        default=None, description="4 rows of 4 numbers acting on column vectors; instead of the other keys."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Transform:
+        one_way(self, ("matrix",), ("translation", "rotation_euler", "rotation_quaternion", "scale"))
+        one_way(self, ("rotation_euler",), ("rotation_quaternion",))
+        return self
+
+
+def is_similarity(matrix: list[list[float]]) -> bool:
+    """True where the matrix only rotates, moves and scales all axes alike (no shear, no mirror)."""
+    r = np.asarray(matrix, dtype=np.float64)[:3, :3]
+    size = np.cbrt(np.linalg.det(r))
+    return bool(size > 0 and np.allclose(r @ r.T, size**2 * np.eye(3), atol=1e-4 * size**2))
+
+
+class SplatsTable(Table):
+    """One splat file."""
+
+    path: AssetPath = Field(description="Splat file: .ply, .compressed.ply, .spz, .sog, SOG folder, .splat or .glb.")
+    transform: Transform = Field(default=Transform(), description="Places the splats in the world.")
+    lod: int | None = Field(
+        default=None,
+        ge=0,
+        le=63,
+        description="Level of detail of a streamed SOG (lod-meta.json), 0 the finest. Default: 0.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> SplatsTable:
+        if self.transform.matrix and not is_similarity(self.transform.matrix):
+            remedy = "splats can be rotated, moved and scaled alike on all axes; bake anything else into the file"
+            raise wrong("a matrix with shear, mirror or unequal scale", remedy, at="transform")
+        return self
+
+
+def _albedo(value: Any) -> Any:
+    if isinstance(value, str):
+        if value != "file":
+            raise wrong(repr(value), 'give a number, [r, g, b] or "file"')
+        return value
+    values = value if isinstance(value, list) else [value] * 3
+    if len(values) != 3 or any(isinstance(v, bool) or not isinstance(v, int | float) for v in values):
+        raise wrong(repr(value), 'give a number, [r, g, b] or "file"')
+    if not all(0 <= v <= 1 for v in values):
+        raise wrong(f"an albedo of {value}", "give values from 0 to 1")
+    return [float(v) for v in values]
+
+
+_SHARE = {"type": "number", "minimum": 0, "maximum": 1}
+Albedo: TypeAlias = Annotated[
+    list[float] | Literal["file"],
+    BeforeValidator(_albedo),
+    WithJsonSchema(
+        {"anyOf": [_SHARE, {"type": "array", "items": _SHARE, "minItems": 3, "maxItems": 3}, {"const": "file"}]}
+    ),
+]
+
+
+class ProxyTable(Table):
+    """The triangle mesh that receives and blocks the light in place of the splats."""
+
+    path: AssetPath = Field(description="Mesh file: .glb, .gltf, .ply or .obj.")
+    transform: Transform = Field(default=Transform(), description="Places the mesh, and its file's lights and cameras.")
+    albedo: Albedo = Field(
+        default=[0.5, 0.5, 0.5],
+        description='Diffuse reflectance: a number, linear [r, g, b], or "file" for the file\'s own base colours.',
+    )
+
+
+Splats: TypeAlias = Annotated[
+    list[SplatsTable],
+    BeforeValidator(paths_as_tables, json_schema_input_type=str | SplatsTable | list[str | SplatsTable]),
+    Field(min_length=1, max_length=1000),
+]
+Proxy: TypeAlias = Annotated[ProxyTable, BeforeValidator(path_as_table, json_schema_input_type=str | ProxyTable)]
+
+
+class EnvironmentTable(Table):
+    """Light from all around: a panorama, or the same radiance in every direction."""
+
+    path: AssetPath | None = Field(
+        default=None, description="Equirectangular picture: .exr or .hdr (linear), .png or .jpg (sRGB-decoded)."
+    )
+    radiance: ColorOrGray | None = Field(
+        default=None, description="Constant radiance in cd/m²: a number or linear [r, g, b]; instead of path."
+    )
+    intensity: NotNegative = Field(default=1.0, description="Multiplies the light.")
+    rotation: Degrees = Field(
+        default=0.0, description="Turns the light about +Y, in degrees, counter-clockwise seen from above."
+    )
+    orientation: Literal["blender", "playcanvas"] = Field(
+        default="blender",
+        description="What the picture's centre column looks along at rotation 0: blender +X (as Blender's world "
+        "texture), playcanvas +Z (and rotation turns the other way, as the engine's skybox rotation).",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> EnvironmentTable:
+        one_way(self, ("path",), ("radiance",), needed='add path = "sky.hdr" or radiance = 1.0')
+        return self
+
+
+Environment: TypeAlias = Annotated[
+    EnvironmentTable, BeforeValidator(path_as_table, json_schema_input_type=str | EnvironmentTable)
+]

@@ -1,0 +1,123 @@
+"""Tables of the job file for settings. Keys and defaults are those of the types in `mirelight.model`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from mirelight import model
+from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table
+from mirelight.model import ToneCurve, Variant
+
+_RENDER = model.RenderSettings()
+_COMPOSITOR = model.CompositorSettings()
+_RELIGHT = model.RelightSettings()
+_DISPLAY = model.DisplaySettings()
+_OUTPUT = model.OutputSettings()
+
+
+class RenderTable(Table):
+    """How the lighting is traced."""
+
+    spp: int = Field(default=_RENDER.spp, ge=1, le=1_000_000, description="Samples per pixel.")
+    noise: float | None = Field(
+        default=_RENDER.noise,
+        gt=0,
+        le=1,
+        allow_inf_nan=False,
+        description="Relative error to reach. Default: spp alone decides.",
+    )
+    max_depth: int = Field(
+        default=_RENDER.max_depth,
+        ge=1,
+        le=1000,
+        description="Vertices of a path from the first hit on; 1: direct light alone.",
+    )
+    seed: int = Field(default=_RENDER.seed, ge=0, le=2**31 - 1, description="Same seed, same picture.")
+    variant: Variant = Field(default=_RENDER.variant, description="Mitsuba's backend.")
+    denoise: bool = Field(default=_RENDER.denoise, description="Denoise the lighting; needs the extra `denoise`.")
+    threads: int | None = Field(default=_RENDER.threads, ge=1, le=4096, description="CPU threads. Default: every core.")
+
+
+class CompositorTable(Table):
+    """How splats become pixels. Keys marked playcanvas have no effect in the profile physical."""
+
+    sort: Literal["depth", "radial"] = Field(
+        default=_COMPOSITOR.sort, description="Order of splats: by view-space z, or by distance to the eye."
+    )
+    work_buffer: Literal["compact", "large"] = Field(
+        default=_COMPOSITOR.work_buffer, description="playcanvas: precision of the engine's splat buffer."
+    )
+    min_pixel_size: NotNegative = Field(
+        default=_COMPOSITOR.min_pixel_size,
+        description="playcanvas: smaller splats are dropped, in the engine's doubled pixels.",
+    )
+    alpha_clip: Share = Field(default=_COMPOSITOR.alpha_clip, description="Fragments with less alpha are dropped.")
+    tone: ToneCurve = Field(
+        default=_COMPOSITOR.tone, description="playcanvas, gamma pipeline: tone curve of each splat."
+    )
+    exposure: NotNegative = Field(
+        default=_COMPOSITOR.exposure, description="playcanvas: linear factor before that curve."
+    )
+    linear: bool = Field(default=_COMPOSITOR.linear, description="playcanvas: the linear pipeline (CameraFrame).")
+    eight_bit: bool = Field(
+        default=_COMPOSITOR.eight_bit, description="playcanvas: round after every splat as 8-bit targets do."
+    )
+    max_memory: int | None = Field(
+        default=_COMPOSITOR.max_memory,
+        ge=2**20,
+        le=2**50,
+        description="Bytes it may take. Default: what the machine has free.",
+    )
+
+
+class RelightTable(Table):
+    """How the lighting meets the splats."""
+
+    mode: Literal["tint", "ratio"] | None = Field(
+        default=None,
+        description="tint: multiply by the lit proxy; ratio: by new over captured light. "
+        "Default: ratio where captured is given and the profile is physical, else tint.",
+    )
+    space: Literal["linear", "display"] | None = Field(
+        default=None,
+        description="In which the factor multiplies. "
+        "Default: linear for the profile physical and the engine's linear pipeline, else display.",
+    )
+    blend: Share = Field(default=_RELIGHT.blend, description="0: as captured; 1: fully relit.")
+    brightness: NotNegative = Field(default=_RELIGHT.brightness, description="tint: multiplies the lit proxy.")
+    background: NotNegative = Field(default=_RELIGHT.background, description="tint: the factor where no proxy is.")
+    texture_scale: float = Field(
+        default=_RELIGHT.texture_scale, ge=0.01, le=1, description="Lighting pixels per image pixel along each axis."
+    )
+    delta: float = Field(
+        default=_RELIGHT.delta,
+        gt=0,
+        le=1,
+        description="ratio: regularisation, as share of the captured light's mean luminance.",
+    )
+    max_ratio: Positive = Field(default=_RELIGHT.max_ratio, description="ratio: largest factor.")
+
+
+class DisplayTable(Table):
+    """How linear light becomes a PNG. The EXR is not affected."""
+
+    exposure: float = Field(default=_DISPLAY.exposure, ge=-64, le=64, description="In stops.")
+    tone: ToneCurve = Field(default=_DISPLAY.tone, description="Tone curve.")
+    background: DisplayColor = Field(
+        default=list(_DISPLAY.background), description="Display-encoded [r, g, b] behind the splats, 0 to 1."
+    )
+
+
+class OutputTable(Table):
+    """Where frames go, and what is in them."""
+
+    directory: str = Field(
+        default=str(_OUTPUT.directory), min_length=1, max_length=4096, description="Folder, relative to the job file."
+    )
+    exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
+    png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
+    layers: bool = Field(default=_OUTPUT.layers, description="EXR: one part for each light.")
+    aovs: bool = Field(default=_OUTPUT.aovs, description="EXR: depth, position, normals, albedo.")
+    half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")

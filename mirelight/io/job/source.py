@@ -1,0 +1,127 @@
+"""A job file as read: its text, its data with the overrides laid over it, and where everything stands."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mirelight.errors import InputError, ManyInputsError
+from mirelight.io import safety
+from mirelight.io.job import overrides as overriding
+from mirelight.io.job import positions
+from mirelight.io.job.mistakes import Mistake, label
+from mirelight.io.job.overrides import Override
+
+_MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """The job file and what was laid over it."""
+
+    path: Path  # absolute
+    shown: str  # the path as the user wrote it
+    data: dict[str, Any]
+    places: positions.Positions
+    overrides: tuple[Override, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        """What the job's paths are relative to."""
+        return self.path.parent
+
+    def error(self, mistake: Mistake) -> InputError:
+        """The mistake with its position, or with the override that brought it."""
+        field = label(mistake.path)
+        brought = self._override(mistake.path)
+        if brought is not None:
+            return InputError(brought.source, mistake.found, mistake.remedy, field=field)
+        place = self.places.key(mistake.path) if mistake.at_key else self.places.value(mistake.path)
+        where = f"{self.shown}:{place.line}:{place.column}" if place else self.shown
+        return InputError(where, mistake.found, mistake.remedy, field=field)
+
+    def refuse(self, mistakes: Iterable[Mistake]) -> None:
+        """Raise all mistakes at once, in the order in which they stand in the file; nothing where there is none.
+
+        Raises:
+            InputError: there is one.
+            ManyInputsError: there are several.
+        """
+        found = sorted(mistakes, key=self._order)
+        if len(found) == 1:
+            raise self.error(found[0])
+        if found:
+            raise ManyInputsError([self.error(mistake) for mistake in found])
+
+    def _order(self, mistake: Mistake) -> int:
+        place = None if self._override(mistake.path) else self.places.key(mistake.path)
+        return place.start if place else _MOST_BYTES + 1  # what came by an override goes last
+
+    def _override(self, path: positions.Path) -> Override | None:
+        """The last override at or above `path`."""
+        above = (o for o in reversed(self.overrides) if path[: len(o.path)] == o.path)
+        return next(above, None)
+
+
+def read(path: str | Path, overrides: Sequence[str | Override] = ()) -> Source:
+    """Read a job file and lay overrides (``render.spp=256``) over it.
+
+    Raises:
+        InputError: the file cannot be read or is no TOML (with line and column); an override does not fit.
+    """
+    over = tuple(overriding.parse(o) if isinstance(o, str) else o for o in overrides)
+    text = _text(Path(path))
+    data = _data(path, text)
+    return Source(
+        path=Path(path).absolute(),
+        shown=str(path),
+        data=overriding.apply(data, over),
+        places=positions.index(text),
+        overrides=over,
+    )
+
+
+def _text(path: Path) -> str:
+    if path.is_dir():
+        raise InputError(path, "a folder", "name a job file (.toml)")
+    raw = safety.read_bytes(safety.existing(path), _MOST_BYTES)
+    try:
+        return raw.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as e:
+        line = raw[: e.start].count(b"\n") + 1
+        raise InputError(f"{path}:{line}", "bytes that are not UTF-8", "save the job file as UTF-8 text") from None
+
+
+def _data(path: str | Path, text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as e:
+        where, found = _syntax_error(str(e), text)
+        raise InputError(f"{path}:{where}", f"not TOML: {found}", _syntax_remedy(found)) from None
+    except (RecursionError, ValueError) as e:
+        found = "nested too deeply" if isinstance(e, RecursionError) else str(e)
+        raise InputError(path, f"not TOML: {found[:80]}", "a job needs no such value") from None
+
+
+def _syntax_error(message: str, text: str) -> tuple[str, str]:
+    at = re.search(r" \(at line (\d+), column (\d+)\)$", message)
+    if at:
+        return f"{at[1]}:{at[2]}", _lowered(message[: at.start()])
+    lines = text.split("\n")
+    return f"{len(lines)}:{len(lines[-1]) + 1}", _lowered(message.removesuffix(" (at end of document)"))
+
+
+def _lowered(message: str) -> str:
+    return message[:1].lower() + message[1:]
+
+
+def _syntax_remedy(found: str) -> str:
+    if "invalid value" in found:
+        return "write strings in quotes, numbers plain, lists in [ ]"
+    if "overwrite a value" in found or "twice" in found:
+        return "keep one of the two"
+    return "see https://toml.io for the grammar"

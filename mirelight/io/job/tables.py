@@ -1,0 +1,80 @@
+"""The whole job file as one table, and its JSON Schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from mirelight.io.job.camera_tables import AnyCamera, CamerasFrom
+from mirelight.io.job.fields import Positive, Resolution
+from mirelight.io.job.light_tables import Captured, LightingTable, Lit
+from mirelight.io.job.scene_tables import Proxy, Splats
+from mirelight.io.job.settings_tables import CompositorTable, DisplayTable, OutputTable, RelightTable, RenderTable
+from mirelight.model import Profile
+
+
+class JobTable(Lit):
+    """A mirelight job. Paths are relative to the job file; angles are in degrees; colours are linear Rec.709."""
+
+    profile: Profile = Field(
+        default="physical",
+        description="physical: INRIA splats and physical light units; playcanvas: all as the real-time engine does it.",
+    )
+    splats: Splats | None = Field(
+        default=None,
+        description="One or several splat files: a path, a table or a list. Default: the lighting is rendered alone.",
+    )
+    proxy: Proxy | None = Field(default=None, description="The mesh that stands for the scene: a path or a table.")
+    resolution: Resolution = Field(
+        default=[1280, 720], description="[width, height] in pixels of cameras that give none."
+    )
+    resolution_scale: Annotated[Positive, Field(le=16)] = Field(
+        default=1.0, description="Scales the image of every camera; 0.25 for a quick look."
+    )
+    lightings: list[LightingTable] = Field(
+        default=[],
+        max_length=100_000,
+        description="Several named lightings, instead of lights and environment at the top.",
+    )
+    captured: Captured | None = Field(
+        default=None,
+        description="The lighting under which the splats were captured: a table like a lighting, or a lighting's name.",
+    )
+    cameras: list[AnyCamera] = Field(
+        default=[],
+        max_length=100_000,
+        description="Cameras, one table each. Default: the proxy's own, else one that sees all.",
+    )
+    cameras_from: CamerasFrom = Field(default=[], description="glTF files whose cameras are added.")
+    render: RenderTable = Field(default=RenderTable(), description="How the lighting is traced.")
+    compositor: CompositorTable = Field(default=CompositorTable(), description="How splats become pixels.")
+    relight: RelightTable = Field(default=RelightTable(), description="How the lighting meets the splats.")
+    display: DisplayTable = Field(default=DisplayTable(), description="How linear light becomes a PNG.")
+    output: OutputTable = Field(default=OutputTable(), description="Where frames go, and what is in them.")
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of a job file read as TOML; descriptions hold the units."""
+    schema = JobTable.model_json_schema(mode="validation")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_tidied(schema)}
+
+
+def _tidied(node: Any) -> Any:
+    """Without nulls, which TOML does not have, and without titles, which repeat the keys."""
+    if isinstance(node, list):
+        return [_tidied(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    out = {
+        key: {name: _tidied(value) for name, value in entry.items()}
+        if key in ("properties", "$defs")
+        else _tidied(entry)
+        for key, entry in node.items()
+        if key != "title" and not (key == "default" and entry is None)
+    }
+    some = [option for option in out.get("anyOf", []) if option != {"type": "null"}]
+    if len(some) == 1:
+        del out["anyOf"]
+        return {**some[0], **out}
+    return {**out, "anyOf": some} if some else out

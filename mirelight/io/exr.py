@@ -7,7 +7,7 @@ scanline or tiled, single- or multi-part file is read.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,14 +48,19 @@ class ExrImage:
         return np.stack([self.channels[x].astype(np.float32) for x in found], axis=-1)
 
 
-def write_exr(path: str | Path, channels: Mapping[str, NDArray[Any]], metadata: Metadata, half: bool = False) -> None:
+def write_exr(
+    path: str | Path,
+    channels: Mapping[str, NDArray[Any]],
+    metadata: Metadata | None = None,
+    half: Collection[str] = (),
+) -> None:
     """Write one part with all channels, ZIP compressed.
 
     Args:
         path: the file to write.
         channels: full name -> (h, w) of one size.
         metadata: header attributes besides the necessary ones.
-        half: store R, G, B and A channels as 16-bit floats (clamped to 65504); others stay 32-bit.
+        half: channels to store as 16-bit floats, clamped to 65504; the others are 32-bit.
 
     Raises:
         OutputError: the file cannot be written; nothing half-written is left.
@@ -66,9 +71,9 @@ def write_exr(path: str | Path, channels: Mapping[str, NDArray[Any]], metadata: 
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "chromaticities": _REC709,
-        **metadata,
+        **(metadata or {}),
     }
-    planes = {name: _plane(values, half and name[-1] in "RGBA") for name, values in channels.items()}
+    planes = {name: _plane(values, name in half) for name, values in channels.items()}
     with atomic_path(path) as temporary:
         try:
             with OpenEXR.File(header, planes) as file:

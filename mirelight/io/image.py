@@ -47,7 +47,8 @@ def write(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        write_exr(path, _channels(frame, output), _metadata(frame), half=output.half)
+        channels = _channels(frame, output)
+        write_exr(path, channels, _metadata(frame), half=_colours(channels) if output.half else ())
     elif suffix == ".png":
         profile = frame.splats.profile if frame.splats is not None else "physical"
         write_png(path, encode_display(frame.rgba, display, profile), _texts(frame))
@@ -99,6 +100,11 @@ def _channels(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
     if frame.lighting is not None:
         out |= _lighting_channels(frame.lighting, output)
     return out
+
+
+def _colours(channels: Mapping[str, NDArray[Any]]) -> frozenset[str]:
+    """Channels that hold colour or alpha; variances are too small for 16 bits."""
+    return frozenset(name for name in channels if name[-1] in "RGBA" and not name.startswith("variance."))
 
 
 def _splat_channels(splats: SplatLayer) -> dict[str, NDArray[Any]]:

@@ -1,0 +1,98 @@
+"""Environment maps as linear radiance: OpenEXR, Radiance HDR, and 8-bit pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.errors import InputError, OutputError
+from mirelight.io import exr, hdr
+from mirelight.io.ldr import decode_srgb_image
+from mirelight.io.safety import existing, open_binary
+from mirelight.model import F32
+
+_LDR_MAGICS = (b"\x89PNG", b"\xff\xd8\xff", b"RIFF")
+
+
+def read_environment(path: str | Path) -> F32:
+    """An equirectangular map, told apart by content.
+
+    Colours are taken as linear Rec.709: an EXR file's chromaticities are not converted (Blender does the same), EXPOSURE
+    lines of Radiance files are not applied, and PNG, JPEG and WebP pictures are sRGB decoded. Negative values, which
+    resampling leaves in some maps, become 0. Any aspect is taken; 2:1 is the full sphere without distortion.
+
+    Args:
+        path: the file.
+
+    Returns:
+        (h, w, 3) float32, row 0 the top (+Y).
+
+    Raises:
+        InputError: unreadable, of an unknown kind, or with pixels that are NaN or infinite (their number is named).
+    """
+    path = existing(path)
+    with open_binary(path) as stream:
+        magic = stream.read(4)
+    if magic == exr.MAGIC:
+        radiance = _read_exr_rgb(path)
+    elif magic.startswith(hdr.MAGIC):
+        radiance = hdr.read_hdr(path)
+    elif magic.startswith(_LDR_MAGICS):
+        with open_binary(path) as stream:
+            radiance = decode_srgb_image(stream, path)
+    else:
+        raise InputError(path, "neither OpenEXR, Radiance HDR, PNG, JPEG nor WebP", "convert it to one of these")
+    return _clean(path, radiance)
+
+
+def write_environment(path: str | Path, radiance: F32) -> None:
+    """Write a map as .exr (32-bit float) or .hdr (RGBE), by the suffix.
+
+    Args:
+        path: the file to write.
+        radiance: (h, w, 3) linear, finite, not negative.
+
+    Raises:
+        OutputError: another suffix, or the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".exr":
+        exr.write_exr(path, {name: radiance[..., i] for i, name in enumerate("RGB")})
+    elif suffix == ".hdr":
+        hdr.write_hdr(path, radiance)
+    else:
+        raise OutputError(f"{path}: an environment is written as .exr or .hdr")
+
+
+def _read_exr_rgb(path: Path) -> F32:
+    """The picture's own R, G, B; else those of its only colour layer; else its luminance as gray."""
+    header = exr.read_header(path)[0]
+    if "envmap" in header and "latlong" not in str(header["envmap"]).lower():
+        raise InputError(path, "a cube map", "convert it to latitude-longitude", field="envmap")
+    if not all(np.array_equal(a, b) for a, b in zip(header["dataWindow"], header["displayWindow"], strict=True)):
+        raise InputError(path, "a data window that differs from the display window", "save it uncropped")
+    image = exr.read_exr(path)
+    coloured = [layer for layer in image.layers if all(_name(layer, c) in image.channels for c in "RGB")]
+    if coloured and (coloured[0] == "" or len(coloured) == 1):
+        names = [_name(coloured[0], c) for c in "RGB"]
+    elif "" in image.layers and "Y" in image.channels and not coloured:
+        names = ["Y", "Y", "Y"]
+    else:
+        found = ", ".join(image.channels)[:200]
+        raise InputError(path, f"no R, G and B channels of one picture (it has {found})", "save one RGB layer")
+    return np.stack([image.channels[name].astype(np.float32) for name in names], axis=-1)
+
+
+def _name(layer: str, channel: str) -> str:
+    return f"{layer}.{channel}" if layer else channel
+
+
+def _clean(path: Path, radiance: F32) -> F32:
+    bad = ~np.isfinite(radiance).all(axis=-1)
+    count = int(np.count_nonzero(bad))
+    if count:
+        row, column = (int(x[0]) for x in np.nonzero(bad))
+        found = f"{count} pixels are NaN or infinite, the first in row {row}, column {column}"
+        raise InputError(path, found, "repair the map, e.g. clamp it to its largest finite value")
+    return np.maximum(radiance, np.float32(0))

@@ -18,8 +18,8 @@ _LDR_MAGICS = (b"\x89PNG", b"\xff\xd8\xff", b"RIFF")
 def read_environment(path: str | Path) -> F32:
     """An equirectangular map, told apart by content.
 
-    Colours are taken as linear Rec.709: an EXR file's chromaticities are not converted (Blender does the same), EXPOSURE
-    lines of Radiance files are not applied, and PNG, JPEG and WebP pictures are sRGB decoded. Negative values, which
+    Colours are taken as linear Rec.709: an EXR file's chromaticities are not converted (as in Blender), EXPOSURE lines
+    of Radiance files are not applied, and PNG, JPEG and WebP pictures are sRGB decoded. Negative values, which
     resampling leaves in some maps, become 0. Any aspect is taken; 2:1 is the full sphere without distortion.
 
     Args:

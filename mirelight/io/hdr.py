@@ -1,4 +1,4 @@
-"""Radiance pictures (.hdr, RGBE): Ward's format as "Real Pixels" (Graphics Gems II, 1991) and Radiance's filefmts give it.
+"""Radiance pictures (.hdr, RGBE), after Ward's "Real Pixels" (Graphics Gems II, 1991) and Radiance's filefmts page.
 
 Old and new run lengths are read, new ones written. Only the orientation "-Y height +X width" is read. EXPOSURE lines
 are not applied, as Mitsuba and Blender do not apply them.
@@ -174,7 +174,7 @@ def _encoded(radiance: F32) -> Rgbe:
     mantissa = np.rint(np.ldexp(values, (8 - exponent)[..., None]))
     out = np.concatenate([mantissa, (exponent + 128)[..., None]], axis=-1)
     out[(brightest <= 0) | (exponent + 128 < 1)] = 0
-    return np.clip(out, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(out, 0, 255), dtype=np.uint8)
 
 
 def _compressed(row: Rgbe) -> bytes:

@@ -1,0 +1,75 @@
+"""The Dr.Jit back end of one variant: its array types, and the sizes that suit its vector width."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mirelight import backend
+from mirelight.model import Variant
+
+Array: TypeAlias = Any  # a Dr.Jit array; its types exist only once a variant is loaded
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Device:
+    """One loaded variant."""
+
+    dr: ModuleType  # drjit
+    types: ModuleType  # drjit.llvm or drjit.cuda
+    variant: Variant
+    tile_width: int  # px; one lane blends a whole tile, so its pixels share registers with its neighbours'
+    tile_height: int  # px
+    persistent_lanes: int  # lanes that take tiles from the queue
+
+    def constant(self, value: float) -> Array:
+        """A float that kernels load instead of having it compiled in."""
+        return self.dr.opaque(self.types.Float, float(value))
+
+    def count(self, value: int) -> Array:
+        """An unsigned integer that kernels load instead of having it compiled in."""
+        return self.dr.opaque(self.types.UInt32, int(value))
+
+    def floats(self, values: ArrayLike) -> Array:
+        """Values in Dr.Jit's own memory, flat.
+
+        A NumPy array that Dr.Jit only views may be unaligned, and packet gathers from it fall back to scalar ones.
+        """
+        viewed = self.types.Float(np.ascontiguousarray(values, dtype=np.float32).reshape(-1))
+        if len(viewed) == 0:
+            return viewed
+        owned = self.dr.gather(self.types.Float, viewed, self.dr.arange(self.types.UInt32, len(viewed)))
+        self.dr.eval(owned)
+        self.dr.sync_thread()
+        return owned
+
+
+@cache
+def _vector_width(variant: Variant) -> int:
+    """Lanes of one SIMD register: from the flags of the processor, 16 with AVX-512, else 8 (AVX) or 4."""
+    from pathlib import Path
+
+    try:
+        flags = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return 4
+    return 16 if "avx512vl" in flags else 8 if "avx" in flags else 4
+
+
+def open_device(variant: Variant, threads: int | None) -> Device:
+    """Load `variant`; `threads` is the number of worker threads of LLVM kernels (None: every core).
+
+    Raises:
+        BackendError: no sound libLLVM, or no CUDA where it was asked for.
+    """
+    dr, types = backend.drjit(variant, threads)
+    if variant == "cuda_ad_rgb":
+        return Device(dr, types, variant, 4, 4, 1 << 16)
+    width = _vector_width(variant)
+    tile = (4, 8) if width == 16 else (4, 4)  # 32 vector registers hold twice the pixels of 16
+    return Device(dr, types, variant, *tile, width * max(1, dr.thread_count()))

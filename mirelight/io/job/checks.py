@@ -15,6 +15,7 @@ _LIT = ("lights", "lights_from", "environment")
 def across_tables(data: dict[str, Any]) -> list[Mistake]:
     """What is wrong between tables that may each be right: doubled names, names of nothing, two ways at once."""
     return [
+        *_something_to_see(data),
         *_one_way_to_light(data),
         *_captured(data),
         *_doubles(data, "cameras"),
@@ -23,6 +24,16 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
         *_needs_proxy(data),
         *_ratio(data),
     ]
+
+
+def _something_to_see(data: dict[str, Any]) -> Iterator[Mistake]:
+    if "splats" not in data and "proxy" not in data:
+        yield Mistake((), "neither splats nor a proxy", 'name what to render: splats = "capture.ply"')
+    elif "proxy" not in data:
+        for key in (*_LIT, "lightings", "captured"):
+            if data.get(key):
+                remedy = 'add proxy = "scene.glb", or leave the light out to see the splats as captured'
+                yield Mistake((key,), "light, but no proxy for it to fall on", remedy, at_key=True)
 
 
 def _one_way_to_light(data: dict[str, Any]) -> Iterator[Mistake]:
@@ -72,17 +83,18 @@ def _doubled_lights(data: dict[str, Any]) -> Iterator[Mistake]:
 
 
 def _needs_proxy(data: dict[str, Any]) -> Iterator[Mistake]:
-    proxy = data.get("proxy")
+    if "proxy" not in data:
+        return  # said already
+    proxy = data["proxy"]
     path = proxy.get("path") if isinstance(proxy, dict) else proxy
     is_gltf = isinstance(path, str) and path.lower().endswith((".glb", ".gltf"))
-    if proxy is not None and is_gltf:
+    if is_gltf:
         return
-    found = "the proxy is not a glTF file" if proxy is not None else "there is no proxy"
     users = [((*where, "lights_from"), table.get("lights_from")) for where, table in _lit_tables(data)]
     for where, value in [*users, (("cameras_from",), data.get("cameras_from"))]:
         for item in value if isinstance(value, list) else [value]:
             if item == PROXY or (isinstance(item, dict) and item.get("path") == PROXY):
-                yield Mistake(where, found, "name a .glb or .gltf file")
+                yield Mistake(where, "the proxy is not a glTF file", "name a .glb or .gltf file")
 
 
 def _ratio(data: dict[str, Any]) -> Iterator[Mistake]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mirelight import model
-from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table
+from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
 from mirelight.model import ToneCurve, Variant
 
 _RENDER = model.RenderSettings()
@@ -121,3 +121,9 @@ class OutputTable(Table):
     layers: bool = Field(default=_OUTPUT.layers, description="EXR: one part for each light.")
     aovs: bool = Field(default=_OUTPUT.aovs, description="EXR: depth, position, normals, albedo.")
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
+
+    @model_validator(mode="after")
+    def _check(self) -> OutputTable:
+        if not self.exr and not self.png:
+            raise wrong("neither exr nor png", "write one of them", at="png")
+        return self

@@ -1,0 +1,154 @@
+"""How far a render is: a live bar on a terminal, a line for each frame elsewhere, nothing where asked."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from mirelight.pipeline import FrameTask
+
+
+class Tally:
+    """Counts frames and samples, and estimates the time left. Shows nothing; a `mirelight.pipeline.Progress`."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self.rendered = 0
+        self.skipped = 0
+        self.samples_done = 0  # of the frame in progress, per pixel
+        self.samples_total = 0
+        self._began = time.monotonic()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        return None
+
+    def started(self, tasks: Sequence[FrameTask]) -> None:
+        """Before the first frame."""
+        self.total = len(tasks)
+        self._began = time.monotonic()
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        """Samples of the frame in progress."""
+        self.samples_done, self.samples_total = done, total
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        """A frame is there."""
+        self.samples_done = self.samples_total = 0
+        if skipped:
+            self.skipped += 1
+        else:
+            self.rendered += 1
+
+    @property
+    def there(self) -> int:
+        """Frames that exist: made now, or found."""
+        return self.rendered + self.skipped
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the first frame began."""
+        return time.monotonic() - self._began
+
+    @property
+    def begun(self) -> float:
+        """How much of the frame in progress is done, 0 to 1."""
+        return self.samples_done / self.samples_total if self.samples_total else 0.0
+
+    @property
+    def left(self) -> float | None:
+        """Seconds that the rest will take at the pace so far; None while there is no pace."""
+        made = self.rendered + self.begun
+        return self.elapsed / made * (self.total - self.skipped - made) if made > 0 else None
+
+
+class Lines(Tally):
+    """A line on stderr for each frame that is made."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._frame_began = 0.0
+
+    def started(self, tasks: Sequence[FrameTask]) -> None:
+        """Before the first frame."""
+        super().started(tasks)
+        self._frame_began = self.elapsed
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        """A frame is there."""
+        super().finished(task, skipped)
+        took, self._frame_began = self.elapsed - self._frame_began, self.elapsed
+        what = "already there" if skipped else f"made in {duration(took)}"
+        left = f", about {duration(self.left)} left" if self.left and self.there < self.total else ""
+        print(f"[{self.there}/{self.total}] {task.name}: {what}{left}", file=sys.stderr, flush=True)
+
+
+class Bar(Tally):
+    """A live line on a terminal: frame, samples, frames, time gone, time left."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        text = "{task.fields[frame]}", "{task.fields[samples]}", "{task.fields[frames]}", "{task.fields[clock]}"
+        name, samples, frames, clock = (TextColumn(part, markup=False) for part in text)
+        self._bar = Progress(name, BarColumn(), samples, frames, clock, console=Console(stderr=True), transient=True)
+        self._row = self._bar.add_task("", total=1.0, frame="starting", samples="", frames="", clock="")
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        """Samples of the frame in progress."""
+        super().samples(task, done, total)
+        self._show(task)
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        """A frame is there."""
+        super().finished(task, skipped)
+        self._show(task)
+
+    def _show(self, task: FrameTask) -> None:
+        left = f", {duration(self.left)} left" if self.left is not None else ""
+        self._bar.update(
+            self._row,
+            completed=(self.there + self.begun) / max(self.total, 1),
+            frame=task.name,
+            samples=f"{self.samples_done}/{self.samples_total} samples" if self.samples_total else "",
+            frames=f"{self.there}/{self.total} frames",
+            clock=duration(self.elapsed) + left,
+        )
+
+
+def chosen(quiet: bool) -> Tally:
+    """What fits the terminal, or silence."""
+    if quiet:
+        return Tally()
+    return Bar() if sys.stderr.isatty() else Lines()
+
+
+def duration(seconds: float) -> str:
+    """A time for people: 0.4 s, 12 s, 3 min 5 s, 2 h 10 min."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,87 @@
+"""`mirelight render`: load the job, make the frames that are missing, write each as soon as it is there."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from mirelight import pipeline
+from mirelight.cli import progress
+from mirelight.cli.frames import FrameFiles
+from mirelight.io import job
+from mirelight.io.job.overrides import Override, parse
+
+INTERRUPTED = 130
+
+
+def run_render(args: argparse.Namespace) -> int:
+    """The command. Progress goes to stderr, one line at the end to stdout."""
+    work = job.load(args.job, _overrides(args))
+    if args.out is not None:
+        work = replace(work, output=replace(work.output, directory=Path(args.out).absolute()))
+    tasks = pipeline.plan(
+        work,
+        cameras=_named(args.camera, [x.name for x in work.scene.cameras]),
+        lightings=_named(args.lighting, [x.name for x in work.scene.lightings]),
+    )
+    files = FrameFiles(work.output, work.display)
+    files.prepare()
+
+    told = progress.chosen(args.quiet)
+    try:
+        with told:
+            pipeline.render(work, tasks, is_done=files.exist, sink=files.write, progress=told)
+    except KeyboardInterrupt:
+        _say_what_is_left(told, files)
+        return INTERRUPTED
+    except SystemExit:
+        _say_what_is_left(told, files)
+        raise
+    if not args.quiet:
+        existed = f", {told.skipped} of them already there" if told.skipped else ""
+        print(f"{_frames(told.there)} in {_shown(files.folder)}{existed}; {progress.duration(told.elapsed)}")
+    return 0
+
+
+def _overrides(args: argparse.Namespace) -> list[Override]:
+    found = [parse(text) for text in args.set]
+    if args.variant is not None:
+        found.append(Override("--variant", ("render", "variant"), args.variant))
+    if args.threads is not None:
+        found.append(replace(parse(f"render.threads={args.threads}"), source="--threads"))
+    return found
+
+
+def _named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | None:
+    """The names that are meant: by name, by pattern, or all frames of a sequence (orbit: orbit.0001, …).
+
+    What fits nothing is left as it is, for `pipeline.plan` to refuse.
+    """
+    if wanted is None:
+        return None
+    found: list[str] = []
+    for name in wanted:
+        sequence = re.compile(re.escape(name) + r"\.\d{4,}")
+        fits = [x for x in names if x == name or fnmatchcase(x, name) or sequence.fullmatch(x)]
+        found += fits or [name]
+    return found
+
+
+def _say_what_is_left(told: progress.Tally, files: FrameFiles) -> None:
+    done = f"{told.there} of {_frames(told.total)} are in {_shown(files.folder)}"
+    print(f"mirelight: interrupted; {done}, and the same command goes on from there", file=sys.stderr)
+
+
+def _frames(count: int) -> str:
+    return f"{count} frame" if count == 1 else f"{count} frames"
+
+
+def _shown(folder: Path) -> str:
+    """The folder as the user would name it from here."""
+    here = Path.cwd()
+    return str(folder.relative_to(here)) if folder.is_relative_to(here) else str(folder)

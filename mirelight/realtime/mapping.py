@@ -1,0 +1,280 @@
+"""Physical light units and the engine's, in one table used both ways.
+
+PlayCanvas 2.23 (WebGL2, clustered lighting, its default) shades a Lambert surface as ``albedo * L * N·L * attenuation``,
+without 1/pi, with ``L = color^2.2 * intensity`` (intensity >= 1). With physical quantities on the left and E = 1 / pi:
+
+| quantity                       | engine                                           | exact? |
+|---|---|---|
+| albedo a (linear)              | diffuse = a^(1/2.2), display-encoded             | yes |
+| directional, I lux             | L = I color / pi                                 | yes |
+| sun of some diameter           | directional with PCSS shadows                    | shadows differ |
+| point, I candela               | omni, inverse squared, L = I color / (16 * pi)   | attenuation 16 / (d² + 1) instead of 1 / d² |
+| range r of a point or spot     | range r; none: RANGE_FACTOR scene sizes          | window squared: (1 - (d/r)^4)² instead of 1 - (d/r)^4 |
+| spot, half angles i and o      | the same angles in degrees / CONE_SHRINK         | smoothstep(t) instead of t² |
+| area light                     | omni or spot of the same candela on its axis     | no area, no soft shadows |
+| environment, rotation r        | the same map, rotation -r - 90                   | prefiltered to 64 x 32, 8 bit, 64 at most |
+
+The engine's own numbers, where a file holds them, come back by the same rows read from right to left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mirelight import colour
+from mirelight.model import (
+    F64,
+    AreaLight,
+    DirectionalLight,
+    Environment,
+    Light,
+    Lighting,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
+from mirelight.model.arrays import freeze
+
+INVERSE_SQUARED_GAIN = 16.0  # the engine's falloff is 16 / (d² + 1), windowed
+CONE_SHRINK = 0.99  # clustered lighting stores cone angles times this, so that the shadow map's edge is not seen
+DEFAULT_RANGE = 10.0  # of the engine's light component, world units
+RANGE_FACTOR = 10.0  # range of a light without one, in scene diagonals: the window then stays above 0.9998
+NEAR_LIGHT = 3.0  # world units; nearer than this the engine's d² + 1 loses more than a tenth
+ENVIRONMENT_LIMIT = 64.0  # brightest radiance that the engine's RGBP encoding holds
+IMPORT_LIMIT = 2.0  # the engine's glTF importer clamps KHR_lights_punctual intensities to 0..2
+
+Falloff: TypeAlias = Literal["linear", "inverse-squared"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EngineLight:
+    """A light component of the engine, in its own units."""
+
+    name: str
+    kind: Literal["omni", "spot", "directional"]
+    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) display-encoded, 2.2 power
+    intensity: float = 1.0  # see linear_color
+    position: F64 = field(default_factory=lambda: np.zeros(3))  # (3,) world units
+    direction: F64 = field(default_factory=lambda: np.array([0.0, -1.0, 0.0]))  # (3,) unit, the way the light travels
+    range: float = DEFAULT_RANGE  # world units; omni and spot
+    falloff: Falloff = "linear"  # omni and spot
+    inner_cone_angle: float = 40.0  # degrees, half angle
+    outer_cone_angle: float = 45.0  # degrees, half angle
+    cast_shadows: bool = False
+    soft_shadows: bool = False  # PCSS instead of PCF
+
+    def __post_init__(self) -> None:
+        for name in ("color", "position", "direction"):
+            freeze(self, name, (3,), np.float64)
+
+    @property
+    def linear_color(self) -> F64:
+        """(3,) what the shader multiplies by: color^2.2 * intensity, or (color * intensity)^2.2 where that is below 1."""
+        if self.intensity >= 1:
+            return np.asarray(self.color**colour.ENGINE_GAMMA * self.intensity)
+        return np.asarray((self.color * self.intensity) ** colour.ENGINE_GAMMA)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EngineLighting:
+    """All that lights the engine's proxy."""
+
+    lights: tuple[EngineLight, ...] = ()
+    environment: Environment | None = None  # with mirelight's rotation; see engine_rotation
+    ambient: F64 = field(default_factory=lambda: np.zeros(3))  # (3,) display-encoded scene ambient
+
+    def __post_init__(self) -> None:
+        freeze(self, "ambient", (3,), np.float64)
+
+
+# --- single quantities -----------------------------------------------------------------------------------------------
+
+
+def engine_diffuse(albedo: ArrayLike) -> F64:
+    """StandardMaterial.diffuse (display-encoded) that the engine decodes to this linear albedo."""
+    return np.asarray(np.asarray(albedo, dtype=np.float64) ** (1 / colour.ENGINE_GAMMA))
+
+
+def physical_albedo(diffuse: ArrayLike) -> F64:
+    """Linear albedo that the engine decodes from StandardMaterial.diffuse: 0.5 becomes 0.2176."""
+    return np.asarray(np.asarray(diffuse, dtype=np.float64) ** colour.ENGINE_GAMMA)
+
+
+def engine_color(linear: ArrayLike) -> tuple[F64, float]:
+    """Light color and intensity whose `linear_color` is `linear` (3,): intensity never below 1, colour at most 1."""
+    value = np.maximum(np.asarray(linear, dtype=np.float64), 0)
+    intensity = max(float(value.max()), 1.0)
+    return (value / intensity) ** (1 / colour.ENGINE_GAMMA), intensity
+
+
+def engine_rotation(rotation: float) -> float:
+    """Degrees for scene.skyboxRotation about Y from an environment's rotation, in -180..180.
+
+    The engine's map looks to +Z at u = 0.5, ours to +X, and its rotation turns the light the other way.
+    """
+    return (-rotation - 90.0 + 180.0) % 360.0 - 180.0
+
+
+def physical_rotation(rotation: float) -> float:
+    """The inverse of :func:`engine_rotation`, which is its own inverse."""
+    return engine_rotation(rotation)
+
+
+# --- physical to engine ----------------------------------------------------------------------------------------------
+
+
+def to_engine(lighting: Lighting, scene_size: float, *, shadows: bool = True) -> tuple[EngineLighting, tuple[str, ...]]:
+    """The engine's lights for a physical lighting, and a line for each thing that the engine cannot follow.
+
+    Args:
+        lighting: physical units.
+        scene_size: diagonal of the scene's bounds, world units; decides the range of lights that have none.
+        shadows: whether the lights cast shadow maps.
+    """
+    warnings: list[str] = []
+    lights = tuple(_engine_light(light, scene_size, shadows, warnings) for light in lighting.lights)
+    environment = lighting.environment
+    if environment is not None:
+        brightest = float(environment.radiance.max(initial=0.0)) * environment.intensity
+        if brightest > ENVIRONMENT_LIMIT:
+            warnings.append(
+                f"{environment.name}: radiance up to {brightest:.3g} is prefiltered by the engine into "
+                f"8-bit tiles that hold at most {ENVIRONMENT_LIMIT:g}; add its sun as a light of its own"
+            )
+        if shadows:
+            warnings.append(f"{environment.name}: the engine's environment light casts no shadows")
+    return EngineLighting(lights=lights, environment=environment), tuple(warnings)
+
+
+def _engine_light(light: Light, scene_size: float, shadows: bool, warnings: list[str]) -> EngineLight:
+    if isinstance(light, AreaLight):
+        light = _without_area(light, warnings)
+    soft = shadows and (isinstance(light, SunLight) or (isinstance(light, SpotLight) and light.radius > 0))
+    if isinstance(light, DirectionalLight | SunLight):
+        color, intensity = engine_color(light.color * light.intensity / math.pi)
+        return EngineLight(
+            name=light.name,
+            kind="directional",
+            color=color,
+            intensity=intensity,
+            direction=light.direction,
+            cast_shadows=shadows,
+            soft_shadows=soft,
+        )
+    if light.radius > 0:
+        warnings.append(f"{light.name}: the engine has no radius for this light; its shadow edges differ")
+    if math.isfinite(light.range):
+        warnings.append(f"{light.name}: the engine squares the range's window, so it is darker towards the range")
+    color, intensity = engine_color(light.color * light.intensity / (INVERSE_SQUARED_GAIN * math.pi))
+    if isinstance(light, PointLight):
+        return EngineLight(
+            name=light.name,
+            kind="omni",
+            color=color,
+            intensity=intensity,
+            position=light.position,
+            range=_engine_range(light.range, scene_size),
+            falloff="inverse-squared",
+            cast_shadows=shadows,
+        )
+    return EngineLight(
+        name=light.name,
+        kind="spot",
+        color=color,
+        intensity=intensity,
+        position=light.position,
+        direction=light.direction,
+        range=_engine_range(light.range, scene_size),
+        falloff="inverse-squared",
+        inner_cone_angle=math.degrees(light.inner_cone_angle) / CONE_SHRINK,
+        outer_cone_angle=min(math.degrees(light.outer_cone_angle) / CONE_SHRINK, 90.0),
+        cast_shadows=shadows,
+        soft_shadows=soft,
+    )
+
+
+def _engine_range(physical: float, scene_size: float) -> float:
+    return physical if math.isfinite(physical) else RANGE_FACTOR * max(scene_size, 1e-3)
+
+
+def _without_area(light: AreaLight, warnings: list[str]) -> PointLight | SpotLight:
+    """A punctual light with the area light's candela on its axis: radiance times projected area."""
+    warnings.append(f"{light.name}: area lights become punctual ones of the same candela; soft shadows are lost")
+    position, axis = light.world_from_light[:3, 3], -light.world_from_light[:3, 2]
+    width, height = light.size
+    if light.shape == "sphere":
+        candela = light.intensity * math.pi * (width / 2) ** 2
+        return PointLight(name=light.name, position=position, color=light.color, intensity=candela)
+    area = width * height * (math.pi / 4 if light.shape == "disk" else 1.0)
+    return SpotLight(
+        name=light.name,
+        position=position,
+        direction=axis,
+        color=light.color,
+        intensity=light.intensity * area,
+        outer_cone_angle=math.pi / 2,
+    )
+
+
+def distance_warnings(lights: tuple[EngineLight, ...], nearest: dict[str, float]) -> tuple[str, ...]:
+    """A line for each light that stands so near to the proxy that 16 / (d² + 1) departs from the inverse square law.
+
+    Args:
+        nearest: distance from each light, by name, to the proxy's nearest vertex, world units.
+    """
+    return tuple(
+        f"{light.name}: {nearest[light.name]:.3g} units from the proxy, where the engine's 16 / (d² + 1) gives "
+        f"{nearest[light.name] ** 2 / (nearest[light.name] ** 2 + 1):.0%} of the inverse square law"
+        for light in lights
+        if light.falloff == "inverse-squared" and nearest.get(light.name, math.inf) < NEAR_LIGHT
+    )
+
+
+# --- engine to physical ----------------------------------------------------------------------------------------------
+
+
+def from_engine(lighting: EngineLighting, name: str = "lighting") -> tuple[Lighting, tuple[str, ...]]:
+    """The physical lighting for an engine's, and a line for each thing that physical light does not do."""
+    warnings: list[str] = []
+    lights = tuple(_physical_light(light, warnings) for light in lighting.lights)
+    environment = lighting.environment
+    if lighting.ambient.any():
+        if environment is None:
+            radiance = physical_albedo(lighting.ambient).astype(np.float32).reshape(1, 1, 3)
+            environment = Environment(name="ambient", radiance=radiance)
+        else:
+            warnings.append("the scene's ambient colour is left out: the environment replaces it, as in the engine")
+    return Lighting(name=name, lights=lights, environment=environment), tuple(warnings)
+
+
+def _physical_light(light: EngineLight, warnings: list[str]) -> Light:
+    linear = light.linear_color
+    peak = float(linear.max()) or 1.0
+    color = linear / peak
+    if light.kind == "directional":
+        return DirectionalLight(name=light.name, direction=light.direction, color=color, intensity=peak * math.pi)
+    if light.falloff == "linear":
+        # The linear falloff has no physical counterpart: equal light at half the range, where it is 1/2.
+        half = light.range / 2
+        candela = peak * math.pi * half**2 / 2
+        reach = light.range
+        warnings.append(f"{light.name}: linear falloff becomes the inverse square law, equal at half the range")
+    else:
+        candela, reach = peak * math.pi * INVERSE_SQUARED_GAIN, light.range
+    if light.kind == "omni":
+        return PointLight(name=light.name, position=light.position, color=color, intensity=candela, range=reach)
+    return SpotLight(
+        name=light.name,
+        position=light.position,
+        direction=light.direction,
+        color=color,
+        intensity=candela,
+        range=reach,
+        inner_cone_angle=math.radians(min(light.inner_cone_angle, light.outer_cone_angle - 1e-6) * CONE_SHRINK),
+        outer_cone_angle=math.radians(light.outer_cone_angle * CONE_SHRINK),
+    )

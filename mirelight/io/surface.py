@@ -47,3 +47,16 @@ def _unit(vectors: F64) -> F32:
     out = vectors / np.where(flat[:, None], 1.0, length)
     out[flat] = (0.0, 1.0, 0.0)
     return out.astype(np.float32)
+
+
+def transformed_normals(normals: F32, linear: F64) -> F32:
+    """Unit normals (V, 3) under linear maps (3, 3) or one per vertex (V, 3, 3): the inverse transpose, normalised.
+
+    Written with cofactors, det(M) M^-T, which also exist where the map flattens the mesh.
+    """
+    a, b, c = linear[..., 0, :], linear[..., 1, :], linear[..., 2, :]
+    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+    turned = np.einsum("...ij,...j->...i", cofactor, normals.astype(np.float64))
+    sign = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
+    length = np.linalg.norm(turned, axis=-1) * sign
+    return np.asarray(turned / np.where(length != 0, length, 1.0)[..., None], dtype=np.float32)

@@ -15,7 +15,7 @@ from mirelight.io.gltf.geometry import Piece, check_size, read_mesh_pieces, tria
 from mirelight.io.gltf.lights import read_node_lights
 from mirelight.io.gltf.materials import Surface, read_materials
 from mirelight.io.gltf.nodes import Matrix, Node, instance_worlds, place_nodes
-from mirelight.io.surface import filled_normals, flat_shaded
+from mirelight.io.surface import filled_normals, flat_shaded, transformed_normals
 from mirelight.model import F32, I32, Light, Material, ProxyMesh
 
 
@@ -106,21 +106,12 @@ def _moved(piece: Piece, world: Matrix) -> Piece:
     positions = (np.einsum("...ij,...j->...i", linear, piece.positions.astype(np.float64)) + offset).astype(np.float32)
     if not np.all(np.isfinite(positions)):
         raise piece.fields.fail("attributes.POSITION", "positions that are not finite in world space", "scale it down")
-    mirrored = bool(np.median(np.linalg.det(linear)) < 0)
     faces, normals = piece.faces, piece.normals
-    if mirrored:
+    if np.median(np.linalg.det(linear)) < 0:
         faces = np.ascontiguousarray(faces[:, ::-1])
     if normals is not None:
-        turned = np.einsum("...ij,...j->...i", _cofactor(linear), normals.astype(np.float64))
-        length = np.linalg.norm(turned, axis=1, keepdims=True) * (-1 if mirrored else 1)
-        normals = (turned / np.where(length != 0, length, 1)).astype(np.float32)
+        normals = transformed_normals(normals, linear)
     return replace(piece, positions=positions, faces=faces, normals=normals)
-
-
-def _cofactor(linear: Matrix) -> Matrix:
-    """det(M) M^-T of (..., 3, 3), which also exists where M flattens."""
-    a, b, c = linear[..., 0, :], linear[..., 1, :], linear[..., 2, :]
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
 
 
 def _merged(pieces: list[Piece], surfaces: dict[int, Surface]) -> ProxyMesh:

@@ -22,8 +22,9 @@ from mirelight.model import (
 )
 
 ROW = 24  # floats a light: six groups of four, which one packet gather each reads
-ALL_LIGHTS = 12  # up to this many, every light is sampled at every hit; LIGHTS measured it as the break-even
-MAX_LAYERS = 64  # above this many lights they share one layer (a layer's film takes 24 bytes a pixel)
+ALL_LIGHTS = (
+    12  # up to this many, every light is sampled at every hit, so that each layer is as clean as rendered alone
+)
 
 
 class Kind(IntEnum):
@@ -50,7 +51,7 @@ def _row(
     x: tuple[NDArray[np.float64], float] | None = None,
     y: tuple[NDArray[np.float64], float] | None = None,
 ) -> NDArray[np.float64]:
-    """One light: [position, kind | axis, radius | strength, 1 / range | x axis, half width | y axis, half height | cone].
+    """One light: position, kind | axis, radius | strength, 1 / range | x axis, half width | y axis, half height | cone.
 
     `position` is the way to the light for lights at infinity; `cone` is KHR's (lightAngleScale, lightAngleOffset), and
     (0, 1) is no cone; `radius` of a sun is the sine of its angular radius.
@@ -135,6 +136,12 @@ def pack(lights: tuple[Light, ...]) -> F32:
     return np.asarray(rows, dtype=np.float32)
 
 
-def strata(count: int, picks: int) -> NDArray[np.uint32]:
+def strata_of(count: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """How `count` lights are cut into runs, of which one light each is sampled: at the first hit, and at later ones."""
+    few = count <= ALL_LIGHTS
+    return _strata(count, min(count, ALL_LIGHTS)), _strata(count, count if few else 1)
+
+
+def _strata(count: int, picks: int) -> NDArray[np.uint32]:
     """Boundaries that cut `count` lights into `picks` runs of nearly equal length, (picks + 1,)."""
     return np.asarray([count * k // max(picks, 1) for k in range(picks + 1)], dtype=np.uint32)

@@ -10,31 +10,52 @@ import numpy as np
 from mirelight import backend
 from mirelight.lighting import environment as maps
 from mirelight.lighting import lights as table
-from mirelight.model import F32, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings
+from mirelight.lighting.develop import dark, develop, refuse_if_too_large, relative_noise
+from mirelight.lighting.layers import Layers
+from mirelight.lighting.materials import is_emissive
+from mirelight.model import Camera, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.film import Film
+    from mirelight.lighting.kernel.surface import Surface
 
 Progress: TypeAlias = Callable[[int, int], None]
 
 LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
 PASS = 64  # samples a pixel and pass, a power of two
+MOST_SAMPLES = 1 << 16  # where a noise target gives up
+
+
+class Interrupted(KeyboardInterrupt):
+    """The user stopped a trace; `buffer` is what there was, None where some pixel had no sample yet."""
+
+    def __init__(self, buffer: LightingBuffer | None) -> None:
+        self.buffer = buffer
+        super().__init__("interrupted")
 
 
 def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: RenderSettings) -> LightingBuffer:
-    """Light a proxy once; :class:`Tracer` does the same for many frames of one proxy."""
+    """Light a proxy once; :class:`Tracer` does the same for many frames of one proxy.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+        RenderError: the frame's film does not fit in memory.
+    """
     return Tracer(proxy, settings).trace(lighting, camera)
 
 
 class Tracer:
-    """A proxy made ready for tracing. Frames after the first compile nothing new, whatever lights and cameras change."""
+    """A proxy made ready for tracing. Later frames compile nothing, whatever lights, environment and camera do."""
 
     def __init__(self, proxy: ProxyMesh, settings: RenderSettings) -> None:
-        backend.mitsuba(settings.variant, settings.threads)
-        from mirelight.lighting.kernel.surface import Surface
-
         self.settings = settings
-        self._surface = Surface(proxy)
+        self._proxy = proxy
+        self._emissive = is_emissive(proxy)
+        self._surface: Surface | None = None
+        backend.mitsuba(settings.variant, settings.threads)
+        if settings.variant != "scalar_rgb" and len(proxy.faces):
+            from mirelight.lighting.kernel.surface import Surface
+
+            self._surface = Surface(proxy)
 
     def trace(self, lighting: Lighting, camera: Camera, *, progress: Progress | None = None) -> LightingBuffer:
         """Trace one frame.
@@ -42,90 +63,115 @@ class Tracer:
         Args:
             lighting: lights and environment.
             camera: the splat camera; pixels coincide with its own.
-            progress: called with (paths done, paths in all) after every launch.
+            progress: called with (paths done, paths in all) after every launch; under a noise target the second number
+                is a forecast.
+
+        Returns:
+            A layer for each light, the environment, and emission where the proxy glows; their sum is the beauty. More
+            than `layers.MAX_LAYERS` lights share one layer named "lights".
+
+        Raises:
+            Interrupted: Ctrl-C; holds what there was.
+            RenderError: the frame's film does not fit in memory.
         """
+        layers = Layers.of(lighting, emissive=self._emissive)
+        refuse_if_too_large(camera, layers)
+        if not len(self._proxy.faces):
+            return dark(camera, layers, self.settings.spp)
+        if self._surface is None:
+            from mirelight.lighting.scalar import trace_scalar
+
+            return trace_scalar(self._proxy, lighting, camera, self.settings, layers)
+        frame = _Frame(self._surface, lighting, camera, layers, self.settings)
+        try:
+            _sample(frame, self.settings, progress or _ignore)
+        except KeyboardInterrupt:
+            raise Interrupted(frame.develop() if frame.samples.min() else None) from None
+        buffer = frame.develop()
+        if self.settings.denoise:
+            from mirelight.lighting.denoise import denoise
+
+            return denoise(buffer)
+        return buffer
+
+
+def _ignore(done: int, total: int) -> None:
+    """No progress wanted."""
+
+
+def _sample(frame: _Frame, settings: RenderSettings, progress: Progress) -> None:
+    """Passes until the samples asked for are in, then more while the noise is above its target."""
+    finished, wanted = 0, settings.spp
+    while finished < wanted:
+        count = min(PASS, 1 << ((wanted - finished).bit_length() - 1))
+        for done in frame.add_pass(finished, count):
+            progress(done, wanted * len(frame.samples))
+        finished += count
+        if settings.noise is not None and finished >= wanted:
+            wanted = _forecast(finished, relative_noise(frame.develop()), settings.noise)
+
+
+def _forecast(finished: int, noise: float, target: float) -> int:
+    """Samples after which to look again: error falls with their root, and one look at most quadruples them."""
+    if noise <= target or finished >= MOST_SAMPLES:
+        return finished
+    needed = finished * min((noise / target) ** 2, 4.0)
+    return min(max(-(-int(needed) // 16) * 16, finished + 16), MOST_SAMPLES)
+
+
+class _Frame:
+    """One frame on the device, and how many samples each pixel has."""
+
+    def __init__(
+        self, surface: Surface, lighting: Lighting, camera: Camera, layers: Layers, settings: RenderSettings
+    ) -> None:
         import drjit as dr
         import mitsuba as mi
 
         from mirelight.lighting.kernel.film import Film
-        from mirelight.lighting.kernel.paths import Pass, trace_pass
+        from mirelight.lighting.kernel.paths import LightSet
+        from mirelight.lighting.kernel.sky import Sky
         from mirelight.lighting.kernel.view import View
 
-        settings = self.settings
-        lights, sky = _light_set(lighting), _sky(lighting)
-        names = _layer_names(lighting)
-        pixels = camera.width * camera.height
-        film, view = Film(pixels, len(names), len(names) - 1), View(camera)
-        done, total = 0, pixels * settings.spp
-        for first_sample, count in _passes(settings.spp):
-            step = max(LANES // count, 1)
-            for first_pixel in range(0, pixels, step):
-                here = min(step, pixels - first_pixel)
-                job = Pass(
-                    here * count,
-                    dr.opaque(mi.UInt32, first_pixel),
-                    dr.opaque(mi.UInt32, count.bit_length() - 1),
-                    dr.opaque(mi.UInt32, first_sample),
-                    dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF),
-                    dr.opaque(mi.UInt32, settings.max_depth),
-                )
-                trace_pass(self._surface, view, lights, sky, film, job)
-                film.eval()
-                done += here * count
-                if progress is not None:
-                    progress(done, total)
-        return _develop(film, names, camera, settings.spp)
+        self.camera, self.layers = camera, layers
+        self.samples = np.zeros(camera.width * camera.height, np.int64)
+        self._surface, self._view = surface, View(camera)
+        self._film = Film(len(self.samples), layers)
+        self._sky = Sky(maps.prepare(lighting.environment), present=lighting.environment is not None)
+        first, later = table.strata_of(len(lighting.lights))
+        self._lights = LightSet(table.pack(lighting.lights), first, later, layers.of_light)
+        self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
+        self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
 
+    def add_pass(self, first_sample: int, count: int) -> Iterator[int]:
+        """Take `count` (a power of two) more samples of every pixel; yields the paths done so far, launch by launch.
 
-def _passes(spp: int) -> Iterator[tuple[int, int]]:
-    """(first sample, count) of each pass; counts are powers of two, so that a pixel's lanes never straddle threads."""
-    first = 0
-    while first < spp:
-        count = min(PASS, 1 << ((spp - first).bit_length() - 1))
-        yield first, count
-        first += count
+        With a power of two a pixel's lanes never straddle two threads' blocks, so sums are in one order on any machine.
+        """
+        import drjit as dr
+        import mitsuba as mi
 
+        from mirelight.lighting.kernel.paths import Pass, trace_pass
 
-def _layer_names(lighting: Lighting) -> tuple[str, ...]:
-    return lighting.layer_names
+        step = max(LANES // count, 1)
+        for first in range(0, len(self.samples), step):
+            here = min(step, len(self.samples) - first)
+            job = Pass(
+                lanes=here * count,
+                first_pixel=dr.opaque(mi.UInt32, first),
+                log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
+                first_sample=dr.opaque(mi.UInt32, first_sample),
+                seed=self._seed,
+                max_depth=self._max_depth,
+            )
+            trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
+            self._film.eval()
+            self.samples[first : first + here] += count
+            yield int(self.samples.sum())
 
-
-def _light_set(lighting: Lighting) -> object:
-    from mirelight.lighting.kernel.paths import LightSet
-
-    n = len(lighting.lights)
-    first = table.strata(n, min(n, table.ALL_LIGHTS))
-    later = table.strata(n, n if n <= table.ALL_LIGHTS else 1)
-    layers = np.arange(max(n, 2), dtype=np.uint32)
-    return LightSet(table.pack(lighting.lights), first, later, layers)
-
-
-def _sky(lighting: Lighting) -> object:
-    from mirelight.lighting.kernel.sky import Sky
-
-    return Sky(maps.prepare(lighting.environment), present=lighting.environment is not None)
-
-
-def _develop(film: Film, names: tuple[str, ...], camera: Camera, spp: int) -> LightingBuffer:
-    """Sums to means."""
-    h, w = camera.height, camera.width
-    surface = film.surface.numpy().reshape(h, w, -1)
-    hits = surface[..., 0]
-    mean: F32 = surface[..., 1:14] / np.maximum(hits, 1)[..., None]
-    layers = film.layers.numpy().reshape(-1, 2, h, w, 3) / np.float32(spp)
-    made = tuple(LightLayer(name=n, direct=x[0], indirect=x[1]) for n, x in zip(names, layers, strict=False))
-    beauty = sum((x.total for x in made), np.zeros((h, w, 3), np.float32))
-    squares = film.squares.numpy().reshape(h, w, 3) / spp
-    variance = np.maximum(squares - beauty * beauty, 0) / max(spp - 1, 1)
-    return LightingBuffer(
-        camera=camera,
-        coverage=hits / spp,
-        layers=made,
-        depth=mean[..., 0],
-        position=mean[..., 1:4],
-        normal=mean[..., 4:7],
-        geometric_normal=mean[..., 7:10],
-        albedo=mean[..., 10:13],
-        variance=variance,
-        spp=spp,
-    )
+    def develop(self) -> LightingBuffer:
+        """The means so far."""
+        film = self._film
+        return develop(
+            self.camera, self.layers, film.layers.numpy(), film.surface.numpy(), film.squares.numpy(), self.samples
+        )

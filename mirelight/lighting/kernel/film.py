@@ -7,19 +7,19 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from mirelight.lighting.develop import SURFACE
 from mirelight.lighting.kernel.surface import Point
-
-SURFACE = 16  # floats a pixel: coverage, depth | position | shading normal | geometric normal | albedo, 2 unused
+from mirelight.lighting.layers import Layers
 
 
 class Film:
     """Layers (layer, direct and indirect, pixel, rgb), surface sums (pixel, SURFACE) and squares (pixel, rgb), flat."""
 
-    def __init__(self, pixels: int, layers: int, sky_layer: int) -> None:
-        self.count, self.layer_count = pixels, layers
+    def __init__(self, pixels: int, layers: Layers) -> None:
         self.pixels = dr.opaque(mi.UInt32, pixels)
-        self.sky_layer = dr.opaque(mi.UInt32, sky_layer)
-        self.layers = dr.zeros(mi.Float, max(layers, 1) * 2 * pixels * 3)
+        self.sky_layer = dr.opaque(mi.UInt32, layers.environment)
+        self.glow_layer = dr.opaque(mi.UInt32, layers.emission)
+        self.layers = dr.zeros(mi.Float, max(len(layers.names), 1) * 2 * pixels * 3)
         self.surface = dr.zeros(mi.Float, pixels * SURFACE)
         self.squares = dr.zeros(mi.Float, pixels * 3)
         dr.eval(self.layers, self.surface, self.squares)
@@ -34,10 +34,6 @@ class Film:
         """Radiance that one light brings, Vector3f."""
         place = (layer * 2 + dr.select(indirect, mi.UInt32(1), mi.UInt32(0))) * self.pixels + pixel
         dr.scatter_reduce(dr.ReduceOp.Add, self.layers, value, place, active)
-
-    def add_sky(self, pixel: Any, indirect: Any, value: Any, active: Any) -> None:
-        """Radiance that the environment brings, Vector3f."""
-        self.add_light(pixel, self.sky_layer, indirect, value, active)
 
     def add_path(self, pixel: Any, radiance: Any) -> None:
         """A finished path's radiance, squared for the variance."""

@@ -41,7 +41,7 @@ def _punctual(table: Any, row: Any, position: Any, kind: Any, p: Any) -> tuple[A
     wi = to_light * inverse
     distance = dr.select(far, dr.inf, d2 * inverse)
     window = dr.clip(1 - dr.square(dr.square(distance * inverse_range)), 0, 1)
-    angular = dr.square(dr.clip(dr.fma(-dr.dot(axis, wi), -cone.x, cone.y), 0, 1))
+    angular = dr.square(dr.clip(dr.fma(dr.dot(axis, wi), -cone.x, cone.y), 0, 1))
     falloff = dr.select(far, 1, window * angular * dr.square(inverse))
     return wi, distance, strength * falloff
 
@@ -115,7 +115,7 @@ def _area_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any)
     return way, d2 * inverse, dr.select(z0 < 0, radiance * solid, 0)
 
 
-@dr.syntax  # type: ignore[misc]
+@dr.syntax
 def sample(table: Any, row: Any, p: Any, n: Any, u: Any) -> tuple[Any, Any, Any]:
     """One light's unshadowed irradiance at a point.
 

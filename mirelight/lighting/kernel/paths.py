@@ -14,10 +14,11 @@ import mitsuba as mi
 
 from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.film import Film
+from mirelight.lighting.kernel.lights import SHADOW_END
 from mirelight.lighting.kernel.samples import mix, number, pair
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.surface import Surface
-from mirelight.lighting.kernel.view import View
+from mirelight.lighting.kernel.view import View, bounded_ray
 
 ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
 
@@ -44,7 +45,7 @@ class Pass(NamedTuple):
     max_depth: Any  # UInt32
 
 
-@dr.syntax  # type: ignore[misc]
+@dr.syntax
 def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: Film, job: Pass) -> None:
     """Trace one pass and add it to the film."""
     lane = dr.arange(mi.UInt32, job.lanes)
@@ -62,6 +63,7 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
     depth = mi.UInt32(0)
     throughput = mi.Vector3f(1)  # β, the albedo of every hit so far
     radiance = mi.Vector3f(0)  # L, all that this path brings to the pixel
+    distance, reflected = mi.Float(0), mi.Float(0)  # of the ray that came here: length and density
     sky_on, sky_sampled, max_depth = sky.present, sky.sampled, job.max_depth
 
     while active:
@@ -69,6 +71,15 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
         at = surface.at(face, uv, d, active)
         weight = throughput * at.albedo * dr.inv_pi
         indirect = depth > 0
+
+        # what glows here, seen directly or met by the reflected ray
+        if dr.hint(surface.emissive, mode="scalar"):
+            drawn = surface.glow_pdf(face, distance, abs(dr.dot(at.geometric_normal, d)), active)
+            share = dr.select(indirect & (drawn > 0), reflected / (reflected + drawn), 1)
+            value = dr.select(active, throughput * at.emission * share, 0)
+            film.add_light(pixel, film.glow_layer, depth > 1, value, active)
+            radiance += value
+            active &= depth < max_depth
 
         # the lights of the table
         picks = dr.select(indirect, lights.later_picks, lights.first_picks)
@@ -78,23 +89,21 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
             light = dr.gather(mi.UInt32, lights.strata, boundary + pick, active)
             end = dr.gather(mi.UInt32, lights.strata, boundary + pick + 1, active)
             chosen, chosen_weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
-            wi, distance, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
+            wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
             while light < end:  # a weighted reservoir of one over the stratum
                 own = mix(salt, light + 16)
-                w_wi, w_distance, w_irradiance = punctual.sample(
-                    lights.table, light, at.p, at.normal, pair(sample, own)
-                )
+                w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, pair(sample, own))
                 w = dr.mean(w_irradiance)
                 total += w
                 take = number(sample, own) * total < w
                 chosen = dr.select(take, light, chosen)
                 chosen_weight = dr.select(take, w, chosen_weight)
                 wi = dr.select(take, w_wi, wi)
-                distance = dr.select(take, w_distance, distance)
+                length = dr.select(take, w_length, length)
                 irradiance = dr.select(take, w_irradiance, irradiance)
                 light += 1
             lit = active & (chosen_weight > 0)
-            lit &= ~surface.blocked(mi.Ray3f(at.start, wi, distance, mi.Float(0), mi.Color0f()), lit)
+            lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit)
             value = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
             layer = dr.gather(mi.UInt32, lights.layer_of_light, chosen, lit)
             film.add_light(pixel, layer, indirect, value, lit)
@@ -105,16 +114,27 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
         sky_d, sky_pdf = sky.sample(number(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), active & sky_sampled)
         cosine = dr.dot(sky_d, at.normal)
         lit = active & sky_sampled & (cosine > 0) & (sky_pdf > 0)
-        lit &= ~surface.blocked(mi.Ray3f(at.start, sky_d, mi.Float(dr.inf), mi.Float(0), mi.Color0f()), lit)
+        lit &= ~surface.blocked(bounded_ray(at.start, sky_d, mi.Float(dr.inf)), lit)
         density = sky_pdf + cosine * dr.inv_pi  # balance heuristic: both ways' densities
         value = dr.select(lit, weight * sky.radiance(sky_d, lit) * (cosine / density), 0)
-        film.add_sky(pixel, indirect, value, lit)
+        film.add_light(pixel, film.sky_layer, indirect, value, lit)
         radiance += value
+
+        # what glows elsewhere, sampled by its power
+        if dr.hint(surface.emissive, mode="scalar"):
+            choice, inside = number(sample, mix(salt, 5)), pair(sample, mix(salt, 6))
+            glow_d, length, drawn, glow = surface.sample_glow(at.p, choice, inside, active)
+            cosine = dr.dot(glow_d, at.normal)
+            lit = active & (cosine > 0) & (drawn > 0)
+            lit &= ~surface.blocked(bounded_ray(at.start, glow_d, length * SHADOW_END), lit)
+            value = dr.select(lit, weight * glow * (cosine / (drawn + cosine * dr.inv_pi)), 0)
+            film.add_light(pixel, film.glow_layer, indirect, value, lit)
+            radiance += value
 
         # the reflected ray
         depth += 1
         throughput *= at.albedo
-        go_on = active & ((depth < max_depth) | sky_on) & (dr.max(throughput) > 0)
+        go_on = active & ((depth < max_depth) | sky_on | surface.emissive) & (dr.max(throughput) > 0)
         survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
         go_on &= number(sample, mix(salt, 4)) < survival
         throughput = throughput / survival
@@ -128,10 +148,10 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
         mapped = sky.pdf(d, escaped)
         share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
         value = dr.select(escaped, throughput * sky.radiance(d, escaped) * share, 0)
-        film.add_sky(pixel, indirect, value, escaped)
+        film.add_light(pixel, film.sky_layer, depth > 1, value, escaped)
         radiance += value
 
-        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
-        active = hit & (depth < max_depth)
+        face, uv, distance = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), mi.Float(found.t)
+        active = hit & ((depth < max_depth) | surface.emissive)
 
     film.add_path(pixel, radiance)

@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mirelight.lighting.materials import Atlas, pack_materials
+from mirelight.lighting.materials import Atlas, is_emissive, pack_glow, pack_materials
 from mirelight.model import ProxyMesh
 
 # A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
@@ -28,7 +28,7 @@ class Point(NamedTuple):
 
 
 class Surface:
-    """The mesh in device memory and Mitsuba's scene over it. What kinds of data it has is compiled in, values are not."""
+    """The mesh in device memory and Mitsuba's scene over it. The kinds of data it has are compiled in, not values."""
 
     def __init__(self, proxy: ProxyMesh) -> None:
         self.scene = _scene(proxy)
@@ -38,12 +38,16 @@ class Surface:
         from_file = proxy.albedo is None
         self.colors = _vectors(proxy.vertex_colors) if from_file and proxy.vertex_colors is not None else None
         self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in _constant_albedo(proxy)))
-        self.emissive = any(bool(np.any(m.emissive > 0)) for m in proxy.materials)
+        self.emissive = is_emissive(proxy)
         self.atlas: Atlas | None = None
         if (from_file and _needs_materials(proxy)) or self.emissive:
             self.atlas = pack_materials(proxy)
             self.materials = mi.Float(self.atlas.rows.ravel())
             self.material_of_face = mi.UInt32(self.atlas.of_face)
+        if self.emissive:
+            glow = pack_glow(proxy)
+            self.glow_slots, self.glow_density = mi.UInt32(glow.slots), mi.Float(glow.density)
+            self.glow_count = dr.opaque(mi.UInt32, len(glow.slots))
         self.colored = from_file and self.atlas is not None
         self.textured = self.colored and self.atlas is not None and self.atlas.texels is not None
         if self.textured and self.atlas is not None and proxy.uvs is not None:
@@ -77,6 +81,26 @@ class Surface:
         start = lifted + ng * (OFFSET * reach)
         albedo, emission = self._material(face, i, b, active)
         return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission)
+
+    def glow_pdf(self, face: Any, distance: Any, cosine: Any, active: Any) -> Any:
+        """Density per solid angle of `sample_glow` at a point that far away on a face that slanted."""
+        density = dr.gather(mi.Float, self.glow_density, face, active)
+        return dr.select(cosine > 1e-6, density * dr.square(distance) / cosine, 0)
+
+    def sample_glow(self, p: Any, choice: Any, inside: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+        """A point on an emissive face: (way to it, distance, density per solid angle, its radiance)."""
+        slot = dr.minimum(mi.UInt32(choice * mi.Float(self.glow_count)), self.glow_count - 1)
+        face = dr.gather(mi.UInt32, self.glow_slots, slot, active)
+        i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
+        v = [self._vector(self.vertices, k, active) for k in i]
+        b = mi.warp.square_to_uniform_triangle(inside)
+        e1, e2 = v[1] - v[0], v[2] - v[0]
+        way = v[0] + e1 * b.x + e2 * b.y - mi.Vector3f(p)
+        distance = dr.norm(way)
+        way = way / distance
+        pdf = self.glow_pdf(face, distance, abs(dr.dot(dr.normalize(dr.cross(e1, e2)), way)), active)
+        material = dr.gather(mi.UInt32, self.material_of_face, face, active)
+        return way, distance, pdf, self._vector(self.materials, material * 3 + 1, active)
 
     def _vector(self, buffer: Any, index: Any, active: Any) -> Any:
         q = dr.gather(mi.Vector4f, buffer, index, active)

@@ -10,6 +10,12 @@ import mitsuba as mi
 from mirelight.model import Camera
 
 
+def bounded_ray(origin: Any, d: Any, length: Any) -> Any:
+    """Mitsuba's Ray3f that ends after `length` times d."""
+    make: Any = mi.Ray3f
+    return make(origin, d, length, mi.Float(0), mi.Color0f())
+
+
 class View:
     """A camera in device memory. A ray starts on the near plane, so `near` + its length is the depth along the axis."""
 
@@ -34,7 +40,7 @@ class View:
         spread = dr.select(slope > 0, self.near, 1)
         d = (self.right * x + self.up * y) * slope - self.back
         o = self.eye + (self.right * x + self.up * y) * spread - self.back * self.near
-        return mi.Ray3f(mi.Point3f(o), d, self.reach, mi.Float(0), mi.Color0f())
+        return bounded_ray(mi.Point3f(o), d, self.reach)
 
     def depth(self, p: Any) -> Any:
         """Distance of a point along the view axis."""

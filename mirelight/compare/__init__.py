@@ -1,0 +1,105 @@
+"""`mirelight compare`: pairs of pictures scored, and a report that a person understands. See docs/compare.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mirelight.compare.evaluate import evaluate
+from mirelight.compare.pictures import find_pairs
+from mirelight.compare.report import Report
+from mirelight.compare.requirements import Requirement, parse_requirement, unmet
+from mirelight.compare.tables import write_csv, write_json
+from mirelight.compare.types import CompareSettings, Comparison, Maps, Pair, Scores
+
+__all__ = [
+    "CompareSettings",
+    "Comparison",
+    "Maps",
+    "Outcome",
+    "Pair",
+    "Report",
+    "Requirement",
+    "Scores",
+    "compare",
+    "evaluate",
+    "find_pairs",
+    "parse_requirement",
+    "summary",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Every pair's figures, worst first, and the requirements that were not met, a line each."""
+
+    results: tuple[Comparison, ...]
+    failures: tuple[str, ...]
+
+
+def compare(
+    pairs: Sequence[Pair],
+    settings: CompareSettings = CompareSettings(),  # noqa: B008 - frozen
+    *,
+    requirements: Sequence[Requirement] = (),
+    html: Path | None = None,
+    json: Path | None = None,
+    csv: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Outcome:
+    """Score pairs and write what is asked for.
+
+    Args:
+        pairs: from :func:`find_pairs`.
+        settings: how pictures are shown and scored.
+        requirements: bounds that every pair must hold.
+        html: a report in one file.
+        json: all figures.
+        csv: all figures, one line per pair and region.
+        progress: is told (done, total) pairs.
+
+    Raises:
+        InputError: a picture that cannot be read, or two of different sizes.
+        OutputError: a file that cannot be written.
+        MirelightError: a package of the extra `compare` is missing.
+    """
+    report = Report(settings) if html is not None else None
+    results: list[Comparison] = []
+    for done, pair in enumerate(pairs):
+        if progress is not None:
+            progress(done, len(pairs))
+        result, maps = evaluate(pair, settings)
+        results.append(result)
+        if report is not None:
+            report.add(result, maps)
+    if progress is not None:
+        progress(len(pairs), len(pairs))
+
+    worst_first = tuple(sorted(results, key=lambda r: (-r.overall.flip, r.overall.psnr)))
+    failures = unmet(worst_first, requirements)
+    if report is not None and html is not None:
+        report.write(html, failures)
+    if json is not None:
+        write_json(json, worst_first, settings, failures)
+    if csv is not None:
+        write_csv(csv, worst_first)
+    return Outcome(results=worst_first, failures=failures)
+
+
+def summary(outcome: Outcome) -> str:
+    """A table in plain text, worst pair first, and the failures below."""
+    rows = [("pair", "FLIP", "PSNR", "SSIM", "dE mean", "dE p99", "relMSE", "gain", "verdict")]
+    for result in outcome.results:
+        s = result.overall
+        relative = "-" if s.rel_mse is None else f"{s.rel_mse:.3g}"
+        figures = (f"{s.flip:.4f}", f"{s.psnr:.2f}", f"{s.ssim:.4f}", f"{s.delta_e:.2f}", f"{s.delta_e_p99:.2f}")
+        rows.append((result.name, *figures, relative, f"{result.gain:.3g}", s.verdict))
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = [
+        "  ".join(
+            cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+    return "\n".join([*lines, *outcome.failures])

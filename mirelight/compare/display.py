@@ -1,0 +1,106 @@
+"""Both sides as display values, by one exposure, tone curve and transfer curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mirelight import colour
+from mirelight.compare.pictures import shows_engine_colours
+from mirelight.compare.types import CompareSettings, Picture
+from mirelight.model import F32
+
+_GAIN_STOPS = 6.0  # a fitted gain lies within this many stops of 1
+_GAIN_SAMPLES = 1 << 16  # pixels that the fit looks at
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """How linear light is shown in one comparison."""
+
+    settings: CompareSettings
+    engine_curve: bool  # 2.2 power instead of sRGB
+    eight_bit: bool  # one side has 8 bits, so both are rounded to them
+
+    @staticmethod
+    def of(reference: Picture, test: Picture, settings: CompareSettings) -> Display:
+        """The display that suits a pair."""
+        engine = settings.transfer == "power"
+        if settings.transfer == "auto":
+            engine = shows_engine_colours(reference) or shows_engine_colours(test)
+        return Display(settings, engine, not (reference.linear and test.linear))
+
+    def show(self, picture: Picture, gain: float = 1.0) -> F32:
+        """(H, W, 3) display values 0..1 over the background; `gain` multiplies the picture's light."""
+        return self.show_light(picture.rgb, picture.alpha, picture.linear, gain)
+
+    def show_light(self, rgb: F32, alpha: F32, linear: bool, gain: float = 1.0) -> F32:
+        """As :meth:`show`, for premultiplied (..., 3) and (...,)."""
+        a = alpha[..., None]
+        own = np.divide(rgb, a, out=np.zeros_like(rgb), where=a > 0)
+        if linear:
+            own = self._encode(
+                colour.tone_map(own * np.float32(gain * 2.0**self.settings.exposure), self.settings.tone)
+            )
+        elif gain != 1:
+            own = self._encode(self._decode(own) * np.float32(gain))
+        over = own * a + np.asarray(self.settings.background, dtype=np.float32) * (1 - a)
+        shown = np.clip(over, 0, 1)
+        if self.eight_bit:
+            shown = np.rint(shown * np.float32(255)) / np.float32(255)
+        return np.asarray(shown, dtype=np.float32)
+
+    def noise(self, picture: Picture, shown: F32, gain: float = 1.0) -> F32 | None:
+        """(H, W, 3) standard deviation of the display values, from that of the picture's light.
+
+        One standard deviation is added to the light and shown; rounding to 8 bits adds its own variance.
+        """
+        if picture.noise is None:
+            return None
+        finer = Display(self.settings, self.engine_curve, eight_bit=False)
+        up = finer.show_light(picture.rgb + picture.noise, picture.alpha, True, gain)
+        down = finer.show_light(np.maximum(picture.rgb - picture.noise, 0), picture.alpha, True, gain)
+        deviation = (up - down) / 2
+        rounding = (1 / 255**2 / 12) if self.eight_bit else 0.0
+        return np.asarray(np.sqrt(deviation**2 + np.float32(rounding)), dtype=np.float32)
+
+    def fit_gain(self, reference: Picture, test: Picture) -> float:
+        """The factor on the reference's light whose picture comes nearest to the test's, in squared display error."""
+        count = reference.alpha.size
+        step = max(1, count // _GAIN_SAMPLES)
+        rgb, alpha = reference.rgb.reshape(-1, 3)[::step], reference.alpha.reshape(-1)[::step]
+        finer = Display(self.settings, self.engine_curve, eight_bit=False)
+        target = finer.show_light(test.rgb.reshape(-1, 3)[::step], test.alpha.reshape(-1)[::step], test.linear)
+
+        def error(stops: float) -> float:
+            return float(np.mean((finer.show_light(rgb, alpha, reference.linear, 2.0**stops) - target) ** 2))
+
+        coarse = np.linspace(-_GAIN_STOPS, _GAIN_STOPS, 49)
+        best = coarse[int(np.argmin([error(s) for s in coarse]))]
+        spread = coarse[1] - coarse[0]
+        return float(2.0 ** _golden_section(error, best - spread, best + spread))
+
+    def _encode(self, linear: F32) -> F32:
+        return colour.encode(linear, "playcanvas" if self.engine_curve else "physical")
+
+    def _decode(self, encoded: F32) -> F32:
+        return colour.decode(encoded, "playcanvas" if self.engine_curve else "physical")
+
+
+def _golden_section(error: Callable[[float], float], low: float, high: float) -> float:
+    """The place of the smallest value between two bounds, to a thousandth."""
+    ratio = (5**0.5 - 1) / 2
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    at_a, at_b = error(a), error(b)
+    while high - low > 1e-3:
+        if at_a < at_b:
+            high, b, at_b = b, a, at_a
+            a = high - ratio * (high - low)
+            at_a = error(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + ratio * (high - low)
+            at_b = error(b)
+    return (low + high) / 2

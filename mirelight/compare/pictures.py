@@ -1,0 +1,208 @@
+"""Finding pairs and reading them: linear EXR, and 8-bit PNG, JPEG or WebP."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mirelight.compare.types import Bool, Pair, Picture
+from mirelight.errors import InputError
+from mirelight.io.exr import read_exr
+from mirelight.io.image import PROVENANCE
+from mirelight.model import F32
+
+_LINEAR = (".exr",)
+_DISPLAY = (".png", ".jpg", ".jpeg", ".webp")
+_MAX_PIXELS = 1 << 27
+_MAX_META = 1 << 20  # bytes of a meta.json that is read
+_BRIGHTEST = 1e9  # stands for infinite light
+_DARK = 1e-3  # share of the mean light below which a pixel's relative noise is not trusted
+
+
+def find_pairs(references: Sequence[Path], tests: Sequence[Path], mask: Path | None = None) -> list[Pair]:
+    """Pairs of files: given one by one, or as folders whose files are matched by stem (an EXR goes before a PNG).
+
+    Args:
+        references: files or folders.
+        tests: as many, in the same order; where a reference is a folder, so is its test.
+        mask: a picture for all pairs, or a folder with a picture for each by stem.
+
+    Raises:
+        InputError: counts differ, a path is missing, or a frame of a reference folder has no partner.
+    """
+    if len(references) != len(tests):
+        found = f"{len(references)} references and {len(tests)} tests"
+        raise InputError("compare", found, "give as many of one as of the other")
+    pairs: list[Pair] = []
+    for reference, test in zip(references, tests, strict=True):
+        if reference.is_dir() != test.is_dir():
+            raise InputError(test, "one side is a folder, the other is not", "give two files or two folders")
+        for a, b in _in_folders(reference, test) if reference.is_dir() else [(reference, test)]:
+            pairs.append(Pair(name=a.stem, reference=_existing(a), test=_existing(b), mask=_mask_of(a.stem, mask)))
+    return _named_apart(pairs)
+
+
+def _in_folders(reference: Path, test: Path) -> list[tuple[Path, Path]]:
+    wanted, offered = _by_stem(reference), _by_stem(test)
+    if not wanted:
+        raise InputError(reference, "no EXR, PNG, JPEG or WebP file in this folder")
+    missing = [stem for stem in wanted if stem not in offered]
+    if missing:
+        named = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
+        raise InputError(test, f"no partner for {named}", "files are matched by their name without extension")
+    return [(file, offered[stem]) for stem, file in wanted.items()]
+
+
+def _by_stem(folder: Path) -> dict[str, Path]:
+    order = {suffix: k for k, suffix in enumerate(_LINEAR + _DISPLAY)}
+    files = [f for f in sorted(folder.iterdir()) if f.suffix.lower() in order and not f.name.startswith(".")]
+    found: dict[str, Path] = {}
+    for file in sorted(files, key=lambda f: order[f.suffix.lower()]):
+        found.setdefault(file.stem, file)
+    return dict(sorted(found.items()))
+
+
+def _mask_of(stem: str, mask: Path | None) -> Path | None:
+    if mask is None or not mask.is_dir():
+        return mask
+    masks = _by_stem(mask)
+    if stem not in masks:
+        raise InputError(mask, f"no mask for {stem}", "name masks as the frames")
+    return masks[stem]
+
+
+def _named_apart(pairs: list[Pair]) -> list[Pair]:
+    """Pairs of the same stem from several folders get their folder's name in front."""
+    stems = [p.name for p in pairs]
+    return [
+        Pair(name=f"{p.reference.parent.name}/{p.name}", reference=p.reference, test=p.test, mask=p.mask)
+        if stems.count(p.name) > 1
+        else p
+        for p in pairs
+    ]
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        raise InputError(path, "no such file", "check the path")
+    return path
+
+
+# --- reading ---------------------------------------------------------------------------------------------------------
+
+
+def read_picture(path: Path, *, premultiplied: bool = False) -> Picture:
+    """A picture with what its file says about it.
+
+    Args:
+        path: EXR (linear light, premultiplied) or PNG, JPEG, WebP (display values).
+        premultiplied: an 8-bit file's colour is already multiplied by its alpha.
+
+    Raises:
+        InputError: not such a picture, damaged, or larger than 134 million pixels.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _LINEAR:
+        return _read_exr(_existing(path))
+    if suffix in _DISPLAY:
+        return _read_display(_existing(path), premultiplied)
+    raise InputError(path, f"a file of type {suffix or 'unknown'}", "give EXR, PNG, JPEG or WebP")
+
+
+def read_mask(path: Path, size: tuple[int, int]) -> Bool:
+    """(H, W) True where the picture is brighter than mid-gray.
+
+    Raises:
+        InputError: unreadable, or of another size.
+    """
+    picture = read_picture(path)
+    if picture.size != size:
+        found = f"a mask of {picture.size[1]} x {picture.size[0]} pixels for a picture of {size[1]} x {size[0]}"
+        raise InputError(path, found, "give one of the same size")
+    return np.asarray(picture.rgb.mean(axis=-1) > 0.5)
+
+
+def _read_display(path: Path, premultiplied: bool) -> Picture:
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path, formats=("PNG", "JPEG", "WEBP")) as image:
+                if image.width * image.height > _MAX_PIXELS:
+                    raise InputError(path, f"{image.width} x {image.height} pixels", "scale it down")
+                texts = {str(k): v for k, v in image.info.items() if isinstance(v, str)}
+                pixels = np.asarray(image.convert("RGBA"), dtype=np.float32) / np.float32(255)
+    except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as e:
+        raise InputError(path, f"a picture that cannot be decoded ({type(e).__name__})", "give a sound file") from None
+    rgb, alpha = pixels[..., :3], pixels[..., 3]
+    if not premultiplied:
+        rgb = rgb * alpha[..., None]
+    return Picture(file=path, rgb=rgb, linear=False, alpha=alpha, settings=_provenance(texts) or _beside(path))
+
+
+def _read_exr(path: Path) -> Picture:
+    image = read_exr(path)
+    layers = {name: image.layer(name) for name in ("", "lighting", "depth", "variance") if name in image.layers}
+    main = layers.get("")
+    if main is None or not {"R", "G", "B"} <= set(image.channels):
+        raise InputError(path, "an EXR without channels R, G and B", "give a picture")
+    rgb = np.ascontiguousarray(main[..., :3])
+    alpha = main[..., 3] if "A" in image.channels else np.ones(rgb.shape[:2], dtype=np.float32)
+    lighting, variance = layers.get("lighting"), layers.get("variance")
+    noise = None if lighting is None or variance is None else _noise(rgb, lighting[..., :3], variance)
+    return Picture(
+        file=path,
+        rgb=np.nan_to_num(rgb, nan=0.0, posinf=_BRIGHTEST, neginf=0.0),
+        linear=True,
+        alpha=alpha,
+        coverage=lighting[..., 3] if lighting is not None and "lighting.A" in image.channels else None,
+        depth=layers["depth"][..., 0] if "depth" in layers else None,
+        noise=noise,
+        settings=_provenance({k: v for k, v in image.metadata.items() if isinstance(v, str)}),
+    )
+
+
+def _noise(rgb: F32, lit: F32, variance: F32) -> F32:
+    """Standard deviation of the relit colour: it is proportional to the lit proxy, so both have the same relative one.
+
+    Exact for a full tint and for a ratio whose captured light is clean; an upper bound where `blend` is below 1.
+    """
+    level = np.maximum(lit, max(float(lit.mean()) * _DARK, 1e-12))
+    return np.asarray(np.abs(rgb) * np.sqrt(np.maximum(variance, 0)) / level, dtype=np.float32)
+
+
+# --- what a file says about itself -----------------------------------------------------------------------------------
+
+
+def _provenance(texts: Mapping[str, str]) -> dict[str, Any]:
+    """The provenance that mirelight writes into EXR and PNG; empty for other files."""
+    try:
+        found = json.loads(texts.get(PROVENANCE, ""))
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _beside(path: Path) -> dict[str, Any]:
+    """The settings of a real-time frame: a `meta.json` in its folder that names the engine."""
+    meta = path.with_name("meta.json")
+    try:
+        if meta.is_file() and meta.stat().st_size <= _MAX_META:
+            found = json.loads(meta.read_text(encoding="utf-8"))
+            return found if isinstance(found, dict) and "engine" in found else {}
+    except (OSError, ValueError):
+        pass
+    return {}
+
+
+def shows_engine_colours(picture: Picture) -> bool:
+    """True where the picture says that it follows the real-time engine, whose display curve is a 2.2 power."""
+    settings = picture.settings
+    compositor = settings.get("settings", {}).get("compositor", {})
+    return "engine" in settings or (isinstance(compositor, dict) and compositor.get("profile") == "playcanvas")

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.order import counting_permutation
-from mirelight.compositor.project import HALF_HEIGHT, REACH, RECORD, S11, S12, S22, SLACK, TURN, X, Y
+from mirelight.compositor.project import HALF_HEIGHT, REACH, RECORD, S11, S12, S22, SLACK, TURN, VALUE_ROW, X, Y
+from mirelight.model import F32
+
+ITEM_BYTES = 24  # per splat and tile row while binning
+PAIR_BYTES = 32  # per splat and tile while sorting
+MOST_TILES = 1 << 18  # of a band: the sort's histogram has one counter a tile and should stay in the cache
+MOST_ELEMENTS = 1 << 30  # indices have 32 bits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,6 +24,11 @@ class Band:
     columns: int  # tiles across the image
     rows: int  # tile rows in the band
     first_row: int  # of the band, in tiles
+
+    @property
+    def tiles(self) -> int:
+        """Their number."""
+        return self.columns * self.rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +41,22 @@ class TileLists:
     pairs: int
 
 
+@dataclass(frozen=True, slots=True)
+class TooLarge:
+    """A band whose lists would take more than they may."""
+
+    needed: int  # bytes; at least
+
+
+def split(band: Band) -> tuple[Band, Band]:
+    """Upper and lower half."""
+    upper = band.rows // 2
+    return (
+        Band(band.columns, upper, band.first_row),
+        Band(band.columns, band.rows - upper, band.first_row + upper),
+    )
+
+
 def sorted_records(device: Device, records: Array, order: Array) -> Array:
     """Records copied into depth order, so that everything after reads near memory."""
     dr, types = device.dr, device.types
@@ -35,6 +64,18 @@ def sorted_records(device: Device, records: Array, order: Array) -> Array:
     out = dr.empty(types.Float, n * RECORD)
     row = dr.gather(types.ArrayXf, records, order, shape=(RECORD, n))
     dr.scatter(out, row, dr.arange(types.UInt32, n))
+    dr.eval(out)
+    return out
+
+
+def sorted_values(device: Device, values: F32, order: Array) -> Array:
+    """Rows of other per-splat values (N, C) in depth order, padded to VALUE_ROW floats."""
+    dr, types = device.dr, device.types
+    padded = np.zeros((len(values), VALUE_ROW), dtype=np.float32)
+    padded[:, : values.shape[1]] = values
+    rows = dr.gather(types.ArrayXf, device.floats(padded), order, shape=(VALUE_ROW, len(order)))
+    out = dr.empty(types.Float, len(order) * VALUE_ROW)
+    dr.scatter(out, rows, dr.arange(types.UInt32, len(order)))
     dr.eval(out)
     return out
 
@@ -53,25 +94,26 @@ def _range(device: Device, low: Array, high: Array, cells: Array, size: int) -> 
     return begin, dr.select(empty, 0, until - begin + 1)
 
 
-def _expand(device: Device, counts: Array) -> tuple[Array, Array, int]:
-    """(offsets, owner of each element, their number) for owners that have `counts` elements each."""
+def _total(device: Device, counts: Array) -> int:
+    """Their sum, which may not fit into 32 bits."""
+    return int(device.dr.sum(device.types.UInt64(counts))[0])
+
+
+def _expand(device: Device, counts: Array, total: int) -> tuple[Array, Array]:
+    """First element of each owner, and owner of each element, where owners have `counts` elements, `total` in all."""
     dr, UInt32 = device.dr, device.types.UInt32
     offsets = dr.prefix_sum(counts)
-    dr.eval(offsets)
-    total = int(offsets[len(counts) - 1]) + int(counts[len(counts) - 1])
-    if total == 0:
-        return offsets, dr.zeros(UInt32, 0), 0
     owners = dr.zeros(UInt32, total)
     dr.scatter(owners, dr.arange(UInt32, len(counts)), offsets, counts > 0)
-    return offsets, dr.prefix_reduce(dr.ReduceOp.Max, owners, exclusive=False), total
+    return offsets, dr.prefix_reduce(dr.ReduceOp.Max, owners, exclusive=False)
 
 
-def tile_lists(device: Device, records: Array, band: Band) -> TileLists:
-    """Bin depth-sorted records into the tiles of a band."""
+def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileLists | TooLarge:
+    """Bin depth-sorted records into the tiles of a band, or say that `memory` bytes do not suffice."""
     dr, types = device.dr, device.types
     Float, UInt32, ArrayXf = types.Float, types.UInt32, types.ArrayXf
     n = len(records) // RECORD
-    tiles = band.columns * band.rows
+    tiles = band.tiles
     columns, rows = dr.opaque(UInt32, band.columns), dr.opaque(UInt32, band.rows)
     top = dr.opaque(Float, band.first_row * device.tile_height)
 
@@ -79,10 +121,12 @@ def tile_lists(device: Device, records: Array, band: Band) -> TileLists:
     y = splat[Y] - top
     first, count = _range(device, y - splat[HALF_HEIGHT], y + splat[HALF_HEIGHT], rows, device.tile_height)
     dr.eval(first, count)
-    offsets, rank, items = _expand(device, count)
+    items = _total(device, count)
     if items == 0:
-        none = dr.zeros(UInt32, tiles)
-        return TileLists(dr.zeros(UInt32, 1), none, dr.zeros(UInt32, tiles), 0)
+        return _no_lists(device, tiles)
+    if items * ITEM_BYTES > memory or items > MOST_ELEMENTS:
+        return TooLarge(items * ITEM_BYTES)
+    offsets, rank = _expand(device, count, items)
 
     # The ellipse's widest points within a strip of pixel centres: at its extreme rows, or at the strip's border
     splat = dr.gather(ArrayXf, records, rank, shape=(RECORD, items))
@@ -101,10 +145,13 @@ def tile_lists(device: Device, records: Array, band: Band) -> TileLists:
     column, width = _range(device, edge(-1), edge(+1), columns, device.tile_width)
     tile = row * columns + column
     dr.eval(tile, width)
-    offsets, item, pairs = _expand(device, width)
+    pairs = _total(device, width)
     if pairs == 0:
-        none = dr.zeros(UInt32, tiles)
-        return TileLists(dr.zeros(UInt32, 1), none, dr.zeros(UInt32, tiles), 0)
+        return _no_lists(device, tiles)
+    needed = items * ITEM_BYTES + pairs * PAIR_BYTES
+    if needed > memory or pairs > MOST_ELEMENTS:
+        return TooLarge(needed)
+    offsets, item = _expand(device, width, pairs)
     tile = dr.gather(UInt32, tile - offsets, item) + dr.arange(UInt32, pairs)
     rank = dr.gather(UInt32, rank, item)
     dr.eval(tile, rank)
@@ -118,6 +165,12 @@ def tile_lists(device: Device, records: Array, band: Band) -> TileLists:
     start, end = dr.gather(UInt32, bound, wanted), dr.gather(UInt32, bound, wanted + 1)
     dr.eval(start, end)
     return TileLists(ranks, start, end, pairs)
+
+
+def _no_lists(device: Device, tiles: int) -> TileLists:
+    """Lists of a band that no splat meets."""
+    dr, UInt32 = device.dr, device.types.UInt32
+    return TileLists(dr.zeros(UInt32, 1), dr.zeros(UInt32, tiles), dr.zeros(UInt32, tiles), 0)
 
 
 def _lower_bounds(device: Device, ascending: Array, count: int) -> Array:

@@ -9,8 +9,9 @@ import numpy as np
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.kernel import SplatKernel
-from mirelight.compositor.project import BLUE, DEPTH, OFFSET, REACH, RECORD, RED, S11, S12, S22, SCALE, X, Y
-from mirelight.compositor.queue import for_each_tile
+from mirelight.compositor.project import BLUE, DEPTH, OFFSET, REACH, RECORD, RED, S11, S12, S22, SCALE, VALUE_ROW, X, Y
+from mirelight.compositor.queue import PixelProgram, Pixels, for_each_tile
+from mirelight.compositor.resolve import Frame
 
 NEARLY_OPAQUE = 2.0**-20  # profiles without a stop of their own end a pixel here: what lies behind adds less than 1e-6
 _ROUNDER = 1.5 * 2**23  # adding it leaves a float's nearest integer in its low bits
@@ -23,39 +24,6 @@ def _exp2_coefficients(degree: int) -> list[float]:
 
 
 EXP2 = _exp2_coefficients(5)  # relative error 2e-7 (degree 4: 4e-6)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
-    """The images a frame's bands are blended into: whole tiles, so the last rows and columns may lie outside."""
-
-    width: int  # px, a multiple of the tile's
-    height: int  # px, a multiple of the tile's
-    color: Array  # (height * width * 3,)
-    transmittance: Array  # (height * width,)
-    depth: Array | None  # (height * width,) sum of weight times depth
-    median: Array | None  # (height * width,)
-    values: Array | None  # (height * width * channels,) of other per-splat values
-    channels: int = 0
-
-
-def new_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Frame:
-    """Undefined images for all rows of `band`; every tile is written exactly once."""
-    width, height = band.columns * device.tile_width, band.rows * device.tile_height
-
-    def image(depth_of_pixel: int) -> Array:
-        return device.dr.empty(device.types.Float, width * height * depth_of_pixel)
-
-    return Frame(
-        width=width,
-        height=height,
-        color=image(3),
-        transmittance=image(1),
-        depth=image(1) if depth else None,
-        median=image(1) if depth else None,
-        values=image(channels) if channels else None,
-        channels=channels,
-    )
 
 
 def _exp2(device: Device, x: Array) -> Array:
@@ -75,8 +43,8 @@ class Splat:
     """One splat per lane, as the blend reads it."""
 
     shape: list[Array]  # x, y, s11, s12, s22, reach
-    scale: Array | None
-    offset: Array | None
+    scale: Array  # used where the kernel is truncated
+    offset: Array
     values: list[Array]  # what is accumulated: colour, other values, depth
     depth: Array | None
 
@@ -88,7 +56,7 @@ class Source:
     device: Device
     kernel: SplatKernel
     records: Array  # (n * RECORD,)
-    values: Array | None  # (n * channels,) other values
+    values: Array | None  # (n * VALUE_ROW,) other values
     channels: int
     depth: bool  # whether depths are blended
 
@@ -98,14 +66,14 @@ class Source:
         row = dr.gather(types.ArrayXf, self.records, rank, ok, shape=(RECORD, lanes))
         values = [row[s] for s in range(RED, BLUE + 1)]
         if self.values is not None:
-            more = dr.gather(types.ArrayXf, self.values, rank, ok, shape=(self.channels, lanes))
+            more = dr.gather(types.ArrayXf, self.values, rank, ok, shape=(VALUE_ROW, lanes))
             values += [more[i] for i in range(self.channels)]
         if self.depth:
             values.append(row[DEPTH])
         return Splat(
             shape=[row[s] for s in (X, Y, S11, S12, S22, REACH)],
-            scale=row[SCALE] if self.kernel.truncated else None,
-            offset=row[OFFSET] if self.kernel.truncated else None,
+            scale=row[SCALE],
+            offset=row[OFFSET],
             values=values,
             depth=row[DEPTH] if self.depth else None,
         )
@@ -131,7 +99,7 @@ class Source:
         power = _exp2(self.device, exponent)
         if self.kernel.truncated:
             return dr.fma(power, splat.scale, -splat.offset)
-        alpha = power * splat.scale if splat.scale is not None else power * self.kernel.alpha_clip
+        alpha = power * self.kernel.alpha_clip
         return dr.select(alpha > self.kernel.alpha_max, self.kernel.alpha_max, alpha)
 
 
@@ -173,26 +141,76 @@ class _Over:
         return out
 
 
-def blend(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
-    """Blend a band's tiles into `frame`."""
-    device = source.device
+@dataclass(frozen=True, slots=True, eq=False)
+class _EightBit:
+    """Back-to-front compositing of one pixel of an RGBA8 target, which clamps and rounds after every splat."""
+
+    source: Source
+
+    def fresh(self) -> list[float]:
+        return [0.0] * 3
+
+    def running(self, pixel: list[Array]) -> Array:
+        return pixel[0] >= 0
+
+    def fragment(self, splat: Splat, exponent: Array, pixel: list[Array]) -> list[Array]:
+        dr = self.source.device.dr
+        alpha = self.source.alpha(splat, exponent)
+        out = []
+        for value, below in zip(splat.values, pixel, strict=False):
+            added = alpha * value
+            over = dr.fma(-alpha, below, dr.select(added < 1, added, 1) + below)
+            level = dr.floor(dr.fma(dr.select(over < 1, over, 1), 255, 0.5)) * (1 / 255)
+            out.append(dr.select(exponent > 0, level, below))
+        return out
+
+
+def _scatter_tiles(
+    device: Device, lists: TileLists, band: Band, source: Source, program: PixelProgram, images: list[Image]
+) -> None:
+    """Run `program` over a band and write slots of its pixels' states into images."""
     dr, types = device.dr, device.types
-    over = _Over(source)
     height, width = device.tile_height, device.tile_width
-    images = [(frame.color, range(1, 4)), (frame.transmittance, range(1))]
+
+    def write(column: Array, row: Array, pixels: Pixels, active: Array) -> None:
+        for image in images:
+            for j in range(height):
+                line = pixels[j * width : (j + 1) * width]
+                values = [p[s] for p in line for s in image.slots]
+                if image.unsigned:
+                    values = [dr.abs(v) for v in values]
+                place = (row * height + j) * image.tiles_across + column
+                dr.scatter(image.target, types.ArrayXf(values), place, active)
+
+    for_each_tile(device, lists, band, source.load, source.exponents, program, write)
+    dr.eval([image.target for image in images])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Image:
+    """Where slots of a pixel's state go: interleaved, in rows of whole tiles."""
+
+    target: Array
+    slots: range
+    tiles_across: Array
+    unsigned: bool = False
+
+
+def blend(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
+    """Blend a band's tiles into `frame`, front to back."""
+    device, over = source.device, _Over(source)
+    across = device.count(frame.width // device.tile_width)
+    first_value, first_depth = 4, 4 + source.channels
+    images = [Image(frame.color, range(1, 4), across), Image(frame.transmittance, range(1), across, unsigned=True)]
     if frame.values is not None:
-        images.append((frame.values, range(4, 4 + source.channels)))
-    if frame.depth is not None:
-        images += [(frame.depth, range(over.sums, over.sums + 1)), (frame.median, range(over.sums + 1, over.sums + 2))]
-    tiles_across = dr.opaque(types.UInt32, frame.width // width)
+        images.append(Image(frame.values, range(first_value, first_depth), across))
+    if frame.depth is not None and frame.median is not None:
+        images.append(Image(frame.depth, range(first_depth, first_depth + 1), across))
+        images.append(Image(frame.median, range(first_depth + 1, first_depth + 2), across))
+    _scatter_tiles(device, lists, band, source, over, images)
 
-    def write(column: Array, row: Array, pixels: list[list[Array]], active: Array) -> None:
-        for j in range(height):
-            line = pixels[j * width : (j + 1) * width]
-            place = (row * height + j) * tiles_across + column
-            for image, slots in images:
-                packed = [dr.abs(p[s]) if s == 0 else p[s] for p in line for s in slots]
-                dr.scatter(image, types.ArrayXf(packed), place, active)
 
-    for_each_tile(device, lists, band, source.load, source.exponents, over, write)
-    dr.eval([image for image, _ in images])
+def blend_eight_bit(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
+    """Blend a band's colours as the engine's RGBA8 target does. The records run back to front."""
+    across = source.device.count(frame.width // source.device.tile_width)
+    _scatter_tiles(source.device, lists, band, source, _EightBit(source), [Image(frame.color, range(3), across)])

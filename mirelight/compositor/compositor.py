@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from mirelight.compositor import reference
-from mirelight.compositor.bin import Band, sorted_records, tile_lists
-from mirelight.compositor.blend import Frame, Source, blend, new_frame
-from mirelight.compositor.device import open_device
+from mirelight.compositor.bin import (
+    MOST_TILES,
+    Band,
+    TileLists,
+    TooLarge,
+    sorted_records,
+    sorted_values,
+    split,
+    tile_lists,
+)
+from mirelight.compositor.blend import Source, blend, blend_eight_bit
+from mirelight.compositor.device import Array, Device, open_device
 from mirelight.compositor.kernel import splat_kernel
+from mirelight.compositor.memory import allowance, cloud_bytes, frame_bytes, too_large
 from mirelight.compositor.order import depth_order
-from mirelight.compositor.project import project, upload, view_of
-from mirelight.compositor.resolve import layer_of
+from mirelight.compositor.project import VALUE_ROW, Projected, project, splat_colors, tone_records, upload, view_of
+from mirelight.compositor.resolve import Frame, empty_frame, layer_of, new_frame, values_of
+from mirelight.compositor.source import has_tone
 from mirelight.errors import BackendError
-from mirelight.model import Camera, CompositorSettings, SplatCloud, SplatLayer, Variant
+from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
 _DEFAULT = CompositorSettings()
 
@@ -40,37 +55,119 @@ class Compositor:
     ) -> None:
         self.splats = splats
         self.settings = settings
-        try:
-            self._device = open_device(variant, threads)
-        except BackendError:
-            if variant != "scalar_rgb":
-                raise
-            self._device = None
-            return
-        self._cloud = upload(self._device, splats, settings)
+        self._device = _device(variant, threads)
+        if self._device is not None:
+            allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
+            self._cloud = upload(self._device, splats, settings) if len(splats) else None
 
     def composite(self, camera: Camera, *, depth: bool = True) -> SplatLayer:
         """The splats as `camera` sees them.
 
         Args:
             depth: whether mean and median depth are wanted; without them they are 0 and the blend takes a quarter less.
+
+        Raises:
+            RenderError: not even one row of tiles fits into memory.
         """
         if self._device is None:
             return reference.composite(self.splats, camera, self.settings)
-        frame = self._blended(camera, depth=depth)
-        return layer_of(frame, camera, self.settings)
+        return layer_of(self._blend(self._device, camera, None, depth=depth), camera, self.settings)
 
-    def _blended(self, camera: Camera, *, depth: bool) -> Frame:
-        device = self._device
-        kernel = splat_kernel(self.settings, camera)
+    def composite_with(self, camera: Camera, values: F32, *, depth: bool = True) -> tuple[SplatLayer, F32]:
+        """The layer, and other values of the splats blended with the same weights.
+
+        That is how modes work that light each splat: up to eight channels share one blend with the colour.
+
+        Args:
+            values: (N, C) any numbers, one row a splat of the cloud.
+            depth: as for :meth:`composite`.
+
+        Returns:
+            the layer and (H, W, C) sums of weight times value, premultiplied like the colour.
+
+        Raises:
+            ValueError: `values` is not (N, C) with C >= 1, or not finite.
+        """
+        values = frozen_array(values, (len(self.splats), None), np.float32, "values")
+        if values.shape[1] == 0 or not np.isfinite(values).all():
+            raise ValueError(f"values {values.shape}: at least one channel is needed, and finite numbers")
+        if self._device is None:
+            blended = reference.composite_channels(self.splats, camera, values, self.settings)
+            return self.composite(camera), blended.astype(np.float32)
+        frames = [
+            self._blend(self._device, camera, values[:, i : i + VALUE_ROW], depth=depth and i == 0)
+            for i in range(0, values.shape[1], VALUE_ROW)
+        ]
+        images = [values_of(frame, camera) for frame in frames]
+        return layer_of(frames[0], camera, self.settings), np.concatenate(images, axis=2)
+
+    def colors(self, camera: Camera) -> F32:
+        """(N, 3) the splats' colours as they are blended for that camera (SH evaluated, tone curve applied)."""
+        if self._device is None:
+            return reference.splat_colors(self.splats, camera, self.settings).astype(np.float32)
+        if self._cloud is None:
+            return np.zeros((0, 3), dtype=np.float32)
+        view = view_of(self._device, camera, splat_kernel(self.settings, camera))
+        return splat_colors(self._device, self._cloud, view, self.settings)
+
+    def _blend(self, device: Device, camera: Camera, values: F32 | None, *, depth: bool) -> Frame:
+        settings, kernel = self.settings, splat_kernel(self.settings, camera)
+        channels = 0 if values is None else values.shape[1]
+        what = f"a frame of {camera.width} x {camera.height} pixels of {len(self.splats)} splats"
+        needed = frame_bytes(len(self.splats), camera, channels)
+        memory = allowance(device, needed, settings.max_memory, what)
+
         whole = Band(-(-camera.width // device.tile_width), -(-camera.height // device.tile_height), 0)
-        frame = new_frame(device, whole, depth=depth, channels=0)
-        projected = project(device, self._cloud, view_of(device, camera, kernel), kernel, self.settings)
+        if self._cloud is None:
+            return empty_frame(device, whole, depth=depth, channels=channels)
+        projected = project(device, self._cloud, view_of(device, camera, kernel), kernel, settings)
         order = depth_order(device, projected.key, projected.visible)
-        records = sorted_records(device, projected.records, order)
-        source = Source(device, kernel, records, None, 0, depth)
-        blend(source, tile_lists(device, records, whole), whole, frame)
+        if len(order) == 0:
+            return empty_frame(device, whole, depth=depth, channels=channels)
+        frame = new_frame(device, whole, depth=depth, channels=channels)
+        records = _records(device, projected, order, settings)
+        rows = None if values is None else sorted_values(device, values, order)
+        source = Source(device, kernel, records, rows, channels, depth)
+        for band, lists in _bands(device, records, whole, memory, what):
+            blend(source, lists, band, frame)
+        if settings.eight_bit and settings.profile == "playcanvas":
+            records = _records(device, projected, device.dr.reverse(order), settings)
+            source = Source(device, kernel, records, None, 0, False)
+            for band, lists in _bands(device, records, whole, memory, what):
+                blend_eight_bit(source, lists, band, frame)
         return frame
+
+
+def _device(variant: Variant, threads: int | None) -> Device | None:
+    """The device, or None where the NumPy reference has to do: `scalar_rgb` without libLLVM."""
+    try:
+        return open_device(variant, threads)
+    except BackendError:
+        if variant == "scalar_rgb":
+            return None
+        raise
+
+
+def _records(device: Device, projected: Projected, order: Array, settings: CompositorSettings) -> Array:
+    """Records in the given order, with their final colours."""
+    records = sorted_records(device, projected.records, order)
+    if has_tone(settings):
+        tone_records(device, records, settings)
+    return records
+
+
+def _bands(device: Device, records: Array, whole: Band, memory: int, what: str) -> Iterator[tuple[Band, TileLists]]:
+    """The frame's bands with their tile lists: one where it fits into memory, else halves of halves."""
+    waiting = [whole]
+    while waiting:
+        band = waiting.pop()
+        lists = tile_lists(device, records, band, memory) if band.tiles <= MOST_TILES else TooLarge(0)
+        if isinstance(lists, TileLists):
+            yield band, lists
+        elif band.rows > 1:
+            waiting += reversed(split(band))
+        else:
+            raise too_large(lists.needed, memory, what)
 
 
 def composite(

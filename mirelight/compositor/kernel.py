@@ -21,6 +21,7 @@ import numpy as np
 
 from mirelight.model import Camera, CompositorSettings
 
+LEAST_CLIP = 1e-6  # a clip of 0 would give every splat the whole frame
 E4 = float(np.exp(-4.0))  # the truncated kernel's value at its edge
 
 
@@ -42,10 +43,11 @@ class SplatKernel:
 
 def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
     """The kernel of `settings.profile` for one frame size."""
+    clip = max(settings.alpha_clip, LEAST_CLIP)
     if settings.profile == "physical":
         return SplatKernel(
             low_pass=0.3,
-            alpha_clip=settings.alpha_clip,
+            alpha_clip=clip,
             alpha_max=0.99,
             truncated=False,
             stop=1e-4,
@@ -58,7 +60,7 @@ def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
     half_extent = min(1024, camera.width, camera.height)  # px, the engine's largest half quad
     return SplatKernel(
         low_pass=0.075,
-        alpha_clip=settings.alpha_clip,
+        alpha_clip=clip,
         alpha_max=1.0,
         truncated=True,
         stop=None,

@@ -9,19 +9,20 @@ import numpy as np
 from mirelight import sh as spherical
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.kernel import E4, SlopeLimits, SplatKernel, slope_limits
-from mirelight.compositor.source import COMPACT_COLOR_STEPS, shape_of
-from mirelight.model import Camera, CompositorSettings, SplatCloud
+from mirelight.compositor.source import COMPACT_COLOR_STEPS, shape_of, tone_of
+from mirelight.model import F32, Camera, CompositorSettings, SplatCloud
 
 RECORD = 16  # floats; 64 bytes, a cache line
-# A record's slots. With (dx, dy) the offset from the centre in px and u = S11 dx + S12 dy, v = S22 dy, the fragment's
-# alpha is SCALE 2^e - OFFSET with e = REACH - u² - v², and e > 0 is where it is not clipped: a record of zeros never is.
+VALUE_ROW = 8  # floats a splat that can be blended beside its colour; a whole packet
+# A record's slots. With (dx, dy) the offset from the centre in px and u = S11 dx + S12 dy, v = S22 dy, a fragment's
+# alpha is SCALE 2^e - OFFSET with e = REACH - u² - v². It is clipped where e <= 0, so a record of zeros always is.
 X, Y, S11, S12, S22, REACH, RED, GREEN, BLUE, DEPTH, SCALE, OFFSET, HALF_HEIGHT, TURN = range(14)
 
 LN2 = float(np.log(2.0))
 HALF_LOG2E = 0.5 / LN2
 SLACK = 1e-3  # px, added to footprints so that rounding drops no fragment that the blend would keep
 
-_PADDED = {1: 4, 4: 16, 9: 32, 16: 48}  # SH coefficients -> floats a row: whole packets
+PADDED = {1: 4, 4: 16, 9: 32, 16: 48}  # SH coefficients -> floats a row: whole packets
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,6 @@ class Projected:
 
 def upload(device: Device, splats: SplatCloud, settings: CompositorSettings) -> Cloud:
     """Copy a cloud to the device, through the engine's work buffer where the profile has one."""
-    dr, Float = device.dr, device.types.Float
     quats, scales, opacities = shape_of(splats, settings)
     w, x, y, z = (device.floats(quats[:, i]) for i in range(4))
     s = [device.floats(scales[:, i]) for i in range(3)]
@@ -71,13 +71,13 @@ def upload(device: Device, splats: SplatCloud, settings: CompositorSettings) -> 
         2 * (x * y + w * z) * s[0], (1 - 2 * (x * x + z * z)) * s[1], 2 * (y * z - w * x) * s[2],
         2 * (x * z - w * y) * s[0], 2 * (y * z + w * x) * s[1], (1 - 2 * (x * x + y * y)) * s[2],
     ]  # fmt: skip
-    dr.eval(factors)
+    device.dr.eval(factors)
     count, coefficients = splats.sh.shape[:2]
-    padded = _PADDED[coefficients]
+    padded = PADDED[coefficients]
     rows = splats.sh.reshape(count, -1)
     if padded != 3 * coefficients:
         rows = np.pad(rows, ((0, 0), (0, padded - 3 * coefficients)))
-    cloud = Cloud(
+    return Cloud(
         count=count,
         degree=splats.sh_degree,
         antialiased=splats.antialiased,
@@ -86,8 +86,6 @@ def upload(device: Device, splats: SplatCloud, settings: CompositorSettings) -> 
         opacities=device.floats(opacities),
         sh=device.floats(rows),
     )
-    assert Float is not None
-    return cloud
 
 
 def view_of(device: Device, camera: Camera, kernel: SplatKernel) -> View:
@@ -192,7 +190,9 @@ def project(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, setti
     visible &= (py + half_height > 0.5 - SLACK) & (py - half_height < height - 0.5 + SLACK)
     visible &= dr.isfinite(s11 + s12 + s22) & (half_width >= 0) & (half_height >= 0)
 
-    red, green, blue = _color(device, cloud, view, offset, settings, visible)
+    raw = _evaluated(device, cloud, view, offset, visible)
+    visible &= dr.isfinite(raw[0] + raw[1] + raw[2])  # one NaN would spread over whole tiles
+    red, green, blue = _stored(device, raw, settings)
     record = [px, py, s11, s12, s22, reach, red, green, blue, depth, level, lost, half_height, turn, 0, 0]
     records = dr.empty(Float, max(1, cloud.count) * RECORD)
     index = dr.arange(UInt32, cloud.count)
@@ -227,42 +227,54 @@ def _limited(
     )
 
 
-def _color(
-    device: Device, cloud: Cloud, view: View, offset: list[Array], settings: CompositorSettings, visible: Array
-) -> list[Array]:
-    """Colours as they are blended; see `source.colors_of`."""
+def splat_colors(device: Device, cloud: Cloud, view: View, settings: CompositorSettings) -> F32:
+    """(N, 3) colours as they are blended, seen from the camera; culled splats too."""
+    offset = [m - e for m, e in zip(cloud.means, view.eye, strict=True)]
+    rgb = _stored(device, _evaluated(device, cloud, view, offset, device.types.Bool(True)), settings)
+    device.dr.eval(rgb)
+    return tone_of(np.stack([c.numpy() for c in rgb], axis=1), settings)
+
+
+def tone_records(device: Device, records: Array, settings: CompositorSettings) -> None:
+    """Apply the engine's tone curve to the colours of records, in place. The curves have one home, in NumPy."""
     dr, types = device.dr, device.types
-    coefficients = (cloud.degree + 1) ** 2
-    row = dr.gather(
-        types.ArrayXf,
-        cloud.sh,
-        dr.arange(types.UInt32, cloud.count),
-        visible,
-        shape=(_PADDED[coefficients], cloud.count),
-    )
-    if cloud.degree > 0:
-        if view.perspective:
-            length = dr.rsqrt(_dot(dr, offset, offset))
-            direction = [o * length for o in offset]
-        else:
-            direction = [-a for a in view.axes[2]]
-        values = _basis(dr, direction, cloud.degree)
-    else:
+    count = len(records) // RECORD
+    slots = [dr.arange(types.UInt32, count) * RECORD + slot for slot in (RED, GREEN, BLUE)]
+    rgb = [dr.gather(types.Float, records, slot) for slot in slots]
+    dr.eval(rgb)
+    toned = tone_of(np.stack([c.numpy() for c in rgb], axis=1), settings)
+    for i, slot in enumerate(slots):
+        dr.scatter(records, device.floats(toned[:, i]), slot)
+    dr.eval(records)
+
+
+def _evaluated(device: Device, cloud: Cloud, view: View, offset: list[Array], wanted: Array) -> list[Array]:
+    """Red, green and blue ``0.5 + Σ sh Y``, display-encoded."""
+    dr, types = device.dr, device.types
+    row_of_sh = PADDED[(cloud.degree + 1) ** 2]
+    index = dr.arange(types.UInt32, cloud.count)
+    row = dr.gather(types.ArrayXf, cloud.sh, index, wanted, shape=(row_of_sh, cloud.count))
+    if cloud.degree == 0:
         values = [types.Float(spherical.C0)]
+    elif view.perspective:
+        scale = dr.rsqrt(_dot(dr, offset, offset))
+        values = _basis(dr, [o * scale for o in offset], cloud.degree)
+    else:
+        values = _basis(dr, [-a for a in view.axes[2]], cloud.degree)
     out = []
     for channel in range(3):
         total = types.Float(0.5)
         for k, value in enumerate(values):
             total = dr.fma(row[3 * k + channel], value, total)
         out.append(total)
-    if settings.profile == "physical":
-        return [dr.select(c > 0, c, 0) for c in out]
-    return _engine_color(device, out, settings)
+    return out
 
 
-def _engine_color(device: Device, rgb: list[Array], settings: CompositorSettings) -> list[Array]:
-    """Through the work buffer, and by the 2.2 power where the linear pipeline blends."""
+def _stored(device: Device, rgb: list[Array], settings: CompositorSettings) -> list[Array]:
+    """What is blended, but for the tone curve; see `source.colors_of`."""
     dr, types = device.dr, device.types
+    if settings.profile == "physical":
+        return [dr.select(c > 0, c, 0) for c in rgb]
     if settings.work_buffer == "large":
         stored = [types.Float(types.Float16(c)) for c in rgb]
         stored = [dr.select(c > 0, c, 0) for c in stored]

@@ -68,7 +68,7 @@ def for_each_tile(
     lanes = device.persistent_lanes
     order = UInt32(tile_order(band))
     queue = dr.zeros(UInt32, 1)
-    tiles, columns = dr.opaque(UInt32, band.columns * band.rows), dr.opaque(UInt32, band.columns)
+    tiles, columns = dr.opaque(UInt32, band.tiles), dr.opaque(UInt32, band.columns)
     first_row = dr.opaque(UInt32, band.first_row)
     ranks, starts, ends = lists.ranks, lists.start, lists.end
     fresh = [[Float(v) for v in program.fresh()] for _ in range(pixels)]

@@ -64,14 +64,18 @@ def view_points(splats: SplatCloud, camera: Camera) -> F64:
 
 def splat_colors(splats: SplatCloud, camera: Camera, settings: CompositorSettings) -> F64:
     """(N, 3) colours as they are blended, seen from the camera."""
+    return colors_of(_evaluated(splats, camera), settings).astype(np.float64)
+
+
+def _evaluated(splats: SplatCloud, camera: Camera) -> F64:
+    """(N, 3) ``0.5 + Σ sh Y``, display-encoded."""
     if camera.projection == "orthographic":
         directions = np.broadcast_to(-camera.world_from_camera[:3, 2], splats.means.shape)
     else:
         offset = splats.means.astype(np.float64) - camera.position
         directions = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-30)
     values = spherical.basis(directions, splats.sh_degree)
-    rgb = 0.5 + np.einsum("nk,nkc->nc", values, splats.sh.astype(np.float64))
-    return colors_of(rgb, settings).astype(np.float64)
+    return np.asarray(0.5 + np.einsum("nk,nkc->nc", values, splats.sh.astype(np.float64)))
 
 
 def project(splats: SplatCloud, camera: Camera, settings: CompositorSettings) -> Footprints:
@@ -108,7 +112,8 @@ def project(splats: SplatCloud, camera: Camera, settings: CompositorSettings) ->
         variance = _limit(variance, kernel.max_variance)
         key = np.linalg.norm(view, axis=1) if settings.sort == "radial" else w
 
-        keep = np.isfinite(center).all(axis=1) & np.isfinite(variance).all(axis=1)
+        keep = np.isfinite(_evaluated(splats, camera)).all(axis=1)
+        keep &= np.isfinite(center).all(axis=1) & np.isfinite(variance).all(axis=1)
         keep &= (w > camera.near) & (w < camera.far) if kernel.clips_depth else w > 0
         keep &= (opacity >= kernel.alpha_clip) & (opacity > 0) & (largest >= kernel.min_variance)
     kept = np.flatnonzero(keep)
@@ -137,7 +142,7 @@ def _fragments(f: Footprints, i: int, kernel: SplatKernel, camera: Camera) -> tu
     """Rows, columns and alphas (0 where dropped) of splat i, or None where it misses the image."""
     xx, xy, yy = f.variance[i]
     x, y = f.center[i]
-    reach = 2 * np.log(max(f.opacity[i] / kernel.alpha_clip, 1.0)) if kernel.alpha_clip > 0 else 200.0
+    reach = 2 * np.log(max(f.opacity[i] / kernel.alpha_clip, 1.0))
     if kernel.truncated:
         reach = min(reach, 8.0)
     rx, ry = np.sqrt(reach * xx), np.sqrt(reach * yy)

@@ -1,11 +1,57 @@
-"""From the blended tiles to the SplatLayer."""
+"""The images that bands are blended into, and the SplatLayer made of them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from mirelight.compositor.blend import Frame
+from mirelight.compositor.bin import Band
+from mirelight.compositor.device import Array, Device
 from mirelight.model import F32, Camera, CompositorSettings, SplatLayer
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """The images a frame's bands are blended into: whole tiles, so the last rows and columns may lie outside."""
+
+    width: int  # px, a multiple of the tile's
+    height: int  # px, a multiple of the tile's
+    color: Array  # (height * width * 3,)
+    transmittance: Array  # (height * width,)
+    depth: Array | None  # (height * width,) sum of weight times depth
+    median: Array | None  # (height * width,)
+    values: Array | None  # (height * width * channels,) of other per-splat values
+    channels: int = 0
+
+
+def new_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Frame:
+    """Undefined images for all rows of `band`; every tile is written exactly once."""
+    width, height = band.columns * device.tile_width, band.rows * device.tile_height
+
+    def image(depth_of_pixel: int) -> Array:
+        return device.dr.empty(device.types.Float, width * height * depth_of_pixel)
+
+    return Frame(
+        width=width,
+        height=height,
+        color=image(3),
+        transmittance=image(1),
+        depth=image(1) if depth else None,
+        median=image(1) if depth else None,
+        values=image(channels) if channels else None,
+        channels=channels,
+    )
+
+
+def empty_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Frame:
+    """What a view without splats looks like."""
+    frame = new_frame(device, band, depth=depth, channels=channels)
+    for image in (frame.color, frame.depth, frame.median, frame.values):
+        if image is not None:
+            image[:] = 0
+    frame.transmittance[:] = 1
+    return frame
 
 
 def _cropped(image: F32, camera: Camera) -> F32:

@@ -81,9 +81,17 @@ def colors_of(rgb: F64, settings: CompositorSettings) -> F32:
     else:
         steps = np.array(COMPACT_COLOR_STEPS) / 4
         stored = (np.floor(np.clip(rgb, 0, 4) * steps + 0.5) / steps).astype(np.float32)
-    if settings.linear:
-        return colour.power_decode(stored)
-    if settings.tone == "none":
+    return colour.power_decode(stored) if settings.linear else tone_of(stored, settings)
+
+
+def has_tone(settings: CompositorSettings) -> bool:
+    """Whether colours pass a tone curve before they are blended: only the engine's gamma pipeline does that."""
+    return settings.profile == "playcanvas" and not settings.linear and settings.tone != "none"
+
+
+def tone_of(stored: F32, settings: CompositorSettings) -> F32:
+    """Colours after the engine's per-splat tone curve, if there is one; (N, 3) display-encoded."""
+    if not has_tone(settings):
         return stored
     light = colour.tone_map(colour.power_decode(stored) * np.float32(settings.exposure), settings.tone)
     return np.asarray(np.power(light + np.float32(colour.ENGINE_ENCODE_OFFSET), np.float32(1 / colour.ENGINE_GAMMA)))

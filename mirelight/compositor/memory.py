@@ -1,0 +1,73 @@
+"""What a composite takes, asked before it is taken."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from mirelight.compositor.device import Device
+from mirelight.compositor.project import PADDED, RECORD
+from mirelight.errors import RenderError
+from mirelight.model import Camera, SplatCloud
+
+_GIB = 1 << 30
+
+
+def cloud_bytes(splats: SplatCloud) -> int:
+    """Bytes that an uploaded cloud keeps: centres, covariance factors, opacities, padded SH rows."""
+    return len(splats) * 4 * (3 + 9 + 1 + PADDED[splats.sh.shape[1]])
+
+
+def frame_bytes(count: int, camera: Camera, channels: int) -> int:
+    """Bytes of one frame without its tile lists: records twice, keys and orders, images."""
+    return count * (2 * 4 * RECORD + 24) + camera.width * camera.height * 4 * (6 + channels) * 2
+
+
+def _limit_of_control_group() -> int | None:
+    """Bytes that this process's memory control group still allows (cgroup v2), if there is a limit."""
+    folder = Path("/sys/fs/cgroup")
+    try:
+        return int((folder / "memory.max").read_text()) - int((folder / "memory.current").read_text())
+    except (OSError, ValueError):  # no cgroup v2, or "max"
+        return None
+
+
+def free_memory() -> int:
+    """Bytes that this machine can give without swapping; where it does not say, all it has."""
+    try:
+        fields = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+        free = int(fields["MemAvailable"].split()[0]) * 1024
+    except (OSError, KeyError, ValueError):
+        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 1 << 62
+    limit = _limit_of_control_group()
+    return free if limit is None else min(free, limit)
+
+
+def allowance(device: Device, needed: int, most: int | None, what: str) -> int:
+    """Bytes that remain once `needed` is taken.
+
+    Args:
+        needed: bytes about to be allocated.
+        most: the caller's limit; None: what the machine has free (CUDA: no check, its allocator refuses by itself).
+        what: for the message.
+
+    Raises:
+        RenderError: `needed` is more than that.
+    """
+    if most is None and device.variant == "cuda_ad_rgb":
+        return 1 << 62
+    free = free_memory() if most is None else most
+    if needed > free and most is None:
+        device.dr.flush_malloc_cache()  # memory that Dr.Jit keeps for later counts as taken
+        free = free_memory()
+    if needed > free:
+        raise too_large(needed, free, what)
+    return free - needed
+
+
+def too_large(needed: int, free: int, what: str) -> RenderError:
+    """The error that says how much was needed and how much there is."""
+    return RenderError(
+        f"{what} needs {needed / _GIB:.2f} GiB of memory and {free / _GIB:.2f} GiB may be used; nothing was allocated. "
+        "Use fewer splats, a smaller frame or a machine with more memory, or raise max_memory"
+    )

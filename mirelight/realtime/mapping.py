@@ -1,18 +1,19 @@
 """Physical light units and the engine's, in one table used both ways.
 
-PlayCanvas 2.23 (WebGL2, clustered lighting, its default) shades a Lambert surface as ``albedo * L * N·L * attenuation``,
-without 1/pi, with ``L = color^2.2 * intensity`` (intensity >= 1). With physical quantities on the left and E = 1 / pi:
+PlayCanvas 2.23 (WebGL2, clustered lighting, its default) shades a Lambert surface as ``albedo * L * N·L * falloff``,
+without 1/pi, with ``L = color^2.2 * intensity`` (intensity >= 1).
 
-| quantity                       | engine                                           | exact? |
+| physical                     | engine                                | where the engine differs |
 |---|---|---|
-| albedo a (linear)              | diffuse = a^(1/2.2), display-encoded             | yes |
-| directional, I lux             | L = I color / pi                                 | yes |
-| sun of some diameter           | directional with PCSS shadows                    | shadows differ |
-| point, I candela               | omni, inverse squared, L = I color / (16 * pi)   | attenuation 16 / (d² + 1) instead of 1 / d² |
-| range r of a point or spot     | range r; none: RANGE_FACTOR scene sizes          | window squared: (1 - (d/r)^4)² instead of 1 - (d/r)^4 |
-| spot, half angles i and o      | the same angles in degrees / CONE_SHRINK         | smoothstep(t) instead of t² |
-| area light                     | omni or spot of the same candela on its axis     | no area, no soft shadows |
-| environment, rotation r        | the same map, rotation -r - 90                   | prefiltered to 64 x 32, 8 bit, 64 at most |
+| albedo a (linear)            | diffuse = a^(1/2.2), display-encoded  | - |
+| directional, I lux           | L = I color / pi                      | - |
+| sun of some diameter         | directional with PCSS shadows         | width of the penumbra |
+| point, I candela             | omni, inverse squared,                | falloff 16 / (d² + 1) |
+|                              | L = I color / (16 pi)                 | instead of 16 / d² |
+| range r of a point or spot   | range r; none: RANGE_FACTOR scenes    | window (1 - (d/r)^4)², not 1 - (d/r)^4 |
+| spot, half angles i and o    | in degrees, divided by CONE_SHRINK    | smoothstep(t), not t² |
+| area light                   | omni or spot, same candela on axis    | no area, no soft shadows |
+| environment, rotation r      | the same map, rotation -r - 90        | 64 x 32 pixels of 8 bit, 64 at most |
 
 The engine's own numbers, where a file holds them, come back by the same rows read from right to left.
 """
@@ -74,7 +75,7 @@ class EngineLight:
 
     @property
     def linear_color(self) -> F64:
-        """(3,) what the shader multiplies by: color^2.2 * intensity, or (color * intensity)^2.2 where that is below 1."""
+        """(3,) what the shader multiplies by: color^2.2 * intensity; below intensity 1, (color * intensity)^2.2."""
         if self.intensity >= 1:
             return np.asarray(self.color**colour.ENGINE_GAMMA * self.intensity)
         return np.asarray((self.color * self.intensity) ** colour.ENGINE_GAMMA)

@@ -50,7 +50,9 @@ def rasterise(proxy: ProxyMesh, camera: Camera) -> Surface:
     determinant = np.linalg.det(corners)
     front = np.flatnonzero(determinant < -1e-12)  # image rows run downwards, so counter-clockwise is negative
     boxes = _boxes(corners[front], camera)
-    inverse = np.linalg.inv(corners[front])  # b = (x, y, 1) @ inverse; b_i = barycentric_i / w
+    inverse: F64 = np.asarray(
+        np.linalg.inv(corners[front]), dtype=np.float64
+    )  # b = (x, y, 1) @ inverse; b_i = barycentric_i / w
     depths = -view[faces[front], 2]
 
     nearest = np.full(camera.width * camera.height, np.inf)
@@ -80,7 +82,7 @@ def _homogeneous_pixels(view: F64, camera: Camera) -> F64:
 
 
 def _boxes(corners: F64, camera: Camera) -> NDArray[np.int64]:
-    """Pixel ranges (F, 4) x0, y0, x1, y1 (exclusive) that hold each triangle; the whole image where it crosses w = 0."""
+    """Pixel ranges (F, 4) x0, y0, x1, y1 (exclusive) that hold each triangle; all pixels where it crosses w = 0."""
     w = corners[..., 2]
     size = np.array([camera.width, camera.height])
     with np.errstate(divide="ignore", invalid="ignore"):

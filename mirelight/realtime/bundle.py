@@ -1,0 +1,256 @@
+"""A job as a folder that runs the engine: a static page, PlayCanvas, and the scene in the engine's terms."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mirelight.errors import InputError
+from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.gltf.write import write_glb
+from mirelight.io.hdr import write_hdr
+from mirelight.io.splats import ply
+from mirelight.model import Camera, CompositorSettings, Environment, Job, Lighting, ProxyMesh, Scene, ToneCurve
+from mirelight.realtime import engine, mapping
+from mirelight.realtime.mapping import EngineLight
+
+PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
+_TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
+_FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
+_CONSTANT_MAP = (16, 32)  # pixels of the map that stands for a constant environment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exported:
+    """What was written, and a line for everything in the job that the engine cannot follow."""
+
+    folder: Path
+    description: Mapping[str, Any]  # scene.json
+    warnings: tuple[str, ...]
+
+
+def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, *, shadows: bool = True) -> Exported:
+    """Write a page that shows the job's scene live in PlayCanvas, as its own GsplatRelighting relights it.
+
+    The folder can be served by any static server, ``python3 -m http.server`` for one, and adapted by hand.
+
+    Args:
+        job: scene and settings; of the cameras and lightings only the two that follow are used.
+        camera: perspective.
+        lighting: physical units.
+        directory: made where it is missing; files of earlier exports are replaced.
+        shadows: whether the lights cast shadow maps.
+
+    Raises:
+        InputError: the scene has nothing to show, or the camera is orthographic.
+        BackendError: the engine is not installed and cannot be fetched.
+        OutputError: the folder cannot be written.
+    """
+    folder = Path(directory)
+    scene = job.scene
+    if scene.splats is None and scene.proxy is None:
+        raise InputError(job.source, "neither splats nor a proxy", "the engine has nothing to show")
+    if camera.projection != "perspective":
+        raise InputError(
+            job.source,
+            f"camera {camera.name} is orthographic",
+            "the engine's relighting follows perspective cameras only",
+        )
+    warnings = [*_camera_warnings(camera), *_settings_warnings(job)]
+    engine_lighting, light_warnings = mapping.to_engine(lighting, _size(scene), shadows=shadows)
+    warnings += light_warnings
+    if scene.proxy is not None:
+        warnings += mapping.distance_warnings(engine_lighting.lights, _distances(engine_lighting.lights, scene.proxy))
+    description = _describe(job, camera, engine_lighting)
+    copy_page(folder, engine.install())
+    if scene.splats is not None:
+        ply.write(scene.splats, folder / "splats.ply")
+    if scene.proxy is not None:
+        write_glb(folder / "proxy.glb", scene.proxy)
+    if lighting.environment is not None:
+        write_hdr(folder / "environment.hdr", _map(lighting.environment))
+    with atomic_path(folder / "scene.json") as temporary:
+        temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
+    return Exported(folder=folder, description=description, warnings=tuple(warnings))
+
+
+def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE) -> None:
+    """Put the page and the engine's files into a folder, which is made where it is missing."""
+    try:
+        (folder / "engine").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from None
+    for name in engine.FILES.values():
+        with atomic_path(folder / "engine" / name) as temporary:
+            shutil.copyfile(engine_folder / name, temporary)
+    for name in page:
+        with atomic_path(folder / name) as temporary:
+            temporary.write_bytes(page_file(name))
+
+
+def page_file(name: str) -> bytes:
+    """One of the files that ship with this package."""
+    return resources.files("mirelight.realtime").joinpath("page", name).read_bytes()
+
+
+# --- scene.json ------------------------------------------------------------------------------------------------------
+
+
+def _describe(job: Job, camera: Camera, lighting: mapping.EngineLighting) -> dict[str, Any]:
+    scene, relight = job.scene, job.relight
+    playcanvas = relight.profile == "playcanvas"
+    tone = job.compositor.tone if playcanvas else job.display.tone
+    exposure = job.compositor.exposure if playcanvas else 2.0**job.display.exposure
+    if tone == "none" and exposure != 1:
+        curve = "linear"  # the engine exposes within its tone curves only
+    else:
+        curve = _TONE_CURVES[tone]
+    background = list(job.display.background)
+    out: dict[str, Any] = {
+        "width": camera.width,
+        "height": camera.height,
+        "camera": _camera(camera, scene),
+        "clearColor": [*background, 1.0 if any(background) else 0.0],
+        "pipeline": "linear" if playcanvas and job.compositor.linear else "gamma",
+        "toneMapping": curve,
+        "exposure": exposure,
+        "relighting": {
+            "blend": relight.blend,
+            "brightness": relight.brightness,
+            "background": relight.background,
+            "textureScale": relight.texture_scale,
+        },
+        "gsplat": _gsplat(job.compositor),
+        "lights": [_light(light) for light in lighting.lights],
+        "ambient": lighting.ambient.tolist(),
+    }
+    if scene.splats is not None:
+        out["splat"] = {"file": "splats.ply"}
+    if scene.proxy is not None:
+        albedo = scene.proxy.albedo
+        surface = {"ownColors": True} if albedo is None else {"diffuse": mapping.engine_diffuse(albedo).tolist()}
+        out["proxy"] = {"file": "proxy.glb", **surface}
+    if lighting.environment is not None:
+        out["env"] = {
+            "equirect": "environment.hdr",
+            "intensity": lighting.environment.intensity,
+            "rotation": mapping.engine_rotation(lighting.environment.rotation),
+        }
+    return out
+
+
+def _camera(camera: Camera, scene: Scene) -> dict[str, Any]:
+    low, high = _bounds(scene)
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    furthest = float(np.linalg.norm(corners - camera.position, axis=1).max())
+    forward = -camera.world_from_camera[:3, 2]
+    ahead = float((0.5 * (low + high) - camera.position) @ forward)
+    return {
+        "position": camera.position.tolist(),
+        "target": (camera.position + max(ahead, camera.near) * forward).tolist(),
+        "up": camera.world_from_camera[:3, 1].tolist(),
+        "fov": math.degrees(2 * math.atan(camera.height / (2 * camera.fy))),
+        "near": camera.near,
+        "far": min(camera.far, max(_FAR_FACTOR * furthest, 2 * camera.near)),
+    }
+
+
+def _gsplat(settings: CompositorSettings) -> dict[str, Any]:
+    if settings.profile != "playcanvas":
+        return {}  # the engine's defaults
+    return {
+        "dataFormat": "GSPLATDATA_COMPACT" if settings.work_buffer == "compact" else "GSPLATDATA_LARGE",
+        "radialSorting": settings.sort == "radial",
+        "minPixelSize": settings.min_pixel_size,
+        "alphaClipForward": settings.alpha_clip,
+    }
+
+
+def _light(light: EngineLight) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "name": light.name,
+        "type": light.kind,
+        "color": light.color.tolist(),
+        "intensity": light.intensity,
+        "castShadows": light.cast_shadows,
+    }
+    if light.cast_shadows:
+        out |= {"shadowType": "SHADOW_PCSS_32F" if light.soft_shadows else "SHADOW_PCF3_32F", "shadowResolution": 2048}
+    if light.kind != "omni":
+        out["direction"] = light.direction.tolist()
+    if light.kind != "directional":
+        falloff = "LINEAR" if light.falloff == "linear" else "INVERSESQUARED"
+        out |= {
+            "position": light.position.tolist(),
+            "range": light.range,
+            "falloffMode": f"LIGHTFALLOFF_{falloff}",
+        }
+    if light.kind == "spot":
+        out |= {"innerConeAngle": light.inner_cone_angle, "outerConeAngle": light.outer_cone_angle}
+    return out
+
+
+def _map(environment: Environment) -> np.ndarray[Any, np.dtype[np.float32]]:
+    if environment.is_constant:
+        return np.ascontiguousarray(np.broadcast_to(environment.radiance, (*_CONSTANT_MAP, 3)))
+    return environment.radiance
+
+
+# --- what the engine cannot follow -----------------------------------------------------------------------------------
+
+
+def _camera_warnings(camera: Camera) -> list[str]:
+    out = []
+    if not math.isclose(camera.fx, camera.fy, rel_tol=1e-4):
+        out.append(
+            f"camera {camera.name}: fx {camera.fx:g} is taken as fy {camera.fy:g}; the engine's pixels are square"
+        )
+    if abs(camera.cx - camera.width / 2) > 0.01 or abs(camera.cy - camera.height / 2) > 0.01:
+        out.append(f"camera {camera.name}: the principal point is moved to the centre, the only place the engine knows")
+    return out
+
+
+def _settings_warnings(job: Job) -> list[str]:
+    out = []
+    if job.relight.mode == "ratio":
+        out.append("relight.mode ratio: the engine knows the tint only")
+    if job.relight.profile == "physical" and job.scene.splats is not None:
+        out.append("profile physical: the engine tints in display space; the profile playcanvas does the same here")
+    tone = job.compositor.tone if job.relight.profile == "playcanvas" else job.display.tone
+    if tone == "agx":
+        out.append("tone agx: the engine has no such curve; none is used")
+    return out
+
+
+def _bounds(scene: Scene) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    points = [
+        x
+        for x in (scene.proxy.vertices if scene.proxy else None, scene.splats.means if scene.splats else None)
+        if x is not None and len(x)
+    ]
+    if not points:
+        return np.zeros(3), np.zeros(3)
+    low = np.min([p.min(axis=0) for p in points], axis=0).astype(np.float64)
+    return low, np.max([p.max(axis=0) for p in points], axis=0).astype(np.float64)
+
+
+def _size(scene: Scene) -> float:
+    low, high = _bounds(scene)
+    return float(np.linalg.norm(high - low))
+
+
+def _distances(lights: tuple[EngineLight, ...], proxy: ProxyMesh) -> dict[str, float]:
+    """From each light that has a position to the proxy's nearest vertex."""
+    return {
+        light.name: float(np.linalg.norm(proxy.vertices - light.position, axis=1).min())
+        for light in lights
+        if light.kind != "directional" and len(proxy.vertices)
+    }

@@ -1,0 +1,172 @@
+// Builds the scene that scene.json describes: splats, proxy, lights, environment, camera, and PlayCanvas' own
+// relighting script. Keys and units are those of mirelight's docs/realtime.md.
+import * as pc from 'playcanvas';
+import { GSplatRelighting } from './engine/gsplat-relighting.mjs';
+
+const TONE_CURVES = {
+    none: pc.TONEMAP_NONE, linear: pc.TONEMAP_LINEAR, aces: pc.TONEMAP_ACES, aces2: pc.TONEMAP_ACES2,
+    filmic: pc.TONEMAP_FILMIC, hejl: pc.TONEMAP_HEJL, neutral: pc.TONEMAP_NEUTRAL
+};
+
+// A light component's defaults where scene.json says nothing; constants of the engine may be named as strings.
+const LIGHT_NAMES = [
+    'color', 'intensity', 'range', 'innerConeAngle', 'outerConeAngle', 'falloffMode', 'castShadows', 'shadowType',
+    'shadowResolution', 'shadowDistance', 'shadowBias', 'normalOffsetBias', 'penumbraSize', 'penumbraFalloff',
+    'shadowSamples', 'shadowBlockerSamples'
+];
+
+const constant = (value) => (typeof value === 'string' && value in pc ? pc[value] : value);
+const vector = (value) => new pc.Vec3(value ?? [0, 0, 0]);
+
+export async function build(canvas, description) {
+    const { width, height } = description;
+    const app = await createApp(canvas, width, height);
+    app.start();
+
+    const camera = addCamera(app, description);
+    const relighting = addRelighting(camera, description.relighting);
+    await Promise.all([
+        description.splat && addSplats(app, description.splat),
+        description.proxy && addProxy(app, description.proxy, relighting),
+        description.env && addEnvironment(app, description.env)
+    ]);
+    const lights = (description.lights ?? []).map((light) => addLight(app, light, relighting.layer));
+    const ambient = description.ambient ?? [0, 0, 0];
+    app.scene.ambientLight = new pc.Color(ambient);
+    app.scene.exposure = description.exposure ?? 1;
+    for (const [name, value] of Object.entries(description.gsplat ?? {})) {
+        app.scene.gsplat[name] = constant(value);
+    }
+    const frame = description.pipeline === 'linear' ? addCameraFrame(app, camera, description) : null;
+    return { app, camera, relighting, lights, frame };
+}
+
+async function createApp(canvas, width, height) {
+    const device = await pc.createGraphicsDevice(canvas, {
+        deviceTypes: ['webgl2'], antialias: false, alpha: true, preserveDrawingBuffer: true
+    });
+    device.maxPixelRatio = 1;
+    const options = new pc.AppOptions();
+    options.graphicsDevice = device;
+    options.componentSystems = [
+        pc.RenderComponentSystem, pc.CameraComponentSystem, pc.LightComponentSystem,
+        pc.ScriptComponentSystem, pc.GSplatComponentSystem
+    ];
+    options.resourceHandlers = [pc.TextureHandler, pc.ContainerHandler, pc.ScriptHandler, pc.GSplatHandler];
+    const app = new pc.AppBase(canvas);
+    app.init(options);
+    app.setCanvasFillMode(pc.FILLMODE_NONE, width, height);
+    app.setCanvasResolution(pc.RESOLUTION_FIXED, width, height);
+    return app;
+}
+
+function addCamera(app, description) {
+    const { position, target, up, fov, near, far } = description.camera;
+    const gamma = description.pipeline !== 'linear';
+    const entity = new pc.Entity('camera');
+    entity.addComponent('camera', {
+        fov, nearClip: near, farClip: far,
+        clearColor: new pc.Color(description.clearColor ?? [0, 0, 0, 0]),
+        toneMapping: gamma ? TONE_CURVES[description.toneMapping ?? 'none'] : pc.TONEMAP_NONE,
+        // the environment lights the proxy alone: without the skybox layer it is not drawn behind the splats
+        layers: [pc.LAYERID_WORLD, pc.LAYERID_DEPTH, pc.LAYERID_UI, pc.LAYERID_IMMEDIATE]
+    });
+    entity.setPosition(vector(position));
+    entity.lookAt(vector(target), new pc.Vec3(up ?? [0, 1, 0]));
+    entity.addComponent('script');
+    app.root.addChild(entity);
+    return entity;
+}
+
+function addRelighting(camera, attributes) {
+    const script = camera.script.create(GSplatRelighting);
+    Object.assign(script, attributes ?? {});
+    return script;
+}
+
+function load(app, name, type, url, data) {
+    return new Promise((resolve, reject) => {
+        const asset = new pc.Asset(name, type, { url, filename: url.split('/').pop() }, data);
+        asset.once('load', () => resolve(asset));
+        asset.once('error', (error) => reject(new Error(`${url}: ${error}`)));
+        app.assets.add(asset);
+        app.assets.load(asset);
+    });
+}
+
+function place(entity, transform) {
+    entity.setLocalPosition(vector(transform.position));
+    entity.setLocalEulerAngles(vector(transform.eulerAngles));
+    const scale = transform.scale ?? 1;
+    entity.setLocalScale(...(Array.isArray(scale) ? scale : [scale, scale, scale]));
+}
+
+async function addSplats(app, splat) {
+    const asset = await load(app, 'splats', 'gsplat', splat.file);
+    const entity = new pc.Entity('splats');
+    entity.addComponent('gsplat', { asset, unified: true });
+    place(entity, splat);
+    app.root.addChild(entity);
+}
+
+async function addProxy(app, proxy, relighting) {
+    const asset = await load(app, 'proxy', 'container', proxy.file);
+    const entity = asset.resource.instantiateRenderEntity({ castShadows: true, receiveShadows: true });
+    for (const component of entity.findComponents('render')) {
+        component.layers = [relighting.layer.id];
+        for (const instance of component.meshInstances) {
+            instance.material = proxyMaterial(proxy, instance.material);
+            relighting.configureMaterial(instance.material);
+        }
+    }
+    place(entity, proxy);
+    app.root.addChild(entity);
+}
+
+// A matt material: gray (or `diffuse`, display-encoded), or the file's own colours where `ownColors` is set.
+function proxyMaterial(proxy, own) {
+    const material = new pc.StandardMaterial();
+    if (proxy.ownColors) {
+        material.diffuse = own.diffuse;
+        material.diffuseMap = own.diffuseMap;
+        material.diffuseVertexColor = own.diffuseVertexColor;
+    } else {
+        const diffuse = proxy.diffuse ?? 0.5;
+        material.diffuse = new pc.Color(Array.isArray(diffuse) ? diffuse : [diffuse, diffuse, diffuse]);
+    }
+    return material;
+}
+
+function addLight(app, light, layer) {
+    const entity = new pc.Entity(light.name ?? light.type);
+    const options = { type: light.type, layers: [layer.id], castShadows: false };
+    for (const name of LIGHT_NAMES) {
+        if (light[name] !== undefined) options[name] = constant(light[name]);
+    }
+    options.color = new pc.Color(light.color ?? [1, 1, 1]);
+    entity.addComponent('light', options);
+    app.root.addChild(entity);
+    entity.setPosition(vector(light.position));
+    if (light.eulerAngles) entity.setEulerAngles(vector(light.eulerAngles));
+    const way = light.direction ? vector(light.direction) : light.target && vector(light.target).sub(entity.getPosition());
+    if (way) entity.setRotation(new pc.Quat().setFromDirections(pc.Vec3.DOWN, way.normalize()));  // it shines along -Y
+    return entity;
+}
+
+async function addEnvironment(app, env) {
+    const asset = await load(app, 'environment', 'texture', env.equirect, { mipmaps: false });
+    asset.resource.projection = pc.TEXTUREPROJECTION_EQUIRECT;
+    const source = pc.EnvLighting.generateLightingSource(asset.resource);
+    app.scene.envAtlas = pc.EnvLighting.generateAtlas(source);
+    source.destroy();
+    app.scene.skyboxIntensity = env.intensity ?? 1;
+    app.scene.skyboxRotation = new pc.Quat().setFromEulerAngles(0, env.rotation ?? 0, 0);
+}
+
+function addCameraFrame(app, camera, description) {
+    const frame = new pc.CameraFrame(app, camera.camera);
+    frame.rendering.toneMapping = TONE_CURVES[description.toneMapping ?? 'none'];
+    if (description.hdrFormat) frame.rendering.renderFormats = [pc[`PIXELFORMAT_${description.hdrFormat}`]];
+    frame.update();
+    return frame;
+}

@@ -1,17 +1,12 @@
-"""What every reader of untrusted files and every writer needs: checks before memory is taken, paths that stay inside
-their folder, files that appear whole or not at all."""
+"""What every reader of untrusted files needs: paths that stay inside their folder, checks before memory is taken."""
 
 from __future__ import annotations
 
 import contextlib
-import os
-import secrets
-from collections.abc import Iterator
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO
 
-from mirelight.errors import InputError, OutputError
+from mirelight.errors import InputError
 
 
 def existing(path: str | Path) -> Path:
@@ -107,25 +102,3 @@ def require_memory(file: Path, needed: int, what: str) -> None:
     if free is not None and needed > free:
         found = f"{what} take {needed / 2**30:,.1f} GiB, {free / 2**30:,.1f} GiB are free"
         raise InputError(file, found, "use a smaller file or a machine with more memory")
-
-
-@contextlib.contextmanager
-def replacing(path: str | Path) -> Iterator[BinaryIO]:
-    """Write a file under a temporary name beside it and move it into place when the block ends without an error.
-
-    Raises:
-        OutputError: the folder is missing or cannot be written, or the disk is full. Nothing half-written is left.
-    """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as e:
-        raise OutputError(f"{path}: cannot be written ({e.strerror or e}); nothing was left there") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from mirelight.errors import InputError
 from mirelight.io.safety import require_memory
 from mirelight.model import F32, SplatCloud
 
-ROWS = 1 << 14  # splats converted at a time; their values stay in the processor's cache
+ROWS = 1 << 13  # splats converted at a time; their values stay in the processor's cache
 
 
 class Slot(NamedTuple):
@@ -120,7 +120,7 @@ def _finite(slot: Slot) -> NDArray[np.bool_]:
     tables = (slot.means, slot.quats, slot.scales, slot.sh.reshape(len(slot.sh), -1))
     good = np.isfinite(slot.opacities)
     for table in tables:
-        good &= np.isfinite(table @ np.ones(table.shape[1], dtype=np.float32))
+        good &= np.isfinite(np.einsum("ij->i", table))
     for row in np.flatnonzero(~good):
         good[row] = np.isfinite(slot.opacities[row]) and all(np.isfinite(table[row]).all() for table in tables)
     return good

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.io.safety import replacing
+from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
@@ -87,7 +87,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     lines += [f"element vertex {count}"] + [f"property uint {name}" for name in _PACKED]
     if k > 1:
         lines += [f"element sh {count}"] + [f"property uchar f_rest_{i}" for i in range(3 * (k - 1))]
-    with replacing(path) as file:
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join([*lines, "end_header", ""]).encode("ascii"))
         packed = [_pack(cloud, rows) for rows in np.split(order, range(ROWS, len(order), ROWS))]
         file.write(np.concatenate([bounds for bounds, _ in packed]).astype("<f4").tobytes())
@@ -163,9 +163,8 @@ def _unpack(packed: NDArray[Any], bounds: NDArray[Any], slot: Slot) -> None:
 
     slot.means[:] = within(_BOUNDS, _unpack_11_10_11(packed["packed_position"]))
     values.exponential(within(_SCALE_BOUNDS, _unpack_11_10_11(packed["packed_scale"])), out=slot.scales)
-    rgba = np.stack([packed["packed_color"] >> s & 255 for s in (24, 16, 8, 0)], axis=1).astype(
-        np.float32
-    ) / np.float32(255)
+    bytes_ = np.stack([packed["packed_color"] >> s & 255 for s in (24, 16, 8, 0)], axis=1)
+    rgba = bytes_.astype(np.float32) / np.float32(255)
     slot.sh[:, 0] = values.dc_from_rgb(within(_COLOR_BOUNDS, rgba[:, :3]))
     slot.opacities[:] = rgba[:, 3]
     rotation = packed["packed_rotation"]

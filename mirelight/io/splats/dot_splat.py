@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.errors import InputError
-from mirelight.io.safety import open_binary, replacing
+from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import open_binary
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder
 from mirelight.io.splats.info import SplatFileInfo
@@ -51,7 +52,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     """
     volume = np.prod(cloud.scales, axis=1, dtype=np.float64) * cloud.opacities
     order = np.argsort(-volume, kind="stable")
-    with replacing(path) as file:
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
         for rows in np.split(order, range(ROWS, len(order), ROWS)):
             block = np.empty(len(rows), dtype=_ROW)
             block["mean"], block["scale"] = cloud.means[rows], cloud.scales[rows]

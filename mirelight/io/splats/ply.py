@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.io.safety import replacing
+from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
@@ -94,7 +94,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     comment = ["comment SplatRenderMode: mip"] if cloud.antialiased else []
     lines = ["ply", "format binary_little_endian 1.0", *comment, f"element vertex {len(cloud)}"]
     lines += [f"property float {name}" for name in names] + ["end_header", ""]
-    with replacing(path) as file:
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join(lines).encode("ascii"))
         for first in range(0, len(cloud), ROWS):
             rows = slice(first, first + ROWS)

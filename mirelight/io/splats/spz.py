@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import InputError
-from mirelight.io.safety import open_binary, replacing, require_memory
+from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import open_binary, require_memory
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot, cloud_bytes
 from mirelight.io.splats.info import SplatFileInfo
@@ -29,7 +30,7 @@ _ANTIALIASED, _EXTENDED = 1, 2  # header flags
 _COORDINATE_SYSTEM = 0xADBE0003  # SPZ_ADOBE_coordinate_system
 _LONGEST_EXTENSIONS = 1 << 20  # bytes
 _GZIP_MOST = 1032  # deflate cannot shrink further than this
-_ZSTD_MOST = 1 << 15  # beyond any stream of splats; zstd itself knows no bound
+_ZSTD_MOST = 1024 / 9  # splats a byte; zstd knows no bound, this is the reference reader's
 _WINDOW_MOST = 1 << 27  # bytes of zstd window that a file may ask for
 
 _COLOR_SCALE = 0.15  # of the stored degree-0 coefficient
@@ -151,7 +152,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
         _byte(codes),
     )
     packer = zlib.compressobj(wbits=31)  # no name, no time: the same cloud gives the same bytes
-    with replacing(path) as file:
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
         for piece in pieces:
             file.write(packer.compress(piece))
         file.write(packer.flush())
@@ -175,10 +176,13 @@ class _Stream:
 
     def attributes(self) -> tuple[dict[str, NDArray[np.uint8]], int]:
         """Every attribute's bytes, and the number of the stored coordinate system. Raises InputError."""
+        places = self._zstd_places() if self._zstd else []
         stored = {name: np.empty(size, dtype=np.uint8) for name, size in self.head.sizes.items()}
         if self._zstd:
+            self._file.seek(32)
             extensions = self._file.read(min(self._toc - 32, _LONGEST_EXTENSIONS))
-            self._unzstd(stored)
+            for (name, data), (start, length) in zip(stored.items(), places, strict=True):
+                self._unzstd(name, data, start, length)
         else:
             for data in stored.values():
                 self._inflate(data.data)
@@ -199,8 +203,8 @@ class _Stream:
         if fraction_bits > 24:
             raise InputError(self._path, f"{fraction_bits} fractional bits of 24", "the file is damaged")
         head = _Head(version, count, degree, fraction_bits, flags)
-        most = self._size * (_ZSTD_MOST if self._zstd else _GZIP_MOST)
-        if not 0 < sum(head.sizes.values()) <= most:
+        most = self._size * (_ZSTD_MOST if self._zstd else _GZIP_MOST * count / max(sum(head.sizes.values()), 1))
+        if not 0 < count <= most:
             found = f"{count:,} splats promised in a file of {self._size:,} bytes"
             raise InputError(self._path, found, "the file is damaged or hostile")
         if self._zstd and (streams != len(head.sizes) or not 32 <= toc <= self._size - 16 * streams):
@@ -234,30 +238,36 @@ class _Stream:
                 raise InputError(self._path, f"damaged after the splats (gzip: {e})") from None
         return out
 
-    def _unzstd(self, stored: dict[str, NDArray[np.uint8]]) -> None:
-        """Decompress version 4's streams, each checked against the table of contents."""
-        import zstandard
-
+    def _zstd_places(self) -> list[tuple[int, int]]:
+        """Where version 4's streams lie (start, length), their sizes checked against the count."""
         self._file.seek(self._toc)
         table = np.frombuffer(self._file.read(16 * self._streams), dtype="<u8").reshape(-1, 2)
         at = self._toc + 16 * self._streams
-        decompressor = zstandard.ZstdDecompressor(max_window_size=_WINDOW_MOST)
-        for (name, data), (packed, unpacked) in zip(stored.items(), table.tolist(), strict=True):
-            if unpacked != len(data) or packed > self._size - at:
-                found = f"stream {name!r} of {packed:,} bytes for {unpacked:,}, expected {len(data):,}"
-                raise InputError(self._path, found, "the file is damaged")
-            self._file.seek(at)
-            source = self._file.read(packed)
+        places = []
+        for (name, wanted), (packed, unpacked) in zip(self.head.sizes.items(), table.tolist(), strict=True):
+            if unpacked != wanted or packed > self._size - at:
+                found = f"stream {name!r} of {packed:,} bytes for {unpacked:,}, expected {wanted:,}"
+                raise InputError(self._path, found, "the file is truncated or damaged")
+            places.append((at, packed))
             at += packed
-            try:
-                with decompressor.stream_reader(source) as reader:
-                    done = 0
-                    while done < len(data) and (got := reader.readinto(data[done:].data)):
-                        done += got
-            except zstandard.ZstdError as e:
-                raise InputError(self._path, f"stream {name!r} (zstd: {e})", "the file is damaged") from None
-            if done < len(data):
-                raise InputError(self._path, f"stream {name!r} ends early", "the file is truncated")
+        return places
+
+    def _unzstd(self, name: str, out: NDArray[np.uint8], start: int, length: int) -> None:
+        """Fill `out` from one zstd stream, never decompressing more than fits."""
+        import zstandard
+
+        self._file.seek(start)
+        source = self._file.read(length)
+        decompressor = zstandard.ZstdDecompressor(max_window_size=_WINDOW_MOST)
+        done = 0
+        try:
+            with decompressor.stream_reader(source) as reader:
+                while done < len(out) and (got := reader.readinto(out[done:].data)):
+                    done += got
+        except zstandard.ZstdError as e:
+            raise InputError(self._path, f"stream {name!r} (zstd: {e})", "the file is damaged") from None
+        if done < len(out):
+            raise InputError(self._path, f"stream {name!r} ends early", "the file is truncated")
 
 
 def _coordinate_system(extensions: bytes) -> int:

@@ -23,14 +23,13 @@ _LARGEST_LOGIT = 20.0  # sigmoid(20) is 1 in float32; files get finite logits, w
 _SMALLEST_SCALE = 1e-30  # a flat axis is written as this, because log(0) is not finite
 
 
-def sigmoid(logits: NDArray[Any], out: F32) -> F32:
+def sigmoid(logits: NDArray[Any], out: F32) -> None:
     """Opacity 0–1 of logits, written into `out`; exact at ±inf."""
     with np.errstate(over="ignore"):
         np.negative(logits, out=out, casting="same_kind")
         np.exp(out, out=out)
         out += 1
         np.reciprocal(out, out=out)
-    return out
 
 
 def logit(opacities: NDArray[Any]) -> F32:
@@ -38,14 +37,13 @@ def logit(opacities: NDArray[Any]) -> F32:
     o = np.asarray(opacities, dtype=np.float64)
     with np.errstate(divide="ignore"):
         raw = np.log(o) - np.log1p(-o)
-    return np.clip(raw, -_LARGEST_LOGIT, _LARGEST_LOGIT).astype(np.float32)
+    return np.asarray(np.clip(raw, -_LARGEST_LOGIT, _LARGEST_LOGIT), dtype=np.float32)
 
 
-def exponential(logs: NDArray[Any], out: F32) -> F32:
+def exponential(logs: NDArray[Any], out: F32) -> None:
     """Linear scales of log scales, written into `out`; −inf gives 0, too large gives inf (dropped later)."""
     with np.errstate(over="ignore"):
         np.exp(logs, out=out, casting="same_kind")
-    return out
 
 
 def log_scale(scales: NDArray[Any]) -> F32:

@@ -115,7 +115,7 @@ def build(source: Source, table: JobTable) -> Job:
         compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
         relight=relight_settings(table),
         display=model.DisplaySettings(**_settings(table.display)),
-        output=model.OutputSettings(**{**_settings(table.output), "directory": source.folder / table.output.directory}),
+        output=replace(model.OutputSettings(**_settings(table.output)), directory=_output_folder(source, table)),
         inputs=dict(sorted(assets.digests.items())),
     )
 
@@ -127,6 +127,10 @@ def relight_settings(table: JobTable) -> model.RelightSettings:
     chosen["mode"] = chosen["mode"] or ("ratio" if table.captured is not None and physical else "tint")
     chosen["space"] = chosen["space"] or ("linear" if physical or table.compositor.linear else "display")
     return model.RelightSettings(profile=table.profile, **chosen)
+
+
+def _output_folder(source: Source, table: JobTable) -> Path:
+    return (source.folder / table.output.directory).resolve()
 
 
 def _settings(table: Any) -> dict[str, Any]:

@@ -75,14 +75,12 @@ class _Scanner:
         is_item = self.text.startswith("[[", self.at)
         self.at += 2 if is_item else 1
         path: Path = ()
-        keys = self.dotted_key()
-        for name, place in keys:
-            path = self.newest((*path, name))
+        for name, place in self.dotted_key():
+            path = (*self.newest(path), name)
             self.note(path, place, place)
         if is_item:
-            array = path[:-1] if isinstance(path[-1], int) else path
-            self.last_item[array] = self.last_item.get(array, -1) + 1
-            path = (*array, self.last_item[array])
+            self.last_item[path] = self.last_item.get(path, -1) + 1
+            path = self.newest(path)
         self.at = self.text.index("]", self.at) + (2 if is_item else 1)
         self.found.values.setdefault(path, self.place(start, self.at))
         return path

@@ -1,0 +1,182 @@
+"""`mirelight inspect`: the facts of a file as text or JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+
+from mirelight.io.facts import (
+    Bounds,
+    CameraFacts,
+    Facts,
+    JobFacts,
+    LightFacts,
+    LightingFacts,
+    MeshFacts,
+    PictureFacts,
+    SplatFacts,
+    as_json,
+)
+from mirelight.io.inspect import inspect
+
+_UNITS = {"directional": "lux", "sun": "lux", "point": "cd", "spot": "cd", "area": "cd/m²"}
+_MOST = 20  # lights or cameras that are listed
+
+
+def run_inspect(file: str, wants_json: bool) -> int:
+    """The command."""
+    facts = inspect(file)
+    if wants_json:
+        print(json.dumps(as_json(facts), indent=2, ensure_ascii=False))
+    else:
+        print("\n".join(lines(facts)))
+    return 0
+
+
+def lines(facts: Facts) -> Iterator[str]:
+    """The facts as text, a line each."""
+    yield facts.path
+    match facts:
+        case SplatFacts():
+            rows = _splats(facts)
+        case MeshFacts():
+            rows = _mesh(facts)
+        case PictureFacts():
+            rows = _picture(facts)
+        case JobFacts():
+            rows = _job(facts)
+    for name, value in rows:
+        yield f"  {name:<12} {value}"
+
+
+Rows = Iterator[tuple[str, str]]
+
+
+def _splats(facts: SplatFacts) -> Rows:
+    yield "kind", f"splats, {facts.format}"
+    dropped = f" ({facts.dropped:,} more with NaN or infinite values are left out)" if facts.dropped else ""
+    yield "splats", f"{facts.splats:,}{dropped}"
+    yield "SH degree", f"{facts.sh_degree}"
+    if facts.antialiased:
+        yield "trained", "antialiased (opacity compensation)"
+    if facts.levels:
+        yield "levels", ", ".join(f"{count:,.0f}" for count in facts.levels) + " splats, the finest first"
+    yield from _box(facts.bounds)
+    if facts.median_scale is not None and facts.mean_opacity is not None:
+        yield "typical", f"scale {facts.median_scale:g} (median), opacity {facts.mean_opacity:.2f} (mean)"
+    yield "memory", size(facts.memory)
+    for note in facts.notes:
+        yield "note", note
+
+
+def _mesh(facts: MeshFacts) -> Rows:
+    yield "kind", "mesh"
+    yield "triangles", f"{facts.triangles:,} ({facts.vertices:,} vertices)"
+    present = {"normals": facts.normals, "uvs": facts.uvs, "vertex colours": facts.vertex_colors}
+    yield "has", ", ".join(name for name, there in present.items() if there) or "positions alone"
+    if facts.materials:
+        yield "materials", _listed(facts.materials)
+    yield from _box(facts.bounds)
+    yield "memory", size(facts.memory)
+    yield from _many("light", [_light(x) for x in facts.lights])
+    yield from _many("camera", [_camera(x) for x in facts.cameras])
+
+
+def _picture(facts: PictureFacts) -> Rows:
+    yield "kind", "image"
+    yield "size", f"{facts.width} x {facts.height} px"
+    yield "channels", _listed(facts.channels)
+    if facts.mean is not None and facts.brightest is not None:
+        yield "linear", f"mean {_vector(facts.mean)}, brightest {facts.brightest:g}"
+    yield "memory", size(facts.memory)
+    if facts.fingerprint:
+        yield "fingerprint", facts.fingerprint
+
+
+def _job(facts: JobFacts) -> Rows:
+    yield "kind", f"job, profile {facts.profile}, mode {facts.mode}"
+    yield "inputs", _listed(facts.inputs)
+    if facts.sh_degree is not None:
+        yield "splats", f"{facts.splats:,}, SH degree {facts.sh_degree}"
+    yield "proxy", f"{facts.triangles:,} triangles" if facts.triangles else "none"
+    yield from _box(facts.bounds)
+    for lighting in facts.lightings:
+        yield from _lighting("lighting", lighting)
+    if facts.captured is not None:
+        yield from _lighting("captured", facts.captured)
+    yield from _many("camera", [_camera(x) for x in facts.cameras])
+    yield "frames", f"{facts.frames}, written to {facts.output}"
+    yield "memory", f"about {size(facts.memory)} while rendering"
+
+
+def _lighting(title: str, facts: LightingFacts) -> Rows:
+    yield title, facts.name
+    yield from _many("  light", [_light(x) for x in facts.lights])
+    if facts.environment is not None:
+        sky = facts.environment
+        what = "constant" if (sky.width, sky.height) == (1, 1) else f"{sky.width} x {sky.height} px"
+        yield (
+            "  sky",
+            f"{what}, mean radiance {_vector(sky.mean)}, brightest {sky.brightest:g}, turned {sky.rotation:g}°",
+        )
+
+
+def _light(facts: LightFacts) -> str:
+    parts = [
+        f"{facts.name}: {facts.type}",
+        f"{facts.intensity:g} {_UNITS[facts.type]}",
+        f"color {_vector(facts.color)}",
+    ]
+    if facts.shape is not None and facts.size is not None:
+        parts.insert(1, f"{facts.shape} {_vector(facts.size)}")
+    if facts.position is not None:
+        parts.append(f"at {_vector(facts.position)}")
+    if facts.direction is not None:
+        parts.append(f"along {_vector(facts.direction)}")
+    if facts.outer_cone_angle is not None:
+        parts.append(f"cone {facts.inner_cone_angle:g}° to {facts.outer_cone_angle:g}°")
+    if facts.angular_diameter is not None:
+        parts.append(f"{facts.angular_diameter:g}° wide")
+    parts += [f"{name} {value:g}" for name, value in (("range", facts.range), ("radius", facts.radius)) if value]
+    return ", ".join(parts)
+
+
+def _camera(facts: CameraFacts) -> str:
+    parts = [f"{facts.name}: {facts.type}", f"at {_vector(facts.position)}"]
+    parts += [f"yfov {facts.yfov:g}°"] if facts.yfov is not None else [f"ymag {facts.ymag:g}"]
+    if facts.width is not None:
+        parts.append(f"{facts.width} x {facts.height} px")
+    if facts.aspect is not None:
+        parts.append(f"aspect {facts.aspect:g}")
+    return ", ".join([*parts, "animated"] if facts.animated else parts)
+
+
+def _box(bounds: Bounds | None) -> Rows:
+    if bounds is not None:
+        yield "bounds", f"{_vector(bounds.low)} to {_vector(bounds.high)}"
+
+
+def _many(name: str, entries: Sequence[str]) -> Rows:
+    for entry in entries[:_MOST]:
+        yield name, entry
+    if len(entries) > _MOST:
+        yield name, f"… and {len(entries) - _MOST} more"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f", … ({len(names)} in all)" if len(names) > _MOST else ""
+    return ", ".join(names[:_MOST]) + more
+
+
+def _vector(values: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{v:.4g}" for v in values) + ")"
+
+
+def size(count: int) -> str:
+    """Bytes for people."""
+    value = float(count)
+    for unit in ("B", "KiB", "MiB"):
+        if value < 1024:
+            return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
+        value /= 1024
+    return f"{value:.2f} GiB"

@@ -1,0 +1,280 @@
+"""What `mirelight inspect` says of files, as types; units are those of the job file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+import numpy as np
+
+from mirelight.model import (
+    F32,
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    Light,
+    Lighting,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
+
+if TYPE_CHECKING:
+    from mirelight.io.gltf.cameras import GltfCamera
+
+Numbers: TypeAlias = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bounds:
+    """An axis-aligned box in world units."""
+
+    low: Numbers  # (3,)
+    high: Numbers  # (3,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightFacts:
+    """One light, in the names and units of the job file: lux, candela, cd/m², degrees, world units."""
+
+    name: str
+    type: str
+    intensity: float
+    color: Numbers
+    position: Numbers | None = None
+    direction: Numbers | None = None
+    range: float | None = None
+    inner_cone_angle: float | None = None
+    outer_cone_angle: float | None = None
+    radius: float | None = None
+    angular_diameter: float | None = None
+    shape: str | None = None
+    size: Numbers | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraFacts:
+    """One camera; angles in degrees."""
+
+    name: str
+    type: str
+    position: Numbers
+    yfov: float | None = None
+    ymag: float | None = None
+    aspect: float | None = None  # width / height that a glTF file asks for
+    width: int | None = None  # px
+    height: int | None = None  # px
+    animated: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnvironmentFacts:
+    """Light from all around."""
+
+    width: int
+    height: int
+    mean: Numbers  # (3,) radiance over the sphere, intensity included
+    brightest: float
+    rotation: float  # degrees, mirelight's convention
+    intensity: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightingFacts:
+    """One lighting of a job."""
+
+    name: str
+    lights: tuple[LightFacts, ...]
+    environment: EnvironmentFacts | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplatFacts:
+    """A splat file."""
+
+    kind: ClassVar[str] = "splats"
+    path: str
+    format: str
+    splats: int
+    dropped: int  # left out on reading: NaN or infinite values
+    sh_degree: int
+    antialiased: bool
+    levels: Numbers  # splats in each level of detail of a streamed SOG
+    bounds: Bounds | None
+    median_scale: float | None  # world units
+    mean_opacity: float | None
+    memory: int  # bytes once read
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshFacts:
+    """A mesh or glTF file."""
+
+    kind: ClassVar[str] = "mesh"
+    path: str
+    triangles: int
+    vertices: int
+    bounds: Bounds | None
+    normals: bool
+    uvs: bool
+    vertex_colors: bool
+    materials: tuple[str, ...]
+    memory: int  # bytes once read
+    lights: tuple[LightFacts, ...] = ()
+    cameras: tuple[CameraFacts, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureFacts:
+    """An image: an environment, or a frame that mirelight wrote."""
+
+    kind: ClassVar[str] = "image"
+    path: str
+    width: int
+    height: int
+    channels: tuple[str, ...]
+    mean: Numbers | None  # (3,) linear, every pixel alike
+    brightest: float | None  # largest value of a channel, linear
+    memory: int  # bytes once read
+    fingerprint: str | None  # of a frame that mirelight wrote
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobFacts:
+    """A job file with everything it names."""
+
+    kind: ClassVar[str] = "job"
+    path: str
+    splats: int
+    sh_degree: int | None
+    triangles: int
+    bounds: Bounds | None
+    lightings: tuple[LightingFacts, ...]
+    captured: LightingFacts | None
+    cameras: tuple[CameraFacts, ...]
+    frames: int
+    inputs: tuple[str, ...]
+    mode: str
+    profile: str
+    output: str
+    memory: int  # bytes that a render takes, estimated
+
+
+Facts: TypeAlias = SplatFacts | MeshFacts | PictureFacts | JobFacts
+
+
+def as_json(facts: Facts) -> dict[str, Any]:
+    """The facts as JSON values, with their kind; what does not apply is left out, infinity is null."""
+    return {"kind": facts.kind, **_plain(facts)}
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        shown = {f.name: getattr(value, f.name) for f in fields(value)}
+        return {name: _plain(entry) for name, entry in shown.items() if entry is not None}
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# --- from the model's types ------------------------------------------------------------------------------------------
+
+
+def lighting_facts(lighting: Lighting) -> LightingFacts:
+    """A lighting of the model."""
+    environment = None
+    if lighting.environment is not None:
+        light = lighting.environment
+        height, width = light.radiance.shape[:2]
+        rows = np.sin(np.pi * (np.arange(height) + 0.5) / height)  # solid angle of a row's pixels
+        mean = np.average(light.radiance.mean(axis=1, dtype=np.float64), axis=0, weights=rows)
+        environment = EnvironmentFacts(
+            width=width,
+            height=height,
+            mean=numbers(mean * light.intensity),
+            brightest=rounded(light.radiance.max() * light.intensity),
+            rotation=light.rotation,
+            intensity=light.intensity,
+        )
+    return LightingFacts(
+        name=lighting.name, lights=tuple(light_facts(x) for x in lighting.lights), environment=environment
+    )
+
+
+def light_facts(light: Light) -> LightFacts:
+    """A light in the names and units of the job file."""
+    facts: dict[str, Any] = {"name": light.name, "intensity": rounded(light.intensity), "color": numbers(light.color)}
+    match light:
+        case DirectionalLight():
+            return LightFacts(type="directional", direction=numbers(light.direction), **facts)
+        case SunLight():
+            facts["angular_diameter"] = rounded(light.angular_diameter)
+            return LightFacts(type="sun", direction=numbers(light.direction), **facts)
+        case PointLight():
+            return LightFacts(type="point", position=numbers(light.position), **_reach(light), **facts)
+        case SpotLight():
+            return LightFacts(
+                type="spot",
+                position=numbers(light.position),
+                direction=numbers(light.direction),
+                inner_cone_angle=rounded(math.degrees(light.inner_cone_angle)),
+                outer_cone_angle=rounded(math.degrees(light.outer_cone_angle)),
+                **_reach(light),
+                **facts,
+            )
+        case AreaLight():
+            pose = light.world_from_light
+            direction = None if light.shape == "sphere" else numbers(-pose[:3, 2])
+            facts |= {"shape": light.shape, "size": numbers(light.size), "direction": direction}
+            return LightFacts(type="area", position=numbers(pose[:3, 3]), **facts)
+
+
+def _reach(light: PointLight | SpotLight) -> dict[str, float | None]:
+    return {
+        "range": rounded(light.range) if math.isfinite(light.range) else None,
+        "radius": rounded(light.radius) if light.radius else None,
+    }
+
+
+def camera_facts(camera: Camera) -> CameraFacts:
+    """A camera of the model."""
+    perspective = camera.projection == "perspective"
+    return CameraFacts(
+        name=camera.name,
+        type=camera.projection,
+        position=numbers(camera.position),
+        yfov=rounded(math.degrees(2 * math.atan(camera.height / (2 * camera.fy)))) if perspective else None,
+        ymag=None if perspective else rounded(camera.height / (2 * camera.fy)),
+        width=camera.width,
+        height=camera.height,
+    )
+
+
+def gltf_camera_facts(camera: GltfCamera, animated: bool) -> CameraFacts:
+    """A camera as a glTF file has it."""
+    return CameraFacts(
+        name=camera.name,
+        type=camera.projection,
+        position=numbers(camera.world[:3, 3]),
+        yfov=None if camera.yfov is None else rounded(math.degrees(camera.yfov)),
+        ymag=camera.ymag,
+        aspect=None if camera.aspect is None else rounded(camera.aspect),
+        animated=animated,
+    )
+
+
+def bounds_of(points: F32) -> Bounds | None:
+    """The box around points (N, 3); None of none."""
+    return Bounds(low=numbers(points.min(axis=0)), high=numbers(points.max(axis=0))) if len(points) else None
+
+
+def numbers(values: Any) -> Numbers:
+    """An array as plain numbers for people."""
+    return tuple(rounded(v) for v in np.asarray(values).reshape(-1))
+
+
+def rounded(value: Any) -> float:
+    """Six significant digits: float32 holds no more."""
+    return float(f"{float(value):.6g}")

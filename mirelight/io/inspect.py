@@ -1,0 +1,222 @@
+"""What is in a file: counts, bounds, lights, cameras, and the memory it will take.
+
+Splats and meshes are read whole, because only that shows whether a file is sound and how far it reaches.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.errors import InputError
+from mirelight.io.facts import (
+    CameraFacts,
+    Facts,
+    JobFacts,
+    LightFacts,
+    MeshFacts,
+    PictureFacts,
+    SplatFacts,
+    bounds_of,
+    camera_facts,
+    gltf_camera_facts,
+    light_facts,
+    lighting_facts,
+    numbers,
+    rounded,
+)
+from mirelight.io.safety import existing, open_binary, read_bytes
+from mirelight.model import Camera, Lighting, ProxyMesh, SplatCloud
+
+_GLTF = (".glb", ".gltf")
+_MESHES = (".obj", ".stl")
+_PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp")
+_HEAD = 64 * 2**10  # bytes in which a PLY header names its first properties
+_LONGEST_JSON = 256 * 2**20
+
+
+def inspect(path: str | Path) -> Facts:
+    """What is in a splat, mesh, glTF, image or job file; its content decides, its suffix only where that cannot.
+
+    Raises:
+        InputError: it cannot be read, or is of no known kind.
+        ManyInputsError: a job file with several mistakes.
+    """
+    from mirelight.io import splats
+
+    path = existing(path)
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        return _job(path)
+    if path.is_file() and (suffix in _PICTURES):
+        return _picture(path)
+    if path.is_file() and (suffix in _MESHES or _is_mesh(path, suffix)):
+        return _gltf(path) if suffix in _GLTF else _mesh(path)
+    if path.is_file() and suffix not in splats.SUFFIXES:
+        known = ", ".join((".toml", *splats.SUFFIXES, *_MESHES, *_PICTURES))
+        raise InputError(path, f"{suffix or 'no suffix'!r} is no kind of file that is known", f"known are {known}")
+    return _splats(path)
+
+
+# --- splats and meshes -----------------------------------------------------------------------------------------------
+
+
+def _is_mesh(path: Path, suffix: str) -> bool:
+    with open_binary(path) as file:
+        head = file.read(_HEAD)
+        if head[:4] == b"glTF":
+            head += file.read(min(int.from_bytes(head[12:16], "little"), _LONGEST_JSON))
+    if head[:3] == b"ply":
+        return b"f_dc_0" not in head and b"packed_position" not in head
+    if head[:4] == b"glTF":
+        return b"KHR_gaussian_splatting" not in head
+    return suffix == ".gltf" and b"KHR_gaussian_splatting" not in read_bytes(path, _LONGEST_JSON)
+
+
+def _splats(path: Path) -> SplatFacts:
+    from mirelight.io import splats
+
+    info = splats.summary(path)
+    cloud = splats.read(path)
+    return SplatFacts(
+        path=str(path),
+        format=info.format,
+        splats=len(cloud),
+        dropped=cloud.dropped,
+        sh_degree=cloud.sh_degree,
+        antialiased=cloud.antialiased,
+        levels=info.levels,
+        bounds=bounds_of(cloud.means),
+        median_scale=rounded(np.median(cloud.scales)) if len(cloud) else None,
+        mean_opacity=rounded(np.mean(cloud.opacities)) if len(cloud) else None,
+        memory=_cloud_bytes(cloud),
+        notes=info.notes,
+    )
+
+
+def _mesh(path: Path) -> MeshFacts:
+    from mirelight.io.mesh import read_mesh
+
+    return _mesh_facts(path, read_mesh(path, textures=False), (), ())
+
+
+def _gltf(path: Path) -> MeshFacts:
+    from mirelight.io.gltf.scene import read_scene
+
+    scene = read_scene(path, textures=False)
+    cameras = tuple(gltf_camera_facts(camera, camera.name in scene.animated_cameras) for camera in scene.cameras)
+    return _mesh_facts(path, scene.mesh, tuple(light_facts(x) for x in scene.lights), cameras)
+
+
+def _mesh_facts(
+    path: Path, mesh: ProxyMesh | None, lights: tuple[LightFacts, ...], cameras: tuple[CameraFacts, ...]
+) -> MeshFacts:
+    return MeshFacts(
+        path=str(path),
+        triangles=len(mesh.faces) if mesh else 0,
+        vertices=len(mesh.vertices) if mesh else 0,
+        bounds=bounds_of(mesh.vertices) if mesh else None,
+        normals=mesh is not None and mesh.normals is not None,
+        uvs=mesh is not None and mesh.uvs is not None,
+        vertex_colors=mesh is not None and mesh.vertex_colors is not None,
+        materials=tuple(m.name for m in mesh.materials) if mesh else (),
+        memory=_mesh_bytes(mesh),
+        lights=lights,
+        cameras=cameras,
+    )
+
+
+# --- images ----------------------------------------------------------------------------------------------------------
+
+
+def _picture(path: Path) -> PictureFacts:
+    from mirelight.io.image import read_fingerprint
+
+    fingerprint = read_fingerprint(path) if path.suffix.lower() in (".exr", ".png") else None
+    if path.suffix.lower() == ".exr":
+        from mirelight.io.exr import read_exr
+
+        image = read_exr(path)
+        first = next(iter(image.channels.values()))
+        own = [image.channels[c] for c in "RGB" if c in image.channels]
+        pixels = np.stack(own, axis=-1).astype(np.float32) if len(own) == 3 else None
+        names, (height, width) = tuple(image.channels), first.shape[:2]
+        memory = sum(channel.nbytes for channel in image.channels.values())
+    else:
+        from mirelight.io.environment import read_environment
+
+        pixels = read_environment(path)
+        names, (height, width), memory = ("R", "G", "B"), pixels.shape[:2], pixels.nbytes
+    return PictureFacts(
+        path=str(path),
+        width=int(width),
+        height=int(height),
+        channels=names,
+        mean=None if pixels is None else numbers(pixels.mean(axis=(0, 1), dtype=np.float64)),
+        brightest=None if pixels is None else rounded(pixels.max()),
+        memory=int(memory),
+        fingerprint=fingerprint,
+    )
+
+
+# --- jobs ------------------------------------------------------------------------------------------------------------
+
+
+def _job(path: Path) -> JobFacts:
+    from mirelight.io import job
+
+    work = job.load(path)
+    scene = work.scene
+    seen = scene.splats.means if scene.splats is not None else scene.proxy.vertices if scene.proxy else None
+    return JobFacts(
+        path=str(path),
+        splats=len(scene.splats) if scene.splats is not None else 0,
+        sh_degree=scene.splats.sh_degree if scene.splats is not None else None,
+        triangles=len(scene.proxy.faces) if scene.proxy else 0,
+        bounds=None if seen is None else bounds_of(seen),
+        lightings=tuple(lighting_facts(x) for x in scene.lightings),
+        captured=lighting_facts(scene.captured) if scene.captured else None,
+        cameras=tuple(camera_facts(x) for x in scene.cameras),
+        frames=len(scene.cameras) * max(len(scene.lightings), 1),
+        inputs=tuple(work.inputs),
+        mode=work.relight.mode,
+        profile=work.compositor.profile,
+        output=str(work.output.directory),
+        memory=_render_bytes(scene.splats, scene.proxy, scene.cameras, scene.lightings),
+    )
+
+
+# --- memory ----------------------------------------------------------------------------------------------------------
+
+
+def _cloud_bytes(cloud: SplatCloud) -> int:
+    return sum(a.nbytes for a in (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.sh))
+
+
+def _mesh_bytes(mesh: ProxyMesh | None) -> int:
+    if mesh is None:
+        return 0
+    arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, mesh.vertex_colors, mesh.face_materials)
+    return sum(a.nbytes for a in arrays if a is not None)
+
+
+_PROGRAM = 200 * 2**20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
+_WORK_PER_SPLAT = 150  # bytes: projected record twice, keys, order
+_WORK_PER_TRIANGLE = 220  # bytes: Embree's tree over it
+_WORK_PER_PIXEL = 400  # bytes: images of the composite and of the lighting, AOVs, the finished frame
+_WORK_PER_LAYER = 72  # bytes a pixel: film and arrays of one light's direct and indirect part
+
+
+def _render_bytes(
+    splats: SplatCloud | None, proxy: ProxyMesh | None, cameras: tuple[Camera, ...], lightings: tuple[Lighting, ...]
+) -> int:
+    """About what a render takes at once: files and their copies on the device, one frame of the largest camera."""
+    pixels = max((camera.width * camera.height for camera in cameras), default=0)
+    layers = max((len(lighting.layer_names) for lighting in lightings), default=0)
+    needed = _PROGRAM + pixels * (_WORK_PER_PIXEL + layers * _WORK_PER_LAYER)
+    if splats is not None:
+        needed += 2 * _cloud_bytes(splats) + _WORK_PER_SPLAT * len(splats)
+    if proxy is not None:
+        needed += 2 * _mesh_bytes(proxy) + _WORK_PER_TRIANGLE * len(proxy.faces)
+    return needed

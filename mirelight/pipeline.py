@@ -210,7 +210,8 @@ class _Studio:
             self._compositor = Compositor(
                 splats, settings, variant=render_settings.variant, threads=render_settings.threads
             )
-        return self._compositor.composite(camera)
+        output = self.job.output
+        return self._compositor.composite(camera, depth=output.exr and output.aovs)
 
     def trace(self, lighting: Lighting, camera: Camera, progress: Callable[[int, int], None]) -> LightingBuffer:
         if self._tracer is None:

@@ -8,6 +8,7 @@ the factor: `tint` (what GsplatRelighting does) and `ratio` (new light over capt
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -59,13 +60,23 @@ def apply(
             raise ValueError("a frame needs splats, lighting, or both")
         return _lit_proxy(lighting, made_by)
     unlit = unlit_rgba(splats)
-    if lighting is None:
-        return _frame(splats, unlit, unlit, np.ones_like(splats.color), None, made_by)
-
-    factor = _factor(splats.camera, lighting, settings, captured)
-    factor = _mix(np.float32(1), factor, settings.blend)
-    relit = unlit if settings.blend == 0 else _multiply(splats, factor, _space(splats, settings))
-    return _frame(splats, relit, unlit, factor, upsample(lighting, splats.camera), made_by)
+    factor, relit, noise = np.ones_like(splats.color), unlit, None
+    if lighting is not None:
+        factor = _factor(splats.camera, lighting, settings, captured)
+        if settings.blend > 0:
+            relit = _multiply(splats, unlit, factor, settings)
+        noise = _noise(splats, unlit, lighting, settings, captured)
+        lighting = upsample(lighting, splats.camera)
+    return Frame(
+        camera=splats.camera,
+        rgba=relit,
+        unlit=unlit,
+        factor=factor,
+        lighting=lighting,
+        splats=splats,
+        made_by=made_by,
+        noise=noise,
+    )
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:
@@ -128,15 +139,17 @@ def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
 def _factor(
     camera: Camera, lighting: LightingBuffer, settings: RelightSettings, captured: LightingBuffer | None
 ) -> F32:
-    """(H, W, 3) what full relighting multiplies each pixel by, before `blend`."""
+    """(H, W, 3) what each pixel is multiplied by: mix(1, the mode's factor, blend)."""
     _same_view(camera, lighting)
     if settings.mode == "tint":
         tint = _engine_tint if settings.profile == "playcanvas" else _tint
-        return tint(lighting, settings, (camera.height, camera.width))
-    if captured is None:
-        raise ValueError("mode 'ratio' needs the lighting that the capture was made under")
-    _same_view(camera, captured)
-    return _ratio(upsample(lighting, camera), upsample(captured, camera), settings)
+        full = tint(lighting, settings, (camera.height, camera.width))
+    else:
+        if captured is None:
+            raise ValueError("mode 'ratio' needs the lighting that the capture was made under")
+        _same_view(camera, captured)
+        full = _ratio(upsample(lighting, camera), upsample(captured, camera), settings)
+    return _mix(np.float32(1), full, settings.blend)
 
 
 def _tint(lighting: LightingBuffer, settings: RelightSettings, size: tuple[int, int]) -> F32:
@@ -188,13 +201,13 @@ def _space(splats: SplatLayer, settings: RelightSettings) -> Literal["linear", "
     return "display" if settings.profile == "playcanvas" else settings.space
 
 
-def _multiply(splats: SplatLayer, factor: F32, space: Literal["linear", "display"]) -> F32:
-    """(H, W, 4) linear, premultiplied: the composite times the factor."""
-    alpha = np.float32(1) - splats.transmittance
-    if space == "display":
+def _multiply(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSettings) -> F32:
+    """(H, W, 4) linear, premultiplied: the composite times the factor; `unlit` is it in linear light."""
+    alpha = unlit[..., 3]
+    if _space(splats, settings) == "display":
         rgb = _decode_premultiplied(splats.color * factor, alpha, splats.profile)
     else:
-        rgb = unlit_rgba(splats)[..., :3] * factor
+        rgb = unlit[..., :3] * factor
     return np.concatenate([rgb, alpha[..., None]], axis=-1)
 
 
@@ -247,32 +260,62 @@ def _along(image: F32, axis: int, count: int, squared_weights: bool) -> F32:
     return np.asarray(first * (1 - share) + second * share, dtype=np.float32)
 
 
-# --- frames ----------------------------------------------------------------------------------------------------------
+# --- noise -----------------------------------------------------------------------------------------------------------
 
 
-def _frame(
+def _noise(
     splats: SplatLayer,
-    rgba: F32,
     unlit: F32,
-    factor: F32,
-    lighting: LightingBuffer | None,
-    made_by: Provenance | None,
-) -> Frame:
-    return Frame(
-        camera=splats.camera,
-        rgba=rgba,
-        unlit=unlit,
-        factor=factor,
-        lighting=lighting,
-        splats=splats,
-        made_by=made_by,
-    )
+    lighting: LightingBuffer,
+    settings: RelightSettings,
+    captured: LightingBuffer | None,
+) -> F32 | None:
+    """(H, W, 3) standard deviation of the relit colour that the lighting's variance leaves; None where it is unknown.
+
+    The frame is relit one standard deviation up and down, in any mode and space. Errors of new and captured light count
+    as independent; traced with one seed they partly cancel, so for a ratio this is an upper bound.
+    """
+
+    def swing(lit: tuple[LightingBuffer, LightingBuffer], base: tuple[LightingBuffer | None, ...]) -> F32:
+        up, down = (
+            _multiply(splats, unlit, _factor(splats.camera, new, settings, old), settings)[..., :3]
+            for new, old in zip(lit, base, strict=True)
+        )
+        return np.asarray(np.abs(up - down) / 2, dtype=np.float32)
+
+    total: F32 | None = None
+    if lighting.variance is not None:
+        total = swing((_moved(lighting, 1), _moved(lighting, -1)), (captured, captured))
+    if settings.mode == "ratio" and captured is not None and captured.variance is not None:
+        from_captured = swing((lighting, lighting), (_moved(captured, 1), _moved(captured, -1)))
+        total = from_captured if total is None else np.asarray(np.hypot(total, from_captured), dtype=np.float32)
+    return total
+
+
+def _moved(lighting: LightingBuffer, deviations: float) -> LightingBuffer:
+    """The buffer with its beauty that many standard deviations off, not below zero, in one layer."""
+    assert lighting.variance is not None
+    sigma = np.sqrt(np.maximum(lighting.variance, 0))
+    beauty = np.maximum(lighting.beauty + np.float32(deviations) * sigma, np.float32(0))
+    layer = LightLayer(name="all", direct=beauty, indirect=np.zeros_like(beauty))
+    return replace(lighting, layers=(layer,))
+
+
+# --- frames ----------------------------------------------------------------------------------------------------------
 
 
 def _lit_proxy(lighting: LightingBuffer, made_by: Provenance | None) -> Frame:
     rgba = np.concatenate([lighting.beauty, lighting.coverage[..., None]], axis=-1)
+    noise = None if lighting.variance is None else np.sqrt(np.maximum(lighting.variance, 0))
     return Frame(
-        camera=lighting.camera, rgba=rgba, unlit=None, factor=None, lighting=lighting, splats=None, made_by=made_by
+        camera=lighting.camera,
+        rgba=rgba,
+        unlit=None,
+        factor=None,
+        lighting=lighting,
+        splats=None,
+        made_by=made_by,
+        noise=noise,
     )
 
 

@@ -96,10 +96,8 @@ def summary(outcome: Outcome) -> str:
         figures = (f"{s.flip:.4f}", f"{s.psnr:.2f}", f"{s.ssim:.4f}", f"{s.delta_e:.2f}", f"{s.delta_e_p99:.2f}")
         rows.append((result.name, *figures, relative, f"{result.gain:.3g}", s.verdict))
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = [
-        "  ".join(
-            cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    lines = []
+    for name, *cells in rows:
+        aligned = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
+        lines.append("  ".join([name.ljust(widths[0]), *aligned]))
     return "\n".join([*lines, *outcome.failures])

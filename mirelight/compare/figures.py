@@ -47,7 +47,8 @@ def luma_histogram(maps: Maps) -> str:
     """How often each brightness occurs: the reference as an area, the test as a line (square-root scale)."""
     edges = np.linspace(0, 1, _BINS + 1)
     sides = [np.histogram(metrics.luma(x)[maps.counted], edges)[0] for x in (maps.reference, maps.test)]
-    heights = [np.sqrt(side / max(1, max(int(s.max()) for s in sides))) for side in sides]
+    tallest = max(1, *(int(side[1:-1].max()) for side in sides))  # black and white backgrounds may rise above
+    heights = [np.sqrt(np.minimum(side / tallest, 1)) for side in sides]
     shapes = [_path(heights[0], "reference", closed=True), _path(heights[1], "test", closed=False)]
     return _plot(shapes, ("0", "0.5", "1"), "Display luma of reference (area) and test (line)")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,9 @@ def _library(module: str, package: str) -> Any:
     from importlib import import_module
 
     try:
-        return import_module(module)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # colour-science tells of plotting packages that are not needed here
+            return import_module(module)
     except ImportError:
         remedy = "install it with: pip install 'mirelight[compare]'"
         raise MirelightError(f"comparing pictures needs the package {package}; {remedy}") from None

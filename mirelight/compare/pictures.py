@@ -14,14 +14,12 @@ from mirelight.compare.types import Bool, Pair, Picture
 from mirelight.errors import InputError
 from mirelight.io.exr import read_exr
 from mirelight.io.image import PROVENANCE
-from mirelight.model import F32
 
 _LINEAR = (".exr",)
 _DISPLAY = (".png", ".jpg", ".jpeg", ".webp")
 _MAX_PIXELS = 1 << 27
 _MAX_META = 1 << 20  # bytes of a meta.json that is read
 _BRIGHTEST = 1e9  # stands for infinite light
-_DARK = 1e-3  # share of the mean light below which a pixel's relative noise is not trusted
 
 
 def find_pairs(references: Sequence[Path], tests: Sequence[Path], mask: Path | None = None) -> list[Pair]:
@@ -148,14 +146,13 @@ def _read_display(path: Path, premultiplied: bool) -> Picture:
 
 def _read_exr(path: Path) -> Picture:
     image = read_exr(path)
-    layers = {name: image.layer(name) for name in ("", "lighting", "depth", "variance") if name in image.layers}
+    layers = {name: image.layer(name) for name in ("", "lighting", "depth", "noise") if name in image.layers}
     main = layers.get("")
     if main is None or not {"R", "G", "B"} <= set(image.channels):
         raise InputError(path, "an EXR without channels R, G and B", "give a picture")
     rgb = np.ascontiguousarray(main[..., :3])
     alpha = main[..., 3] if "A" in image.channels else np.ones(rgb.shape[:2], dtype=np.float32)
-    lighting, variance = layers.get("lighting"), layers.get("variance")
-    noise = None if lighting is None or variance is None else _noise(rgb, lighting[..., :3], variance)
+    lighting = layers.get("lighting")
     return Picture(
         file=path,
         rgb=np.nan_to_num(rgb, nan=0.0, posinf=_BRIGHTEST, neginf=0.0),
@@ -163,18 +160,9 @@ def _read_exr(path: Path) -> Picture:
         alpha=alpha,
         coverage=lighting[..., 3] if lighting is not None and "lighting.A" in image.channels else None,
         depth=layers["depth"][..., 0] if "depth" in layers else None,
-        noise=noise,
+        noise=layers.get("noise"),
         settings=_provenance({k: v for k, v in image.metadata.items() if isinstance(v, str)}),
     )
-
-
-def _noise(rgb: F32, lit: F32, variance: F32) -> F32:
-    """Standard deviation of the relit colour: it is proportional to the lit proxy, so both have the same relative one.
-
-    Exact for a full tint and for a ratio whose captured light is clean; an upper bound where `blend` is below 1.
-    """
-    level = np.maximum(lit, max(float(lit.mean()) * _DARK, 1e-12))
-    return np.asarray(np.abs(rgb) * np.sqrt(np.maximum(variance, 0)) / level, dtype=np.float32)
 
 
 # --- what a file says about itself -----------------------------------------------------------------------------------

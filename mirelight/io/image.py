@@ -95,6 +95,8 @@ def _channels(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
         out |= _split("unlit", frame.unlit, "RGBA")
     if frame.factor is not None:
         out |= _split("factor", frame.factor, "RGB")
+    if frame.noise is not None and output.aovs:
+        out |= _split("noise", frame.noise, "RGB")
     if frame.splats is not None and output.aovs:
         out |= _splat_channels(frame.splats)
     if frame.lighting is not None:

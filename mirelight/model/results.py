@@ -110,9 +110,11 @@ class Frame:
     lighting: LightingBuffer | None
     splats: SplatLayer | None
     made_by: Provenance | None = None
+    noise: F32 | None = None  # (H, W, 3) standard deviation of rgba's colour; None where the lighting's is unknown
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width
         freeze(self, "rgba", (h, w, 4))
         freeze(self, "unlit", (h, w, 4))
         freeze(self, "factor", (h, w, 3))
+        freeze(self, "noise", (h, w, 3))

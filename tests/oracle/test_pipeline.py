@@ -88,8 +88,8 @@ class Counted:
         counted = self
 
         class Compositor:
-            def composite(self, view: Camera) -> SplatLayer:
-                counted.calls.append(("composite", view.name))
+            def composite(self, view: Camera, *, depth: bool) -> SplatLayer:
+                counted.calls.append(("composite", view.name, "depth" if depth else "no depth"))
                 half: Any = np.full((view.height, view.width, 3), 0.5)
                 flat = half[..., 0]
                 return SplatLayer(camera=view, color=half / 2, transmittance=flat, depth=flat, median_depth=flat)
@@ -128,8 +128,8 @@ class Counted:
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     stand_ins = Counted()
-    monkeypatch.setattr("mirelight.compositor.Compositor", stand_ins.compositor, raising=False)
-    monkeypatch.setattr("mirelight.lighting.Tracer", stand_ins.tracer, raising=False)
+    monkeypatch.setattr("mirelight.compositor.Compositor", stand_ins.compositor)
+    monkeypatch.setattr("mirelight.lighting.Tracer", stand_ins.tracer)
     return stand_ins
 
 
@@ -281,7 +281,7 @@ def test_what_can_be_shared_is_made_once(counted: Counted) -> None:
     assert (summary.rendered, summary.skipped) == (4, 0)
     assert list(frames) == ["front.day", "front.night", "side.day", "side.night"]
     assert len(counted.of("compositor")) == len(counted.of("tracer")) == 1
-    assert counted.of("composite") == [("front",), ("side",)]
+    assert counted.of("composite") == [("front", "depth"), ("side", "depth")]
     traces = [(light, view) for light, view, _ in counted.of("trace")]
     assert traces == [
         ("captured", "front"),
@@ -308,6 +308,12 @@ def test_tint_traces_no_captured_light(counted: Counted) -> None:
     assert counted.of("trace") == [("day", "side", "4x3"), ("night", "side", "4x3")]
 
 
+def test_depth_is_not_composited_where_nobody_writes_it(counted: Counted) -> None:
+    job = make_job(output=OutputSettings(exr=False))
+    pipeline.render(job, pipeline.plan(job, ["front"], ["day"]), sink=lambda *_: None)
+    assert counted.of("composite") == [("front", "no depth")]
+
+
 def test_without_splats_the_lit_proxy_is_rendered(counted: Counted) -> None:
     job = make_job(splats=None)
     frames: list[Frame] = []
@@ -329,7 +335,7 @@ def test_existing_frames_cost_nothing(counted: Counted) -> None:
         progress=told,
     )
     assert (summary.rendered, summary.skipped, made) == (1, 3, ["side.night"])
-    assert counted.of("composite") == [("side",)]
+    assert counted.of("composite") == [("side", "depth")]
     assert [t[:2] for t in counted.of("trace")] == [("captured", "side"), ("night", "side")]
     assert told.ended == [("front.day", True), ("front.night", True), ("side.day", True), ("side.night", False)]
 

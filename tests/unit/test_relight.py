@@ -356,3 +356,50 @@ def test_engine_scaled_texture_darkens_towards_silhouettes() -> None:
 def sized(height: int, width: int) -> dict[str, Any]:
     flat = np.ones((height, width), dtype=np.float32)
     return {"color": np.ones((height, width, 3)), "transmittance": 0 * flat, "depth": flat, "median_depth": flat}
+
+
+# --- noise -----------------------------------------------------------------------------------------------------------
+
+
+def noisy(radiance: Any, sigma: Any) -> LightingBuffer:
+    return replace(lit(radiance), variance=np.broadcast_to(np.float32(sigma) ** 2, (H, W, 3)))
+
+
+def test_noise_of_a_linear_tint_is_exact() -> None:
+    layer = splat_layer()
+    frame = relight.apply(layer, noisy(1.0, 0.01), replace(TINT, brightness=1.5, blend=0.8))
+    assert frame.noise is not None
+    np.testing.assert_allclose(frame.noise, relight.unlit_rgba(layer)[..., :3] * 1.5 * 0.8 * 0.01, rtol=2e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [RATIO, replace(TINT, space="display"), replace(TINT, profile="playcanvas"), replace(RATIO, blend=0.5)],
+)
+def test_noise_predicts_the_spread_of_relit_frames(settings: RelightSettings) -> None:
+    rng = np.random.default_rng(14)
+    layer = splat_layer(profile=settings.profile)
+    new, old, sigma = 0.8, 0.5, 0.01
+
+    def draw(mean: float) -> LightingBuffer:
+        return noisy(rng.normal(mean, sigma, (H, W, 3)), sigma)
+
+    frames = np.stack([relight.apply(layer, draw(new), settings, captured=draw(old)).rgba[..., :3] for _ in range(300)])
+    predicted = relight.apply(layer, noisy(new, sigma), settings, captured=noisy(old, sigma)).noise
+    assert predicted is not None
+    strong = predicted > 1e-4
+    assert strong.mean() > 0.5
+    measured = frames.astype(np.float64).std(axis=0)
+    assert np.median(measured[strong] / predicted[strong]) == pytest.approx(1, abs=0.05)
+
+
+def test_unlit_frames_and_unknown_variance_have_their_noise() -> None:
+    layer = splat_layer()
+    still = relight.apply(layer, noisy(1.0, 0.1), replace(TINT, blend=0.0)).noise
+    assert still is not None
+    assert not still.any()
+    assert relight.apply(layer, replace(lit(1.0), variance=None), TINT).noise is None
+    assert relight.apply(layer, None, TINT).noise is None
+    proxy = relight.apply(None, noisy(1.0, 0.1), TINT).noise
+    assert proxy is not None
+    np.testing.assert_allclose(proxy, 0.1, rtol=1e-6)

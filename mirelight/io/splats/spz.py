@@ -125,7 +125,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
         ValueError: positions that 24 bits cannot hold (beyond ±8 million units).
     """
     reach = float(np.abs(cloud.means).max())
-    bits = min(12, 22 - int(np.ceil(np.log2(max(reach, 1)))))
+    bits = min(12, 22 - int(np.floor(np.log2(max(reach, 1)))))
     if bits < 0:
         raise ValueError(f"positions reach {reach:.3g}; SPZ holds ±8 million units")
     means, quats, sh = cloud.means.copy(), cloud.quats.copy(), cloud.sh.copy()
@@ -138,7 +138,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     rest[:, :3] = 8  # bucket widths of 4 and 5 bits
     codes = np.round(sh[:, 1:] * 128) + 128
     codes = (codes + rest // 2) // rest * rest
-    fixed = np.round(means.astype(np.float64) * 2**bits).astype("<i4")
+    fixed = np.clip(np.round(means.astype(np.float64) * 2**bits), 1 - 2**23, 2**23 - 1).astype("<i4")
     header = struct.pack(
         "<4sIIBBBB", _MAGIC, 3, len(cloud), cloud.sh_degree, bits, _ANTIALIASED if cloud.antialiased else 0, 0
     )

@@ -38,14 +38,14 @@ class Device:
     def floats(self, values: ArrayLike) -> Array:
         """Values in Dr.Jit's own memory, flat.
 
-        A NumPy array that Dr.Jit only views may be unaligned, and packet gathers from it fall back to scalar ones.
+        Dr.Jit would only view a NumPy array; where that is unaligned, packet gathers from it silently become scalar
+        ones, and kernels are compiled anew.
         """
-        viewed = self.types.Float(np.ascontiguousarray(values, dtype=np.float32).reshape(-1))
-        if len(viewed) == 0:
-            return viewed
-        owned = self.dr.gather(self.types.Float, viewed, self.dr.arange(self.types.UInt32, len(viewed)))
-        self.dr.eval(owned)
-        self.dr.sync_thread()
+        flat = np.asarray(values, dtype=np.float32).reshape(-1)
+        if self.variant == "cuda_ad_rgb":
+            return self.types.Float(np.ascontiguousarray(flat))
+        owned = self.dr.empty(self.types.Float, len(flat))
+        owned.numpy()[:] = flat  # a view of the same memory
         return owned
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import platform
 import shutil
@@ -123,16 +122,23 @@ def small_render(variant: Variant) -> None:
 
 def _optional() -> list[tuple[str, str]]:
     """What only some commands need, and what it is for."""
-    browser = next((b for b in ("chromium", "chromium-browser", "google-chrome") if shutil.which(b)), None)
-    playwright = importlib.util.find_spec("playwright")
+    from mirelight.realtime import browser, engine
+
+    try:
+        chromium = browser.find_browser()
+    except BackendError as error:
+        chromium = f"not usable: {error}"
+    playcanvas = engine.installed()
+    npm = shutil.which("npm")
+    fetched = (
+        "not fetched yet (mirelight realtime does it)"
+        if npm
+        else "not fetched, and npm is missing: apt-get install npm"
+    )
     converter = shutil.which("splat-transform")
     return [
-        ("Chromium", browser or "not found (mirelight realtime): apt-get install chromium"),
-        ("npm", shutil.which("npm") or "not found (mirelight realtime): apt-get install npm"),
-        (
-            "playwright",
-            "installed" if playwright else "not found (mirelight realtime): pip install 'mirelight[realtime]'",
-        ),
+        ("Chromium", chromium),
+        ("PlayCanvas", str(playcanvas) if playcanvas else fetched),
         ("splat-transform", converter or "not found (.ksplat, LCC): npm install -g @playcanvas/splat-transform"),
     ]
 

@@ -15,9 +15,9 @@ from mirelight.model import SplatCloud
 from . import truth
 
 
-def write_ply(folder: Path, cloud: SplatCloud, **how: str) -> Path:
+def write_ply(folder: Path, cloud: SplatCloud, kind: str = "float", order: str = "<", extra: str = "") -> Path:
     path = folder / "cloud.ply"
-    path.write_bytes(truth.ply_bytes(*truth.inria_rows(cloud), **how))
+    path.write_bytes(truth.ply_bytes(*truth.inria_rows(cloud), kind, order, extra))
     return path
 
 
@@ -154,7 +154,7 @@ def test_activation_at_the_limits(tmp_path: Path) -> None:
     path.write_bytes(truth.ply_bytes(names, rows))
     found = splats.read(path)
     assert found.dropped == 0
-    np.testing.assert_array_equal(found.opacities, np.float32([1, 0, 1, 0, 0.5, 1]))
+    np.testing.assert_array_equal(found.opacities, np.array([1, 0, 1, 0, 0.5, 1], dtype=np.float32))
     assert found.scales[5, 1] == 0
 
 
@@ -233,8 +233,8 @@ def test_degenerate_values_survive_writing(tmp_path: Path) -> None:
     cloud = SplatCloud(
         means=base.means,
         quats=base.quats,
-        scales=np.zeros((3, 3)),
-        opacities=np.array([0, 1, 0.5]),
+        scales=np.zeros((3, 3), dtype=np.float32),
+        opacities=np.array([0, 1, 0.5], dtype=np.float32),
         sh=base.sh,
     )
     splats.write(cloud, tmp_path / "a.ply")

@@ -21,10 +21,10 @@ def cloud(count: int = 300, degree: int = 3, *, antialiased: bool = False) -> Sp
     opacities = 0.02 + 0.96 * u[:, 6]
     opacities[:2] = (1, 1e-8)[:count]
     return SplatCloud(
-        means=np.array([0.5, -1.0, 2.0]) + np.array([4, 2, 3]) * (u[:, :3] - 0.5),
+        means=(np.array([0.5, -1.0, 2.0]) + np.array([4, 2, 3]) * (u[:, :3] - 0.5)).astype(np.float32),
         quats=quats / np.linalg.norm(quats, axis=1, keepdims=True),
         scales=np.exp(-5 + 4 * u[:, 3:6]),
-        opacities=opacities,
+        opacities=opacities.astype(np.float32),
         sh=np.concatenate([(u[:, None, 11:14] - 0.5) / C0, (u[:, 14:] - 0.5).reshape(count, rest, 3)], axis=1),
         antialiased=antialiased,
     )
@@ -59,7 +59,7 @@ def nearest(found: SplatCloud, wanted: SplatCloud) -> NDArray[np.intp]:
     distance = np.linalg.norm(found.means[:, None].astype(np.float64) - wanted.means[None], axis=-1)
     match = np.argmin(distance, axis=1)
     assert sorted(match.tolist()) == list(range(len(wanted)))
-    return match
+    return np.asarray(match)
 
 
 def rotation_angle(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float64]:

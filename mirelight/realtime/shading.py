@@ -113,11 +113,11 @@ def _source(environment: Environment) -> tuple[F64, F64]:
         rows, columns = 64, 128
         radiance = np.broadcast_to(radiance, (rows, columns, 3))
         h, w = rows, columns
-    weight = np.sin(np.pi * (np.arange(h) + 0.5) / h)  # solid angle within a block of rows
+    edges = np.cos(np.pi * np.arange(h + 1) / h)
+    weight = (edges[:-1] - edges[1:]) * 2 * np.pi / w  # solid angle of one pixel of each row
     y, x = np.arange(h) * rows // h, np.arange(w) * columns // w
     sums = np.zeros((rows, columns, 3))
     np.add.at(sums, (y[:, None], x[None, :]), radiance * weight[:, None, None])
-    sums *= 2 * np.pi * np.pi / (h * w)
     polar = np.pi * (np.arange(rows) + 0.5) / rows
     turn = 2 * np.pi * ((np.arange(columns) + 0.5) / columns - 0.5) - np.radians(environment.rotation)
     directions = np.stack(

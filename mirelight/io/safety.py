@@ -46,7 +46,9 @@ def read_bytes(path: Path, limit: int) -> bytes:
     """
     with open_binary(path) as file:
         try:
-            data = file.read(limit + 1)
+            size = file.seek(0, 2)
+            file.seek(0)
+            data = file.read(min(size, limit) + 1)
         except OSError as e:
             raise InputError(path, f"cannot be read ({e.strerror})") from None
     if len(data) > limit:
@@ -62,9 +64,9 @@ def contained(folder: Path, name: str, file: Path, field: str) -> Path:
     Raises:
         InputError: `name` is empty, absolute, or leaves the folder.
     """
-    shown = repr(name if len(name) <= 60 else name[:57] + "...")
+    shown = _shown(name)
     relative = PurePosixPath(name)
-    if not name or "\0" in name or "\\" in name or relative.is_absolute() or ":" in relative.parts[0]:
+    if "\0" in name or "\\" in name or relative.is_absolute() or not relative.parts or ":" in relative.parts[0]:
         raise InputError(file, f"{shown} is not a relative path", "put the file beside this one", field=field)
     try:
         base = folder.resolve()
@@ -74,6 +76,26 @@ def contained(folder: Path, name: str, file: Path, field: str) -> Path:
     if not target.is_relative_to(base):
         raise InputError(file, f"{shown} leaves the folder of the file", "put it beside this one", field=field)
     return target
+
+
+def neighbour(name: str, file: Path, field: str) -> Path:
+    """The existing file that `name`, written in `file`, leads to, in the folder of `file` or below.
+
+    Raises:
+        InputError: as for :func:`contained`, or there is no such file.
+    """
+    target = contained(file.parent, name, file, field)
+    try:
+        there = target.is_file()
+    except OSError:  # a name too long to exist
+        there = False
+    if not there:
+        raise InputError(file, f"there is no file {_shown(name)}", "the capture is incomplete", field=field)
+    return target
+
+
+def _shown(name: str) -> str:
+    return repr(name if len(name) <= 60 else name[:57] + "...")
 
 
 def available_memory() -> int | None:

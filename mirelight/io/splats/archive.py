@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mirelight.errors import InputError
 from mirelight.io.gltf.fields import Fields
-from mirelight.io.safety import contained, read_bytes
+from mirelight.io.safety import neighbour, read_bytes
 
 
 class Files(Protocol):
@@ -33,10 +33,7 @@ class FolderFiles:
 
     def load(self, name: str, limit: int, field: str) -> bytes:
         """The whole of one file. Raises InputError: missing, too large, or outside the folder."""
-        target = contained(self.path.parent, name, self.path, field)
-        if not target.is_file():
-            raise InputError(self.path, f"there is no file {name[:60]!r}", "the capture is incomplete", field=field)
-        return read_bytes(target, limit)
+        return read_bytes(neighbour(name, self.path, field), limit)
 
 
 class ZipFiles:

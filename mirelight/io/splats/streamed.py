@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mirelight.io.gltf.fields import Fields
-from mirelight.io.safety import contained, read_bytes
+from mirelight.io.safety import neighbour, read_bytes
 from mirelight.io.splats.archive import parse_json
 from mirelight.io.splats.builder import CloudBuilder
 from mirelight.io.splats.info import SplatFileInfo
@@ -125,9 +125,7 @@ def _parts(meta: Fields, level: int) -> list[_Part]:
 
 
 def _open_sog(meta: Fields, name: str, field: str) -> SogHead:
-    target = contained(meta.file.parent, name, meta.file, field)
-    if not target.is_file():
-        raise meta.fail(field, f"there is no file {name[:60]!r}", "the capture is incomplete")
+    target = neighbour(name, meta.file, field)
     return open_bundle(target) if target.suffix.lower() == ".sog" else open_folder(target)
 
 

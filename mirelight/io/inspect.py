@@ -55,7 +55,7 @@ def inspect(path: str | Path) -> Facts:
         return _gltf(path) if suffix in _GLTF else _mesh(path)
     if path.is_file() and suffix not in splats.SUFFIXES:
         known = ", ".join((".toml", *splats.SUFFIXES, *_MESHES, *_PICTURES))
-        raise InputError(path, f"{suffix or 'no suffix'!r} is no kind of file that is known", f"known are {known}")
+        raise InputError(path, f"of no known kind ({suffix or 'no suffix'})", f"known are {known}")
     return _splats(path)
 
 

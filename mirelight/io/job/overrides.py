@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mirelight.errors import InputError
+from mirelight.io.job.mistakes import label
 from mirelight.io.job.positions import Path
 
 _SEGMENT = re.compile(r"""(?P<bare>[A-Za-z0-9_-]+)|"(?P<basic>[^"\\]*)"|'(?P<literal>[^']*)'""")
@@ -86,7 +87,7 @@ def _set(data: dict[str, Any], override: Override) -> None:
     node: Any = data
     last = len(override.path) - 1
     for depth, part in enumerate(override.path):
-        where = ".".join(str(p) for p in override.path[:depth]) or "the job"
+        where = label(override.path[:depth]) or "the job"
         if isinstance(part, int):
             if not isinstance(node, list):
                 raise InputError(override.source, f"{where} is not a list", "leave the index out")

@@ -82,7 +82,7 @@ class _Scanner:
             self.last_item[path] = self.last_item.get(path, -1) + 1
             path = self.newest(path)
         self.at = self.text.index("]", self.at) + (2 if is_item else 1)
-        self.found.values.setdefault(path, self.place(start, self.at))
+        self.found.values[path] = self.place(start, self.at)
         return path
 
     def newest(self, path: Path) -> Path:

@@ -18,7 +18,7 @@ _OUTPUT = model.OutputSettings()
 
 
 class RenderTable(Table):
-    """How the lighting is traced."""
+    """Settings of the lighting pass."""
 
     spp: int = Field(default=_RENDER.spp, ge=1, le=1_000_000, description="Samples per pixel.")
     noise: float | None = Field(
@@ -41,7 +41,7 @@ class RenderTable(Table):
 
 
 class CompositorTable(Table):
-    """How splats become pixels. Keys marked playcanvas have no effect in the profile physical."""
+    """Settings of the splat compositor. Keys marked playcanvas have no effect in the profile physical."""
 
     sort: Literal["depth", "radial"] = Field(
         default=_COMPOSITOR.sort, description="Order of splats: by view-space z, or by distance to the eye."
@@ -73,7 +73,7 @@ class CompositorTable(Table):
 
 
 class RelightTable(Table):
-    """How the lighting meets the splats."""
+    """Settings of relighting."""
 
     mode: Literal["tint", "ratio"] | None = Field(
         default=None,
@@ -101,7 +101,7 @@ class RelightTable(Table):
 
 
 class DisplayTable(Table):
-    """How linear light becomes a PNG. The EXR is not affected."""
+    """Settings of the PNG. The EXR is not affected."""
 
     exposure: float = Field(default=_DISPLAY.exposure, ge=-64, le=64, description="In stops.")
     tone: ToneCurve = Field(default=_DISPLAY.tone, description="Tone curve.")
@@ -111,7 +111,7 @@ class DisplayTable(Table):
 
 
 class OutputTable(Table):
-    """Where frames go, and what is in them."""
+    """Settings of the files."""
 
     directory: str = Field(
         default=str(_OUTPUT.directory), min_length=1, max_length=4096, description="Folder, relative to the job file."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from mirelight.errors import InputError, ManyInputsError
 from mirelight.io import safety
 from mirelight.io.job import overrides as overriding
 from mirelight.io.job import positions
-from mirelight.io.job.mistakes import Mistake, label
+from mirelight.io.job.mistakes import Mistake, label, locate
 from mirelight.io.job.overrides import Override
 
 _MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
@@ -51,20 +51,27 @@ class Source:
             InputError: there is one.
             ManyInputsError: there are several.
         """
-        found = sorted(mistakes, key=self._order)
+        placed = [replace(mistake, path=locate(mistake.path, self.data)) for mistake in mistakes]
+        found = sorted(placed, key=self._order)
         if len(found) == 1:
             raise self.error(found[0])
         if found:
             raise ManyInputsError([self.error(mistake) for mistake in found])
 
     def _order(self, mistake: Mistake) -> int:
-        place = None if self._override(mistake.path) else self.places.key(mistake.path)
-        return place.start if place else _MOST_BYTES + 1  # what came by an override goes last
+        brought = self._override(mistake.path)
+        if brought is not None:
+            return _MOST_BYTES + self.overrides.index(brought)  # after the file's own
+        place = self.places.key(mistake.path)
+        return place.start if place else -1
 
     def _override(self, path: positions.Path) -> Override | None:
-        """The last override at or above `path`."""
-        above = (o for o in reversed(self.overrides) if path[: len(o.path)] == o.path)
-        return next(above, None)
+        """The last override at or above `path`, or below it where the file has nothing there."""
+        newest_first = self.overrides[::-1]
+        above = [o for o in newest_first if path[: len(o.path)] == o.path]
+        below = [o for o in newest_first if path and o.path[: len(path)] == path]
+        in_file = path in self.places.values
+        return next(iter(above if in_file else above + below), None)
 
 
 def read(path: str | Path, overrides: Sequence[str | Override] = ()) -> Source:

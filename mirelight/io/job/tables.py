@@ -61,7 +61,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _tidied(node: Any) -> Any:
-    """Without nulls, which TOML does not have, and without titles, which repeat the keys."""
+    """Without nulls, which TOML does not have, titles, which repeat the keys, and whole tables as defaults."""
     if isinstance(node, list):
         return [_tidied(item) for item in node]
     if not isinstance(node, dict):
@@ -71,7 +71,7 @@ def _tidied(node: Any) -> Any:
         if key in ("properties", "$defs")
         else _tidied(entry)
         for key, entry in node.items()
-        if key != "title" and not (key == "default" and entry is None)
+        if key != "title" and not (key == "default" and (entry is None or isinstance(entry, dict)))
     }
     some = [option for option in out.get("anyOf", []) if option != {"type": "null"}]
     if len(some) == 1:

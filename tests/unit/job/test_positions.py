@@ -22,7 +22,17 @@ GAPS = st.sampled_from(["", " ", "\n", "\n  # a comment, with ] } \" ' and = in 
 COMMENTS = st.sampled_from(["", " # c = [1]", "\t#"])
 
 EDGE_STRINGS = st.sampled_from(
-    ['""""a""""', "''''b''''", '"""\nx\\"""" y"""', "'''\n'''", '"a \\" # b"', "'C:\\dir'", '"""\\\n   next"""', '""', "''"]
+    [
+        '""""a""""',
+        "''''b''''",
+        '"""\nx\\"""" y"""',
+        "'''\n'''",
+        '"a \\" # b"',
+        "'C:\\dir'",
+        '"""\\\n   next"""',
+        '""',
+        "''",
+    ]
 )
 STRINGS = st.one_of(
     PLAIN.map(lambda s: json.dumps(s, ensure_ascii=False)),
@@ -33,7 +43,9 @@ STRINGS = st.one_of(
 )
 SCALARS = st.one_of(
     st.integers(-(2**40), 2**40).map(str),
-    st.floats(allow_nan=False).map(lambda x: repr(x) if "e" in repr(x) or "." in repr(x) or "inf" in repr(x) else f"{x}.0"),
+    st.floats(allow_nan=False).map(
+        lambda x: repr(x) if "e" in repr(x) or "." in repr(x) or "inf" in repr(x) else f"{x}.0"
+    ),
     st.sampled_from(["true", "false", "0xFF", "1_000", "+3", "6.6e-34", "-inf", "1979-05-27", "07:32:00"]),
     st.sampled_from(["1979-05-27 07:32:00", "1979-05-27T07:32:00Z"]),
     STRINGS,
@@ -72,7 +84,9 @@ def documents(draw: st.DrawFn) -> str:
         names = [f"{draw(BLANKS)}{part}{draw(BLANKS)}" for part in draw(st.lists(key_texts(), min_size=1, max_size=3))]
         dotted = ".".join(names)
         line = draw(
-            st.sampled_from([f"{dotted}={draw(BLANKS)}{draw(VALUES)}", f"[{dotted}]", f"[[{dotted}]]", f"[[{dotted}]]", ""])
+            st.sampled_from(
+                [f"{dotted}={draw(BLANKS)}{draw(VALUES)}", f"[{dotted}]", f"[[{dotted}]]", f"[[{dotted}]]", ""]
+            )
         )
         more = text + draw(BLANKS) + line + draw(COMMENTS) + "\n"
         try:
@@ -112,7 +126,7 @@ def test_what_stands_at_a_place_is_the_value_that_tomllib_reads(text: str) -> No
         assert tomllib.loads(text[place.start : place.end] + " = 0") == {path[-1]: 0}
     for path, place in found.values.items():
         written = text[place.start : place.end]
-        made_by_header = written.startswith("[") and text[:place.start].rpartition("\n")[2].strip() == ""
+        made_by_header = written.startswith("[") and text[: place.start].rpartition("\n")[2].strip() == ""
         named_by_key = found.keys.get(path) == place
         if not made_by_header and not named_by_key:
             assert tomllib.loads(f"x = {written}") == {"x": expected[path]}
@@ -144,7 +158,7 @@ def test_positions_of_a_job() -> None:
     assert at(("lights", 0)) == (4, 1)
     assert at(("lights", 0, "range")) == (6, 11)
     assert at(("lights", 1)) == (7, 1)
-    assert at(("lights", 1, "extra")) == (8, 9)
+    assert at(("lights", 1, "extra")) == (8, 1)
     assert at(("lights", 1, "extra", "a", "b c", "d")) == (9, 13)
     assert at(("render", "spp")) == (11, 5)
     key = found.key(("lights", 0, "range"))

@@ -1,0 +1,88 @@
+"""docs/job-file.md and docs/job.schema.json say what the code does."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mirelight.io.job.tables import json_schema
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+PAGE = (DOCS / "job-file.md").read_text(encoding="utf-8")
+
+# The heading of each table in the page, and its definition in the schema ("": the top).
+SECTIONS = {
+    "The job": "",
+    "splats": "SplatsTable",
+    "proxy": "ProxyTable",
+    "transform": "Transform",
+    "environment": "EnvironmentTable",
+    "lights of type directional": "DirectionalTable",
+    "lights of type sun": "SunTable",
+    "lights of type point": "PointTable",
+    "lights of type spot": "SpotTable",
+    "lights of type area": "AreaTable",
+    "lights_from": "LightsFromTable",
+    "lightings": "LightingTable",
+    "captured": "CapturedTable",
+    "cameras of type perspective": "PerspectiveTable",
+    "cameras of type orthographic": "OrthographicTable",
+    "cameras of type turntable": "TurntableTable",
+    "cameras_from": "CamerasFromTable",
+    "render": "RenderTable",
+    "compositor": "CompositorTable",
+    "relight": "RelightTable",
+    "display": "DisplayTable",
+    "output": "OutputTable",
+}
+
+
+def rows(heading: str) -> dict[str, tuple[str, str]]:
+    """Key -> (default, meaning) of the table below a heading of the page."""
+    section = re.split(r"^#+ ", PAGE.split(f"# {heading}\n", 1)[1], maxsplit=1, flags=re.MULTILINE)[0]
+    found = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \|$", section, flags=re.MULTILINE)
+    return {key: (default.strip(), meaning.strip()) for key, default, meaning in found}
+
+
+def shown_default(key: str, table: dict[str, Any]) -> str:
+    """What the page's column of defaults must say."""
+    entry = table["properties"][key]
+    if key in table.get("required", []):
+        return "required"
+    if "default" not in entry or entry["default"] == []:
+        return "–"
+    return f"`{json.dumps(entry['default'])}`"
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_every_key_is_on_the_page_with_its_default(heading: str) -> None:
+    schema = json_schema()
+    table = schema["$defs"][SECTIONS[heading]] if SECTIONS[heading] else schema
+    listed = rows(heading)
+    keys = [key for key in table["properties"] if "const" not in table["properties"][key]]
+    assert sorted(listed) == sorted(keys)
+    for key, (default, meaning) in listed.items():
+        assert default == shown_default(key, table), key
+        assert meaning == table["properties"][key]["description"], key
+
+
+def test_every_table_of_the_schema_is_on_the_page() -> None:
+    assert set(SECTIONS.values()) - {""} == set(json_schema()["$defs"])
+
+
+def test_the_shipped_schema_is_what_the_code_prints() -> None:
+    shipped = (DOCS / "job.schema.json").read_text(encoding="utf-8")
+    assert shipped == json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def test_examples_of_the_page_fit_the_schema() -> None:
+    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is a test requirement")
+    examples = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    assert len(examples) >= 3
+    for example in examples:
+        jsonschema.validate(tomllib.loads(example), json_schema())

@@ -1,0 +1,292 @@
+"""Every mistake of a job file is reported at once, where it stands, with what to do."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from mirelight.errors import InputError, ManyInputsError
+from mirelight.io import job
+from mirelight.io.job.tables import json_schema
+
+from .conftest import Complaints, WriteJob
+
+SCENE = 'splats = "splats.ply"\nproxy = "proxy.glb"\n'
+
+
+def test_three_mistakes_give_three_positions(complaints: Complaints) -> None:
+    found = complaints(
+        SCENE
+        + """\
+colour = "red"
+
+[[lights]]
+type = "point"
+position = [0, 1]
+range = 0
+"""
+    )
+    assert found == [
+        "job.toml:3:1: colour: unknown key; remove it",
+        "job.toml:7:12: lights[0].position: 2 values; give 3 values",
+        "job.toml:8:9: lights[0].range: 0; give a number above 0",
+    ]
+
+
+def test_one_mistake_is_an_input_error_with_its_parts(write_job: WriteJob) -> None:
+    path = write_job(SCENE + "[render]\nspp = 0\n")
+    with pytest.raises(InputError) as caught:
+        job.load(path)
+    error = caught.value
+    assert (error.file, error.field, error.found) == (f"{path}:4:7", "render.spp", "0")
+    assert error.remedy == "give a number of at least 1"
+
+
+# One line of a job (after SCENE, so on line 3 or below) and the whole line that it must raise.
+SINGLE = {
+    "typo": ("[render]\nssp = 4", "4:1: render.ssp: unknown key; did you mean spp?"),
+    "camel case": ("[relight]\ntextureScale = 1.0", "4:1: relight.textureScale: unknown key; did you mean texture_scale?"),
+    "engine's name": ("[[cameras]]\nfov = 4\nposition = [1,2,3]\ntarget = [0,0,0]", "4:1: cameras[0].fov: unknown key; did you mean yfov?"),
+    "key in a later table": (
+        "[render]\nspp = 4\nresolution = [4, 4]",
+        "5:1: render.resolution: unknown key; resolution belongs at the top, above the first [table]",
+    ),
+    "key of another table": ("spp = 4", "3:1: spp: unknown key; it belongs in [render]"),
+    "few known keys": ("[display]\nwidth = 3", "4:1: display.width: unknown key; remove it; known here: exposure, tone, background"),
+    "KHR's spot": (
+        '[[lights]]\ntype = "spot"\nposition = [0,0,0]\ndirection = [0,0,1]\nspot = { innerConeAngle = 0.1 }',
+        "7:1: lights[0].spot: unknown key; write inner_cone_angle and outer_cone_angle, in degrees, on the light itself",
+    ),
+    "engine's light": (
+        '[[lights]]\ntype = "omni"',
+        "4:8: lights[0].type: 'omni'; "
+        'did you mean "point"? There are "directional", "point", "spot", "sun", "area"',
+    ),
+    "no type": (
+        "[[lights]]\nposition = [0, 0, 0]",
+        '3:1: lights[0].type: no type; give one of "directional", "point", "spot", "sun", "area"',
+    ),
+    "missing": ('[[lights]]\ntype = "point"', "3:1: lights[0].position: missing; add it: [x, y, z] in world units."),
+    "choice": ('[display]\ntone = "filmic"', '4:8: display.tone: \'filmic\'; give one of "none", "aces", "neutral", "agx"'),
+    "near choice": ('[display]\ntone = "ACES"', '4:8: display.tone: \'ACES\'; did you mean "aces"? There are "none", "aces", "neutral", "agx"'),
+    "string for number": ('[render]\nspp = "64"', "4:7: render.spp: '64'; give a whole number"),
+    "float for int": ("[render]\nspp = 64.0", "4:7: render.spp: 64; give a whole number"),
+    "bool for number": ("[display]\nexposure = true", "4:12: display.exposure: true; give a number"),
+    "number for bool": ("[output]\npng = 1", "4:7: output.png: 1; give true or false"),
+    "number for list": ("resolution = 640", "3:14: resolution: 640; give a list in [ ]"),
+    "list for table": ("render = [1]", "3:10: render: a list of 1; give a table"),
+    "infinity": ("[relight]\nbrightness = inf", "4:14: relight.brightness: inf; give a finite number, or leave the key out"),
+    "item of a list": ("resolution = [640, -1]", "3:20: resolution[1]: -1; give a number of at least 1"),
+    "inline table": ("relight = { blend = 2 }", "3:21: relight.blend: 2; give a number of at most 1"),
+    "dotted key": ("relight.blend = 2", "3:17: relight.blend: 2; give a number of at most 1"),
+    "nothing to write": ("[output]\nexr = false\npng = false", "5:7: output.png: neither exr nor png; write one of them"),
+    "two ways": (
+        "[[cameras]]\nposition = [1,2,3]\ntarget = [0,0,0]\nyfov = 4\nfx = 3",
+        "7:6: cameras[0].fx: both yfov and fx are given; keep one of them (yfov or fx)",
+    ),
+    "half a pose": ("[[cameras]]\nposition = [1,2,3]", "3:1: cameras[0]: no target; add target = [x, y, z]"),
+    "no pose": ("[[cameras]]\nyfov = 40", "3:1: cameras[0]: nothing is given for it; add position and target, or matrix"),
+    "scaled pose": (
+        "[[cameras]]\nmatrix = [[1,0,0,0],[0,2,0,0],[0,0,1,0],[0,0,0,1]]",
+        "4:10: cameras[0].matrix: shear, mirror or unequal scale; give a rotation and a translation",
+    ),
+    "transposed pose": (
+        "[[cameras]]\nmatrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[1,2,3,1]]",
+        "4:10: cameras[0].matrix: a last row that is not [0, 0, 0, 1]; "
+        "give the matrix row by row, the translation in its last column",
+    ),
+    "own target": (
+        "[[cameras]]\nposition = [1,2,3]\ntarget = [1,2,3]",
+        "5:10: cameras[0].target: the camera's own position; give another point",
+    ),
+    "far before near": (
+        "[[cameras]]\nposition = [1,2,3]\ntarget = [0,0,0]\nnear = 2.0\nfar = 1.0",
+        "7:7: cameras[0].far: 1, and near is 2; put far beyond near",
+    ),
+    "cones": (
+        '[[lights]]\ntype = "spot"\nposition = [0,0,0]\ndirection = [0,0,1]\nouter_cone_angle = 20\ninner_cone_angle = 20',
+        "8:20: lights[0].inner_cone_angle: 20, and outer_cone_angle is 20; make the inner angle the smaller one",
+    ),
+    "unaimed": (
+        '[[lights]]\ntype = "spot"\nposition = [0,0,0]',
+        "3:1: lights[0]: nothing is given for it; add direction = [x, y, z] or target = [x, y, z]",
+    ),
+    "no direction": (
+        '[[lights]]\ntype = "directional"\ndirection = [0, 0, 0]',
+        "5:13: lights[0].direction: a vector of length zero; give a direction",
+    ),
+    "aimed sphere": (
+        '[[lights]]\ntype = "area"\nshape = "sphere"\nposition = [0,0,0]\ndirection = [0,0,1]',
+        "7:13: lights[0].direction: a sphere shines all around; leave it out",
+    ),
+    "oval disk": (
+        '[[lights]]\ntype = "area"\nshape = "disk"\nposition = [0,0,0]\ndirection = [0,0,1]\nsize = [1, 2]',
+        "8:8: lights[0].size: a disk has one size; give its diameter",
+    ),
+    "empty environment": ("[environment]\nrotation = 3", '3:1: environment: nothing is given for it; add path = "sky.hdr" or radiance = 1.0'),
+    "missing file": ('environment = "sky.hdr"', "3:15: environment: there is no file 'sky.hdr'; paths are relative to the job file's folder, "),
+    "address": ('environment = "https://x.org/sky.hdr"', "3:15: environment: 'https://x.org/sky.hdr' is an address; fetch the file and name its path"),
+    "doubled camera": (
+        '[[cameras]]\nname = "a"\nposition = [1,2,3]\ntarget = [0,0,0]\n[[cameras]]\nname = "a"\nposition = [1,2,3]\ntarget = [0,0,0]',
+        "8:8: cameras[1].name: 'a' is the name of cameras[0] too; give each its own name",
+    ),
+    "name of a folder": (
+        '[[lightings]]\nname = "../x"\nenvironment = { radiance = 1 }',
+        "4:8: lightings[0].name: '../x' cannot be part of a file name; use letters, digits, spaces, '-', '_' and '.'",
+    ),
+    "unknown captured": (
+        'captured = "dya"\n[[lightings]]\nname = "day"\nenvironment = { radiance = 1 }',
+        "3:12: captured: no lighting is named 'dya'; did you mean \"day\"?",
+    ),
+    "light beside lightings": (
+        'lights_from = "proxy"\n[[lightings]]\nname = "day"\nenvironment = { radiance = 1 }',
+        "3:1: lights_from: given beside lightings; move it into one of the lightings, or leave lightings out",
+    ),
+    "ratio of nothing": (
+        '[relight]\nmode = "ratio"',
+        "4:8: relight.mode: 'ratio' needs the captured lighting; "
+        'add captured, the lighting that the splats were captured under, or use "tint"',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_each_mistake_says_where_what_and_the_remedy(complaints: Complaints, name: str) -> None:
+    lines, expected = SINGLE[name]
+    found = complaints(SCENE + lines + "\n")
+    assert len(found) == 1
+    assert found[0].startswith(f"job.toml:{expected}")
+
+
+def test_a_job_without_anything_to_see(complaints: Complaints) -> None:
+    assert complaints("") == ['job.toml: neither splats nor a proxy; name what to render: splats = "capture.ply"']
+
+
+def test_light_needs_a_proxy(complaints: Complaints) -> None:
+    (found,) = complaints('splats = "splats.ply"\nenvironment = { radiance = 1 }\n')
+    assert found.startswith("job.toml:2:1: environment: light, but no proxy for it to fall on; ")
+
+
+def test_splats_cannot_be_sheared(complaints: Complaints) -> None:
+    (found,) = complaints(
+        'splats = { path = "splats.ply", transform = { matrix = [[1,0,0,0],[0,2,0,0],[0,0,1,0],[0,0,0,1]] } }'
+    )
+    assert found.startswith("job.toml:1:45: splats.transform: a matrix with shear, mirror or unequal scale; ")
+
+
+def test_proxy_in_lights_from_needs_a_gltf_proxy(complaints: Complaints) -> None:
+    (found,) = complaints('proxy = "splats.ply"\nlights_from = ["proxy"]\n')
+    assert found == "job.toml:2:15: lights_from: the proxy is not a glTF file; name a .glb or .gltf file"
+
+
+def test_checks_between_keys_speak_beside_unknown_keys(complaints: Complaints) -> None:
+    found = complaints(SCENE + "[[cameras]]\nposition = [1,2,3]\ntarget = [1,2,3]\nlens = 50\n")
+    assert [line.split(": ")[1] for line in found] == ["cameras[0].target", "cameras[0].lens"]
+
+
+def test_a_mistake_in_every_section_at_once(complaints: Complaints) -> None:
+    found = complaints(
+        """\
+splats = ["nowhere.ply", { path = "splats.ply", lod = -1 }]
+proxy = { path = "proxy.glb", albedo = 2 }
+resolution_scale = 0.0
+[captured]
+lights = [{ type = "sun", direction = [0, -1, 0], angular_diameter = 0 }]
+[[lightings]]
+[[cameras]]
+type = "turntable"
+frames = 0
+[compositor]
+alpha_clip = 1.5
+[display]
+background = [0, 0]
+[output]
+half = "yes"
+"""
+    )
+    assert [re.match(r"job\.toml:(\d+:\d+): ([^:]+):", line).groups() for line in found] == [  # type: ignore[union-attr]
+        ("1:11", "splats[0]"),
+        ("1:55", "splats[1].lod"),
+        ("2:40", "proxy.albedo"),
+        ("3:20", "resolution_scale"),
+        ("5:70", "captured.lights[0].angular_diameter"),
+        ("6:1", "lightings[0].name"),
+        ("9:10", "cameras[0].frames"),
+        ("11:14", "compositor.alpha_clip"),
+        ("13:14", "display.background"),
+        ("15:8", "output.half"),
+    ]
+
+
+# --- what is no TOML, or no text -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ("a = \n", "1:5"),
+        ("a = 1\nb = [1, 2\n", "3:1"),
+        ("a = 1\na = 2\n", "2:6"),
+        ('a = "x', "1:7"),
+        ("a = {b = 1}\n[a]\nc = 2\n", "2:3"),
+        ("a = 01\n", "1:6"),
+    ],
+)
+def test_syntax_errors_keep_line_and_column(complaints: Complaints, text: str, where: str) -> None:
+    (found,) = complaints(text)
+    assert found.startswith(f"job.toml:{where}: not TOML: ")
+
+
+def test_hostile_and_foreign_files(tmp_path: Path) -> None:
+    cases = {
+        "deep.toml": b"a = " + b"[" * 100_000,
+        "deep_table.toml": b"a = " + b"{b=" * 100_000,
+        "latin.toml": "a = 1\nb = 'é'\n".encode("latin-1"),
+        "binary.toml": bytes(range(256)),
+        "date.toml": b"a = 2024-13-45\n",
+        "big.toml": b"#" + b"a" * 17 * 2**20,
+    }
+    for name, content in cases.items():
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=re.escape(str(path))):
+            job.load(path)
+    with pytest.raises(InputError, match="a folder"):
+        job.load(tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        job.load(tmp_path / "none.toml")
+
+
+def test_windows_line_ends_and_byte_order_mark_move_nothing(scene: Path, tmp_path: Path) -> None:
+    path = tmp_path / "job.toml"
+    path.write_bytes(b"\xef\xbb\xbf[render]\r\nspp = 0\r\n[display]\r\nexposure = 'a'\r\n")
+    with pytest.raises(ManyInputsError) as caught:
+        job.load(path)
+    assert [e.file.removeprefix(f"{path}") for e in caught.value.errors] == ["", ":2:7", ":4:12"]
+
+
+def test_long_values_are_cut(complaints: Complaints) -> None:
+    (found,) = complaints(SCENE + f'profile = "{"x" * 5000}"\n')
+    assert len(found) < 200
+
+
+def test_every_key_can_be_of_a_wrong_type(complaints: Complaints) -> None:
+    """A date, which no key takes, is refused at every key of the schema, and nothing else is said about that key."""
+    schema = json_schema()
+    for key in schema["properties"]:
+        found = complaints(f"{key} = 1979-05-27\n" + ("" if key in ("splats", "proxy") else SCENE))
+        assert [line for line in found if f": {key}" in line], key
+    for section in ("render", "compositor", "relight", "display", "output"):
+        table = schema["$defs"][schema["properties"][section]["$ref"].rsplit("/", 1)[-1]]
+        for key in table["properties"]:
+            found = complaints(SCENE + f"[{section}]\n{key} = 1979-05-27\n")
+            assert len(found) == 1 and found[0].startswith(f"job.toml:4:{len(key) + 4}: {section}.{key}: a date; "), (
+                found
+            )
+
+
+def test_the_schema_is_json(complaints: Complaints) -> None:
+    assert json.loads(json.dumps(json_schema())) == json_schema()

@@ -91,7 +91,7 @@ def hdr_flip(reference: F32, test: F32, settings: CompareSettings) -> F32:
         "ppd": settings.pixels_per_degree,
         "startExposure": low,
         "stopExposure": high,
-        "numExposures": max(2, round(high - low) + 1),
+        "numExposures": max(2, round((high - low) / 2) + 1),
         "tonemapper": "ACES",
     }
     return _flip(np.maximum(reference, 0), np.maximum(test, 0), "HDR", parameters)

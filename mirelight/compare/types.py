@@ -59,7 +59,7 @@ class CompareSettings:
     fit_gain: bool = False  # one factor on the reference's light, fitted per pair
     band: int = 4  # px on either side of a silhouette
     pixels_per_degree: float = 67.0  # FLIP: 0.7 m from a 0.7 m wide 4K screen
-    hdr_exposures: tuple[float, float] = (-2.0, 2.0)  # HDR FLIP: stops around `exposure`, one picture a stop
+    hdr_exposures: tuple[float, float] = (-2.0, 2.0)  # HDR FLIP: stops around `exposure`; a picture every 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

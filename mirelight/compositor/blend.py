@@ -10,8 +10,8 @@ from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.kernel import SplatKernel
 from mirelight.compositor.project import BLUE, DEPTH, OFFSET, REACH, RECORD, RED, S11, S12, S22, SCALE, VALUE_ROW, X, Y
-from mirelight.compositor.queue import PixelProgram, Pixels, for_each_tile
-from mirelight.compositor.resolve import Frame
+from mirelight.compositor.queue import for_each_tile
+from mirelight.compositor.resolve import Frame, untile
 
 NEARLY_OPAQUE = 2.0**-20  # profiles without a stop of their own end a pixel here: what lies behind adds less than 1e-6
 _ROUNDER = 1.5 * 2**23  # adding it leaves a float's nearest integer in its low bits
@@ -96,7 +96,7 @@ class Source:
     def alpha(self, splat: Splat, exponent: Array) -> Array:
         """Alpha where the exponent is positive."""
         dr = self.device.dr
-        power = _exp2(self.device, exponent)
+        power = _exp2(self.device, dr.select(exponent > 0, exponent, 0))  # what underflows costs a hundred cycles
         if self.kernel.truncated:
             return dr.fma(power, splat.scale, -splat.offset)
         alpha = power * self.kernel.alpha_clip
@@ -165,52 +165,21 @@ class _EightBit:
         return out
 
 
-def _scatter_tiles(
-    device: Device, lists: TileLists, band: Band, source: Source, program: PixelProgram, images: list[Image]
-) -> None:
-    """Run `program` over a band and write slots of its pixels' states into images."""
-    dr, types = device.dr, device.types
-    height, width = device.tile_height, device.tile_width
-
-    def write(column: Array, row: Array, pixels: Pixels, active: Array) -> None:
-        for image in images:
-            for j in range(height):
-                line = pixels[j * width : (j + 1) * width]
-                values = [p[s] for p in line for s in image.slots]
-                if image.unsigned:
-                    values = [dr.abs(v) for v in values]
-                place = (row * height + j) * image.tiles_across + column
-                dr.scatter(image.target, types.ArrayXf(values), place, active)
-
-    for_each_tile(device, lists, band, source.load, source.exponents, program, write)
-    dr.eval([image.target for image in images])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Image:
-    """Where slots of a pixel's state go: interleaved, in rows of whole tiles."""
-
-    target: Array
-    slots: range
-    tiles_across: Array
-    unsigned: bool = False
-
-
 def blend(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
     """Blend a band's tiles into `frame`, front to back."""
-    device, over = source.device, _Over(source)
-    across = device.count(frame.width // device.tile_width)
-    first_value, first_depth = 4, 4 + source.channels
-    images = [Image(frame.color, range(1, 4), across), Image(frame.transmittance, range(1), across, unsigned=True)]
-    if frame.values is not None:
-        images.append(Image(frame.values, range(first_value, first_depth), across))
-    if frame.depth is not None and frame.median is not None:
-        images.append(Image(frame.depth, range(first_depth, first_depth + 1), across))
-        images.append(Image(frame.median, range(first_depth + 1, first_depth + 2), across))
-    _scatter_tiles(device, lists, band, source, over, images)
+    over = _Over(source)
+    states = for_each_tile(source.device, lists, band, source.load, source.exponents, over)
+    values = 4 + source.channels  # slots: transmittance, colour, other values, depth, median
+    images = {"transmittance": range(1), "color": range(1, 4)}
+    if source.channels:
+        images["values"] = range(4, values)
+    if source.depth:
+        images |= {"depth": range(values, values + 1), "median": range(values + 1, values + 2)}
+    untile(source.device, states, len(over.fresh()), band, frame, images)
 
 
 def blend_eight_bit(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
     """Blend a band's colours as the engine's RGBA8 target does. The records run back to front."""
-    across = source.device.count(frame.width // source.device.tile_width)
-    _scatter_tiles(source.device, lists, band, source, _EightBit(source), [Image(frame.color, range(3), across)])
+    program = _EightBit(source)
+    states = for_each_tile(source.device, lists, band, source.load, source.exponents, program)
+    untile(source.device, states, len(program.fresh()), band, frame, {"color": range(3)})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,14 @@ from mirelight.compositor.device import Array, Device
 UNROLL = 2  # splats an iteration, so that a pixel's state is loaded and stored half as often
 NO_TILE = 0xFFFFFFFF
 
-Pixels = list[list[Array]]
+PACKET = 16  # floats written at a time
+
+Pixels: TypeAlias = list[list[Array]]
+Splat = TypeVar("Splat")
+Read = TypeVar("Read", contravariant=True)
 
 
-class PixelProgram(Protocol):
+class PixelProgram(Protocol[Read]):
     """What happens in one pixel. Its state is a list of floats."""
 
     def fresh(self) -> list[float]:
@@ -28,7 +32,7 @@ class PixelProgram(Protocol):
         """Whether more fragments can change the pixel."""
         ...
 
-    def fragment(self, splat: Array, exponent: Array, pixel: list[Array]) -> list[Array]:
+    def fragment(self, splat: Read, exponent: Array, pixel: list[Array]) -> list[Array]:
         """The state after one more splat."""
         ...
 
@@ -43,15 +47,20 @@ def tile_order(band: Band) -> NDArray[np.uint32]:
     return np.argsort(code).astype(np.uint32)
 
 
+def row_of(device: Device, tile: Array, columns: Array) -> Array:
+    """tile // columns. By floats, exact below four million tiles: LLVM divides integers one lane at a time."""
+    types = device.types
+    return types.UInt32((types.Float(tile) + 0.5) / types.Float(columns))
+
+
 def for_each_tile(
     device: Device,
     lists: TileLists,
     band: Band,
-    load: Callable[[Array, Array], Array],
-    exponents: Callable[[Array, Array, Array], list[Array]],
-    program: PixelProgram,
-    write: Callable[[Array, Array, Pixels, Array], None],
-) -> None:
+    load: Callable[[Array, Array], Splat],
+    exponents: Callable[[Splat, Array, Array], list[Array]],
+    program: PixelProgram[Splat],
+) -> Array:
     """Run `program` over every tile's list of splats.
 
     One symbolic loop holds the state of whole tiles. Which lane gets which tile depends on timing, what it computes
@@ -60,7 +69,9 @@ def for_each_tile(
     Args:
         load: (ranks, mask) -> the lanes' splats.
         exponents: (splat, x, y) -> exponent of each pixel of the tile whose first pixel centre is (x, y).
-        write: (tile column, tile row, pixels, mask) of finished tiles.
+
+    Returns:
+        the final states, (tiles * pixels of a tile * slots of a state,).
     """
     dr, types = device.dr, device.types
     Float, UInt32, Bool = types.Float, types.UInt32, types.Bool
@@ -71,47 +82,56 @@ def for_each_tile(
     tiles, columns = dr.opaque(UInt32, band.tiles), dr.opaque(UInt32, band.columns)
     first_row = dr.opaque(UInt32, band.first_row)
     ranks, starts, ends = lists.ranks, lists.start, lists.end
-    fresh = [[Float(v) for v in program.fresh()] for _ in range(pixels)]
+    packets = pixels * len(program.fresh()) // PACKET  # one large packet costs far less than several small ones
+    out = dr.empty(Float, band.tiles * packets * PACKET)
 
-    def place(tile: Array) -> tuple[Array, Array]:
-        row = tile // columns
-        return tile - row * columns, row + first_row
-
-    def switch(tile: Array, position: Array, end: Array, state: Pixels) -> tuple[Array, Array, Array, Pixels]:
-        column, row = place(tile)
-        write(column, row, state, tile != NO_TILE)
+    def switch(
+        tile: Array, position: Array, end: Array, x: Array, y: Array, state: Pixels
+    ) -> tuple[Array, Array, Array, Array, Array, Pixels]:
+        flat = [slot for pixel in state for slot in pixel]
+        for i in range(packets):
+            packet = types.ArrayXf(flat[i * PACKET : (i + 1) * PACKET])
+            dr.scatter(out, packet, tile * packets + i, tile != NO_TILE)
         ticket = dr.scatter_inc(queue, UInt32(0), Bool(True))
         more = ticket < tiles
         tile = dr.gather(UInt32, order, ticket, more)
         position, end = dr.gather(UInt32, starts, tile, more), dr.gather(UInt32, ends, tile, more)
-        return dr.select(more, tile, NO_TILE), position, end, fresh
+        row = row_of(device, tile, columns)
+        x = Float((tile - row * columns) * device.tile_width) + 0.5
+        y = Float((row + first_row) * device.tile_height) + 0.5
+        fresh = [[Float(v) for v in program.fresh()] for _ in range(pixels)]
+        return dr.select(more, tile, NO_TILE), position, end, x, y, fresh
 
     def step(
-        running: Array, tile: Array, position: Array, end: Array, state: Pixels
-    ) -> tuple[Array, Array, Array, Array, Pixels]:
+        running: Array, tile: Array, position: Array, end: Array, x: Array, y: Array, state: Pixels
+    ) -> tuple[Array, Array, Array, Array, Array, Array, Pixels]:
         open_pixels = program.running(state[0])
         for pixel in state[1:]:
             open_pixels |= program.running(pixel)
-        tile, position, end, state = dr.if_stmt(
-            (tile, position, end, state), ~open_pixels | (position >= end), switch, lambda *same: same
+        tile, position, end, x, y, state = dr.if_stmt(
+            (tile, position, end, x, y, state), ~open_pixels | (position >= end), switch, lambda *same: same
         )
-        column, row = place(tile)
-        x, y = Float(column * device.tile_width) + 0.5, Float(row * device.tile_height) + 0.5
+        splats = []
         for i in range(UNROLL):
             ok = position + i < end
-            splat = load(dr.gather(UInt32, ranks, position + i, ok), ok)
+            splats.append(load(dr.gather(UInt32, ranks, position + i, ok), ok))
+        for splat in splats:
             state = [program.fragment(splat, e, p) for e, p in zip(exponents(splat, x, y), state, strict=True)]
-        return tile != NO_TILE, tile, position + UNROLL, end, state
+        return tile != NO_TILE, tile, position + UNROLL, end, x, y, state
 
-    nothing = dr.zeros(UInt32, lanes)
+    def lanes_of(dtype: Array, value: float) -> Array:
+        return dr.full(dtype, value, lanes)
+
     dr.while_loop(
         (
-            dr.full(Bool, True, lanes),
-            dr.full(UInt32, NO_TILE, lanes),
-            nothing,
-            nothing,
-            [[dr.full(Float, v, lanes) for v in program.fresh()] for _ in range(pixels)],
+            lanes_of(Bool, True),
+            lanes_of(UInt32, NO_TILE),
+            *(lanes_of(UInt32, 0) for _ in range(2)),
+            *(lanes_of(Float, 0) for _ in range(2)),
+            [[lanes_of(Float, v) for v in program.fresh()] for _ in range(pixels)],
         ),
         lambda running, *_: running,
         step,
     )
+    dr.eval(out)
+    return out

@@ -8,6 +8,7 @@ import numpy as np
 
 from mirelight.compositor.bin import Band
 from mirelight.compositor.device import Array, Device
+from mirelight.compositor.queue import row_of
 from mirelight.model import F32, Camera, CompositorSettings, SplatLayer
 
 
@@ -42,6 +43,32 @@ def new_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Fram
         values=image(channels) if channels else None,
         channels=channels,
     )
+
+
+def untile(device: Device, states: Array, slots: int, band: Band, frame: Frame, images: dict[str, range]) -> None:
+    """Write a band's pixel states, tile by tile, into the frame's images.
+
+    Args:
+        states: (tiles * tile height * tile width * slots,).
+        images: the slots that each image of the frame takes. Of transmittances only the size counts.
+    """
+    dr, types = device.dr, device.types
+    width, height = device.tile_width, device.tile_height
+    columns = dr.opaque(types.UInt32, band.columns)
+    line = dr.arange(types.UInt32, band.tiles * height)  # a row of pixels of one tile
+    tile = line // height
+    row = row_of(device, tile, columns)
+    first = dr.opaque(types.UInt32, band.first_row * height)
+    place = (row * height + (line - tile * height) + first) * columns + (tile - row * columns)
+    read = dr.gather(types.ArrayXf, states, line, shape=(width * slots, band.tiles * height))
+    targets = []
+    for name, taken in images.items():
+        values = [read[x * slots + s] for x in range(width) for s in taken]
+        targets.append(getattr(frame, name))
+        dr.scatter(
+            targets[-1], types.ArrayXf([dr.abs(v) for v in values] if name == "transmittance" else values), place
+        )
+    dr.eval(targets)
 
 
 def empty_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Frame:

@@ -261,8 +261,8 @@ def _physical_light(light: EngineLight, warnings: list[str]) -> Light:
         return DirectionalLight(name=light.name, direction=light.direction, color=color, intensity=peak * math.pi)
     if light.falloff == "linear":
         # The linear falloff has no physical counterpart: equal light at half the range, where it is 1/2.
-        half = light.range / 2
-        candela = peak * math.pi * half**2 / 2
+        half, window = light.range / 2, 1 - 0.5**4
+        candela = peak * math.pi * half**2 / 2 / window
         reach = light.range
         warnings.append(f"{light.name}: linear falloff becomes the inverse square law, equal at half the range")
     else:

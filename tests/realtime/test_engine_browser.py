@@ -1,0 +1,260 @@
+"""The real engine, run here: its frames against recorded ones and against the NumPy model; the page that people open.
+
+Chromium and npm are part of the test environment (scripts/test installs them); without them these tests fail.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight import realtime
+from mirelight.errors import BackendError, InputError, RenderError
+from mirelight.io.gltf.scene import read_scene
+from mirelight.io.splats import ply
+from mirelight.model import (
+    Camera,
+    CompositorSettings,
+    DirectionalLight,
+    Environment,
+    Job,
+    Lighting,
+    PointLight,
+    RelightSettings,
+    Scene,
+    SpotLight,
+)
+from mirelight.realtime import browser, bundle, engine, mapping
+from mirelight.realtime.raster import rasterise
+from mirelight.realtime.shading import engine_lighting
+
+CAMERA = Camera.look_at((1, 2.5, 5), (0, -0.4, 0), 200, 150, yfov=45, near=0.1, far=100)
+LIGHTING = Lighting(
+    lights=(
+        DirectionalLight(
+            name="sun", direction=np.array([-0.4, -1, -0.3]), color=np.array([1, 0.8, 0.6]), intensity=1.5
+        ),
+        PointLight(name="lamp", position=np.array([1, 1.5, 1]), color=np.array([0.3, 0.6, 1]), intensity=12, range=8),
+        SpotLight(
+            name="torch",
+            position=np.array([2, 3, 2]),
+            direction=np.array([-0.4, -0.9, -0.2]),
+            intensity=40,
+            inner_cone_angle=np.radians(15),
+            outer_cone_angle=np.radians(30),
+        ),
+    )
+)
+
+
+def make_job(data: Path, **relight: object) -> Job:
+    assets = data / "realtime" / "assets"
+    return Job(
+        source=Path("test.toml"),
+        scene=Scene(splats=ply.read(assets / "synth_stack.ply"), proxy=read_scene(assets / "stage.glb").mesh),
+        compositor=CompositorSettings(profile="playcanvas", work_buffer="large"),
+        relight=RelightSettings(profile="playcanvas", space="display", **relight),  # type: ignore[arg-type]
+    )
+
+
+@pytest.fixture(scope="module")
+def rendered(data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, realtime.EngineFrames]:
+    folder = tmp_path_factory.mktemp("realtime") / "new"
+    return folder, realtime.render(make_job(data), CAMERA, LIGHTING, folder, shadows=False)
+
+
+def test_lighting_texture_agrees_with_the_mapped_lights(
+    data: Path, rendered: tuple[Path, realtime.EngineFrames]
+) -> None:
+    proxy = make_job(data).scene.proxy
+    assert proxy is not None
+    lights, _ = mapping.to_engine(LIGHTING, 10.0, shadows=False)
+    ours = engine_lighting(rasterise(proxy, CAMERA), lights, mapping.engine_diffuse(np.full(3, 0.5)))
+    theirs = rendered[1].relight
+    both = (ours[..., 3] > 0.5) & (theirs[..., 3] > 0.5)
+    error = np.abs(ours - theirs)[both][:, :3].max(axis=1) / theirs[..., :3].max()
+    assert np.percentile(error, 99) < 0.01
+    assert both.sum() > 0.6 * both.size
+
+
+def test_frame_is_the_tint_of_the_unlit_frame(rendered: tuple[Path, realtime.EngineFrames]) -> None:
+    frames = rendered[1]
+    covered = frames.relight[..., 3:]
+    factor = (1 - covered) + frames.relight[..., :3] * 2 * covered
+    np.testing.assert_allclose(frames.frame_f32[..., :3], frames.unlit_f32[..., :3] * factor, atol=2e-3)
+    np.testing.assert_array_equal(frames.frame_f32[..., 3], frames.unlit_f32[..., 3])
+    eight_bit = np.clip(frames.frame_f32, 0, 1) * 255
+    assert np.median(np.abs(eight_bit - frames.frame)[frames.frame[..., 3] > 0]) < 1.5
+
+
+def test_what_was_rendered_is_read_back(rendered: tuple[Path, realtime.EngineFrames]) -> None:
+    folder, frames = rendered
+    again = realtime.load_frames(folder)
+    for name in ("frame", "unlit", "relight", "frame_f32", "unlit_f32"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(frames, name))
+    assert again.warnings == frames.warnings
+    assert again.meta["engine"]["version"] == engine.VERSION
+    np.testing.assert_allclose(again.meta["camera"]["world"], CAMERA.world_from_camera, atol=1e-6)
+    assert not list(folder.glob(".*"))
+
+
+@pytest.mark.parametrize("case", ["stage_spot", "synth_stack", "synth_stack_linear"])
+def test_recorded_cases_are_rendered_again(data: Path, shared: Path, tmp_path: Path, case: str) -> None:
+    recorded = shared / "realtime"
+    description = json.loads((recorded / case / "scene.json").read_text())
+    bundle.copy_page(tmp_path, engine.install())
+    for key in ("splat", "proxy"):
+        file = (recorded / case / description[key]["file"]).resolve()
+        shutil.copy(file, tmp_path)
+        description[key]["file"] = file.name
+    (tmp_path / "scene.json").write_text(json.dumps(description))
+    frames = browser.run_page(realtime.Exported(folder=tmp_path, description=description, warnings=()))
+    with np.load(recorded / case / "buffers.npz") as buffers:
+        for name in ("relight", "frame_f32", "unlit_f32"):
+            np.testing.assert_allclose(getattr(frames, name), buffers[name], atol=2e-3, err_msg=name)
+
+
+# --- the page --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def served(data: Path, tmp_path: Path) -> Iterator[str]:
+    """An exported page on a plain static server, as a person would serve it."""
+    realtime.export(make_job(data, blend=0.75), CAMERA, LIGHTING, tmp_path)
+    handler = functools.partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/"
+        server.shutdown()
+        thread.join()
+
+
+def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
+        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
+        page = chromium.new_page(viewport={"width": 400, "height": 300})
+        failures: list[str] = []
+        page.on("pageerror", lambda error: failures.append(str(error)))
+        page.goto(served)
+        page.wait_for_selector("#controls", state="visible", timeout=120_000)
+        assert page.input_value("input[name=blend]") == "0.75"
+        page.wait_for_timeout(2000)
+        before = page.screenshot()
+        page.locator("[name=brightness]").fill("5")
+        page.wait_for_timeout(2000)
+        assert page.screenshot() != before
+        assert failures == []
+        chromium.close()
+
+
+def test_export_describes_the_job_in_the_engines_terms(data: Path, tmp_path: Path) -> None:
+    job = make_job(data, blend=0.5, brightness=1.5, background=0.25, texture_scale=0.5)
+    sky = Environment(radiance=np.ones((1, 1, 3), dtype=np.float32), intensity=0.5, rotation=30)
+    exported = realtime.export(job, CAMERA, replace(LIGHTING, environment=sky), tmp_path)
+    scene = json.loads((tmp_path / "scene.json").read_text())
+    assert scene == json.loads(json.dumps(exported.description))
+    assert scene["relighting"] == {"blend": 0.5, "brightness": 1.5, "background": 0.25, "textureScale": 0.5}
+    assert scene["camera"]["fov"] == pytest.approx(45)
+    assert scene["env"] == {"equirect": "environment.hdr", "intensity": 0.5, "rotation": -120.0}
+    assert [light["type"] for light in scene["lights"]] == ["directional", "omni", "spot"]
+    assert scene["proxy"]["diffuse"] == pytest.approx([0.5 ** (1 / 2.2)] * 3)
+    assert scene["gsplat"]["dataFormat"] == "GSPLATDATA_LARGE"
+    for name in ("index.html", "scene.mjs", "splats.ply", "proxy.glb", "environment.hdr", "engine/LICENSE"):
+        assert (tmp_path / name).is_file()
+    assert not (tmp_path / "capture.mjs").exists()
+
+
+# --- what cannot be followed, and what goes wrong --------------------------------------------------------------------
+
+
+def test_orthographic_camera_is_refused(data: Path, tmp_path: Path) -> None:
+    flat = replace(CAMERA, projection="orthographic", fx=20.0, fy=20.0)
+    with pytest.raises(InputError, match="orthographic"):
+        realtime.export(make_job(data), flat, LIGHTING, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_camera_and_mode_that_the_engine_lacks_are_warned_of(data: Path, tmp_path: Path) -> None:
+    odd = replace(CAMERA, cx=90.0, fx=CAMERA.fx * 1.1)
+    said = "\n".join(realtime.export(make_job(data, mode="ratio"), odd, LIGHTING, tmp_path).warnings)
+    for part in ("principal point", "square", "tint only", "lamp: "):
+        assert part in said
+
+
+def test_missing_chromium_is_one_line(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(browser, "BROWSERS", ())
+    monkeypatch.delenv("MIRELIGHT_BROWSER", raising=False)
+    with pytest.raises(BackendError, match="apt-get install chromium"):
+        realtime.render(make_job(data), CAMERA, LIGHTING, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_missing_npm_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MIRELIGHT_CACHE", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(BackendError, match="apt-get install npm"):
+        engine.install()
+
+
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ("echo 'npm error code E404' >&2; exit 1", "E404"),
+        ("echo hello > playcanvas-2.23.3.tgz", "another package"),
+        ("exit 0", "no message"),
+    ],
+)
+def test_npm_that_fails_or_lies_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, said: str
+) -> None:
+    npm = tmp_path / "bin" / "npm"
+    npm.parent.mkdir()
+    npm.write_text(f"#!/bin/sh\n{script}\n")
+    npm.chmod(0o755)
+    monkeypatch.setenv("MIRELIGHT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("PATH", str(npm.parent), prepend=":")
+    with pytest.raises(BackendError, match=said) as raised:
+        engine.install()
+    assert "\n" not in str(raised.value)
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_browser_that_ends_early_is_one_line(tmp_path: Path) -> None:
+    ending = tmp_path / "chromium"
+    ending.write_text("#!/bin/sh\necho 'cannot open display' >&2\nexit 3\n")
+    ending.chmod(0o755)
+    page = realtime.Exported(folder=tmp_path, description={"width": 8, "height": 8}, warnings=())
+    with pytest.raises(RenderError, match=r"exit code 3.*cannot open display"):
+        browser.run_page(page, str(ending))
+
+
+def test_scene_that_the_engine_cannot_load_is_one_line(tmp_path: Path) -> None:
+    bundle.copy_page(tmp_path, engine.install())
+    description = {
+        "width": 32,
+        "height": 32,
+        "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "fov": 45, "near": 0.1, "far": 100},
+        "proxy": {"file": "absent.glb"},
+    }
+    (tmp_path / "scene.json").write_text(json.dumps(description))
+    with pytest.raises(RenderError, match=r"absent\.glb"):
+        browser.run_page(realtime.Exported(folder=tmp_path, description=description, warnings=()), seconds=120)
+    assert not (tmp_path / "frame.png").exists()
+
+
+def test_frames_that_are_not_there_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="mirelight realtime"):
+        realtime.load_frames(tmp_path)

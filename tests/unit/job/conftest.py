@@ -19,20 +19,20 @@ Complaints = Callable[..., list[str]]
 
 @pytest.fixture(scope="session")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with splats.ply (8 splats at the corners of a 2-unit cube) and proxy.glb (a floor, two lights, two cameras)."""
+    """A folder with splats.ply (8 splats, corners of a 2-unit cube) and proxy.glb (a floor, two lights, two cameras)."""
     folder = tmp_path_factory.mktemp("scene")
     corners = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3)
     cloud = SplatCloud(
         means=corners.astype(np.float32),
-        quats=np.tile(np.float32([1, 0, 0, 0]), (8, 1)),
+        quats=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (8, 1)),
         scales=np.full((8, 3), 0.1, dtype=np.float32),
         opacities=np.full(8, 0.9, dtype=np.float32),
         sh=np.zeros((8, 1, 3), dtype=np.float32),
     )
     splats.write(cloud, folder / "splats.ply")
     floor = ProxyMesh(
-        vertices=np.float32([[-2, -1, -2], [2, -1, -2], [2, -1, 2], [-2, -1, 2]]),
-        faces=np.int32([[0, 2, 1], [0, 3, 2]]),
+        vertices=np.array([[-2, -1, -2], [2, -1, -2], [2, -1, 2], [-2, -1, 2]], dtype=np.float32),
+        faces=np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32),
     )
     lights = (
         PointLight(name="lamp", position=np.array([1.0, 2.0, 3.0]), intensity=5.0, range=7.0),

@@ -45,118 +45,24 @@ def test_one_mistake_is_an_input_error_with_its_parts(write_job: WriteJob) -> No
     assert error.remedy == "give a number of at least 1"
 
 
-# One line of a job (after SCENE, so on line 3 or below) and the whole line that it must raise.
-SINGLE = {
-    "typo": ("[render]\nssp = 4", "4:1: render.ssp: unknown key; did you mean spp?"),
-    "camel case": ("[relight]\ntextureScale = 1.0", "4:1: relight.textureScale: unknown key; did you mean texture_scale?"),
-    "engine's name": ("[[cameras]]\nfov = 4\nposition = [1,2,3]\ntarget = [0,0,0]", "4:1: cameras[0].fov: unknown key; did you mean yfov?"),
-    "key in a later table": (
-        "[render]\nspp = 4\nresolution = [4, 4]",
-        "5:1: render.resolution: unknown key; resolution belongs at the top, above the first [table]",
-    ),
-    "key of another table": ("spp = 4", "3:1: spp: unknown key; it belongs in [render]"),
-    "few known keys": ("[display]\nwidth = 3", "4:1: display.width: unknown key; remove it; known here: exposure, tone, background"),
-    "KHR's spot": (
-        '[[lights]]\ntype = "spot"\nposition = [0,0,0]\ndirection = [0,0,1]\nspot = { innerConeAngle = 0.1 }',
-        "7:1: lights[0].spot: unknown key; write inner_cone_angle and outer_cone_angle, in degrees, on the light itself",
-    ),
-    "engine's light": (
-        '[[lights]]\ntype = "omni"',
-        "4:8: lights[0].type: 'omni'; "
-        'did you mean "point"? There are "directional", "point", "spot", "sun", "area"',
-    ),
-    "no type": (
-        "[[lights]]\nposition = [0, 0, 0]",
-        '3:1: lights[0].type: no type; give one of "directional", "point", "spot", "sun", "area"',
-    ),
-    "missing": ('[[lights]]\ntype = "point"', "3:1: lights[0].position: missing; add it: [x, y, z] in world units."),
-    "choice": ('[display]\ntone = "filmic"', '4:8: display.tone: \'filmic\'; give one of "none", "aces", "neutral", "agx"'),
-    "near choice": ('[display]\ntone = "ACES"', '4:8: display.tone: \'ACES\'; did you mean "aces"? There are "none", "aces", "neutral", "agx"'),
-    "string for number": ('[render]\nspp = "64"', "4:7: render.spp: '64'; give a whole number"),
-    "float for int": ("[render]\nspp = 64.0", "4:7: render.spp: 64; give a whole number"),
-    "bool for number": ("[display]\nexposure = true", "4:12: display.exposure: true; give a number"),
-    "number for bool": ("[output]\npng = 1", "4:7: output.png: 1; give true or false"),
-    "number for list": ("resolution = 640", "3:14: resolution: 640; give a list in [ ]"),
-    "list for table": ("render = [1]", "3:10: render: a list of 1; give a table"),
-    "infinity": ("[relight]\nbrightness = inf", "4:14: relight.brightness: inf; give a finite number, or leave the key out"),
-    "item of a list": ("resolution = [640, -1]", "3:20: resolution[1]: -1; give a number of at least 1"),
-    "inline table": ("relight = { blend = 2 }", "3:21: relight.blend: 2; give a number of at most 1"),
-    "dotted key": ("relight.blend = 2", "3:17: relight.blend: 2; give a number of at most 1"),
-    "nothing to write": ("[output]\nexr = false\npng = false", "5:7: output.png: neither exr nor png; write one of them"),
-    "two ways": (
-        "[[cameras]]\nposition = [1,2,3]\ntarget = [0,0,0]\nyfov = 4\nfx = 3",
-        "7:6: cameras[0].fx: both yfov and fx are given; keep one of them (yfov or fx)",
-    ),
-    "half a pose": ("[[cameras]]\nposition = [1,2,3]", "3:1: cameras[0]: no target; add target = [x, y, z]"),
-    "no pose": ("[[cameras]]\nyfov = 40", "3:1: cameras[0]: nothing is given for it; add position and target, or matrix"),
-    "scaled pose": (
-        "[[cameras]]\nmatrix = [[1,0,0,0],[0,2,0,0],[0,0,1,0],[0,0,0,1]]",
-        "4:10: cameras[0].matrix: shear, mirror or unequal scale; give a rotation and a translation",
-    ),
-    "transposed pose": (
-        "[[cameras]]\nmatrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[1,2,3,1]]",
-        "4:10: cameras[0].matrix: a last row that is not [0, 0, 0, 1]; "
-        "give the matrix row by row, the translation in its last column",
-    ),
-    "own target": (
-        "[[cameras]]\nposition = [1,2,3]\ntarget = [1,2,3]",
-        "5:10: cameras[0].target: the camera's own position; give another point",
-    ),
-    "far before near": (
-        "[[cameras]]\nposition = [1,2,3]\ntarget = [0,0,0]\nnear = 2.0\nfar = 1.0",
-        "7:7: cameras[0].far: 1, and near is 2; put far beyond near",
-    ),
-    "cones": (
-        '[[lights]]\ntype = "spot"\nposition = [0,0,0]\ndirection = [0,0,1]\nouter_cone_angle = 20\ninner_cone_angle = 20',
-        "8:20: lights[0].inner_cone_angle: 20, and outer_cone_angle is 20; make the inner angle the smaller one",
-    ),
-    "unaimed": (
-        '[[lights]]\ntype = "spot"\nposition = [0,0,0]',
-        "3:1: lights[0]: nothing is given for it; add direction = [x, y, z] or target = [x, y, z]",
-    ),
-    "no direction": (
-        '[[lights]]\ntype = "directional"\ndirection = [0, 0, 0]',
-        "5:13: lights[0].direction: a vector of length zero; give a direction",
-    ),
-    "aimed sphere": (
-        '[[lights]]\ntype = "area"\nshape = "sphere"\nposition = [0,0,0]\ndirection = [0,0,1]',
-        "7:13: lights[0].direction: a sphere shines all around; leave it out",
-    ),
-    "oval disk": (
-        '[[lights]]\ntype = "area"\nshape = "disk"\nposition = [0,0,0]\ndirection = [0,0,1]\nsize = [1, 2]',
-        "8:8: lights[0].size: a disk has one size; give its diameter",
-    ),
-    "empty environment": ("[environment]\nrotation = 3", '3:1: environment: nothing is given for it; add path = "sky.hdr" or radiance = 1.0'),
-    "missing file": ('environment = "sky.hdr"', "3:15: environment: there is no file 'sky.hdr'; paths are relative to the job file's folder, "),
-    "address": ('environment = "https://x.org/sky.hdr"', "3:15: environment: 'https://x.org/sky.hdr' is an address; fetch the file and name its path"),
-    "doubled camera": (
-        '[[cameras]]\nname = "a"\nposition = [1,2,3]\ntarget = [0,0,0]\n[[cameras]]\nname = "a"\nposition = [1,2,3]\ntarget = [0,0,0]',
-        "8:8: cameras[1].name: 'a' is the name of cameras[0] too; give each its own name",
-    ),
-    "name of a folder": (
-        '[[lightings]]\nname = "../x"\nenvironment = { radiance = 1 }',
-        "4:8: lightings[0].name: '../x' cannot be part of a file name; use letters, digits, spaces, '-', '_' and '.'",
-    ),
-    "unknown captured": (
-        'captured = "dya"\n[[lightings]]\nname = "day"\nenvironment = { radiance = 1 }',
-        "3:12: captured: no lighting is named 'dya'; did you mean \"day\"?",
-    ),
-    "light beside lightings": (
-        'lights_from = "proxy"\n[[lightings]]\nname = "day"\nenvironment = { radiance = 1 }',
-        "3:1: lights_from: given beside lightings; move it into one of the lightings, or leave lightings out",
-    ),
-    "ratio of nothing": (
-        '[relight]\nmode = "ratio"',
-        "4:8: relight.mode: 'ratio' needs the captured lighting; "
-        'add captured, the lighting that the splats were captured under, or use "tint"',
-    ),
-}  # fmt: skip
+CASES = {
+    name: (lines, expected)
+    for name, lines, expected in re.findall(
+        r"^=== (.+)\n((?:.*\n)*?)>>> (.+)$",
+        (Path(__file__).parent / "mistakes.txt").read_text(encoding="utf-8"),
+        flags=re.MULTILINE,
+    )
+}
 
 
-@pytest.mark.parametrize("name", SINGLE)
+def test_the_cases_were_found() -> None:
+    assert len(CASES) == 43
+
+
+@pytest.mark.parametrize("name", CASES)
 def test_each_mistake_says_where_what_and_the_remedy(complaints: Complaints, name: str) -> None:
-    lines, expected = SINGLE[name]
-    found = complaints(SCENE + lines + "\n")
+    lines, expected = CASES[name]
+    found = complaints(SCENE + lines)
     assert len(found) == 1
     assert found[0].startswith(f"job.toml:{expected}")
 

@@ -51,7 +51,7 @@ def test_key_and_value(text: str, path: tuple[str | int, ...], value: object) ->
     ],
 )
 def test_what_is_no_override(text: str) -> None:
-    with pytest.raises(InputError, match="^--set "):
+    with pytest.raises(InputError, match=r"^--set "):
         parse(text)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import sh
 from mirelight.conventions import multiply_quaternions, quaternion_from_rotation
+from mirelight.errors import InputError
 from mirelight.model import F32, SplatCloud
 
 _ROWS = 1 << 18  # splats moved at a time, so that float64 copies stay small
@@ -41,14 +42,16 @@ def merge(clouds: Sequence[SplatCloud]) -> SplatCloud:
     """All splats in one cloud, in the order given; lower SH degrees are padded with zeros to the highest.
 
     Raises:
-        ValueError: no clouds, or only some are `antialiased`, which is one setting for a whole composite.
+        ValueError: no clouds.
+        InputError: only some are `antialiased`, which is one setting for a whole composite.
     """
     if not clouds:
         raise ValueError("no splat clouds to merge")
     if len(clouds) == 1:
         return clouds[0]
     if len({cloud.antialiased for cloud in clouds}) > 1:
-        raise ValueError("some splats were trained with antialiasing and some without; they cannot share a frame")
+        found = "some were trained with antialiasing and some without, which no single composite can show"
+        raise InputError("splats", found, "leave one kind out, or mark the files alike")
     coefficients = max(cloud.sh.shape[1] for cloud in clouds)
     sh_all = np.zeros((sum(len(cloud) for cloud in clouds), coefficients, 3), dtype=np.float32)
     start = 0

@@ -48,13 +48,20 @@ def _convert(path: Path, folder: Path, lod: int | None) -> Path:
     level = ["--lod-select", str(lod or 0)] if path.suffix.lower() in _LEVELLED else []
     command = [tool, "--quiet", *level, str(path.resolve()), str(target)]
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=_TIMEOUT, check=False
+        )
     except subprocess.TimeoutExpired:
         raise InputError(path, f"splat-transform took more than {_TIMEOUT} s", "convert it to .ply by hand") from None
     except OSError as e:
         raise InputError(path, f"splat-transform could not be started ({e.strerror})") from None
     if done.returncode or not target.is_file():
-        said = (done.stderr or done.stdout or "nothing").strip().splitlines()
-        found = f"splat-transform could not convert it: {said[-1][:200] if said else 'no message'}"
-        raise InputError(path, found, "is the file whole?")
+        raise InputError(path, f"splat-transform could not convert it: {_reason(done)}", "is the file whole?")
     return target
+
+
+def _reason(done: subprocess.CompletedProcess[str]) -> str:
+    """The line in which the tool names an error, without the stack trace around it; else its last line."""
+    lines = [line.strip("✗ \t") for line in (done.stderr + done.stdout).splitlines() if line.strip()]
+    named = [line for line in lines if "rror:" in line]
+    return (named or lines[-1:] or ["no message"])[0][:200]

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mirelight import conventions, sh
+from mirelight.errors import InputError
 from mirelight.io import splats
 from mirelight.model import SplatCloud
 
@@ -108,5 +109,5 @@ FIELDS = ("means", "quats", "scales", "opacities", "sh")
 
 
 def test_antialiased_and_plain_splats_do_not_mix() -> None:
-    with pytest.raises(ValueError, match="antialiasing"):
+    with pytest.raises(InputError, match="antialiasing"):
         splats.merge([truth.cloud(3, 0), truth.cloud(3, 0, antialiased=True)])

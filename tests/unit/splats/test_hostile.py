@@ -343,8 +343,8 @@ def test_free_memory_is_known_here() -> None:
 def put_tool(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     """A command splat-transform, alone on the search path with the system's own."""
     tool = folder / "bin" / "splat-transform"
-    tool.parent.mkdir()
-    tool.write_text("#!/bin/sh\n" + script)
+    tool.parent.mkdir(exist_ok=True)
+    tool.write_text("#!/bin/sh\n" + script, encoding="utf-8")
     tool.chmod(tool.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("PATH", f"{tool.parent}:/usr/bin:/bin")
 
@@ -373,6 +373,8 @@ def test_a_tool_that_fails_or_is_absent(tmp_path: Path, monkeypatch: pytest.Monk
     refused(path, "npm install -g @playcanvas/splat-transform")
     put_tool(tmp_path, monkeypatch, "echo reading >&2; echo bad header >&2; exit 1\n")
     refused(path, "bad header")
+    put_tool(tmp_path, monkeypatch, "echo '  ✗ Error: bad version' >&2; echo '  at file.mjs:3' >&2; exit 1\n")
+    refused(path, "convert it: Error: bad version")
 
 
 def test_in_memory_helpers_agree() -> None:

@@ -7,10 +7,11 @@ scanline or tiled, single- or multi-part file is read.
 from __future__ import annotations
 
 import os
+import struct
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from mirelight.io.safety import existing, require_memory
 MAGIC = b"\x76\x2f\x31\x01"
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # chromaticities of R, G, B and D65 (ITU-R BT.709-6)
 _MAX_HALF = 65504.0  # brighter half floats would become infinite
+_ROWS_PER_CHUNK = 16  # of ZIP compression
 _ORDER = {name: i for i, name in enumerate("RGBAXYZ")}
 
 Metadata = Mapping[str, str | int | float | tuple[float, float] | NDArray[np.float32]]
@@ -160,3 +162,51 @@ def _write_error(path: str | Path, temporary: Path, error: RuntimeError) -> Outp
         full = False
     reason = "the disk is full" if full else " ".join(str(error).replace(str(temporary), "it").split())
     return OutputError(f"{path}: cannot be written ({reason}); nothing half-written was left")
+
+
+def is_whole(path: str | Path) -> bool:
+    """Whether the last row of a file written by :func:`write_exr` is there, without reading pixels.
+
+    Reads the header's attributes and the offset table behind them ("OpenEXR File Layout"); a file cut off anywhere ends
+    before its last chunk does.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            size = stream.seek(0, 2)
+            stream.seek(4)
+            flags = struct.unpack("<I", stream.read(4))[0]
+            if flags & ~0x4FF:  # long names (0x400) apart, only plain single-part scanline files
+                return False
+            rows = _rows(stream)
+            chunks = -(-rows // _ROWS_PER_CHUNK)
+            stream.seek(8 * (chunks - 1), 1)
+            last = struct.unpack("<Q", stream.read(8))[0]
+            stream.seek(last + 4)
+            length = struct.unpack("<I", stream.read(4))[0]
+            return bool(last + 8 + length <= size)
+    except (OSError, struct.error, ValueError):
+        return False
+
+
+def _rows(stream: BinaryIO) -> int:
+    """Rows of the data window; leaves the stream behind the header."""
+    rows = 0
+    while name := _name(stream):
+        _name(stream)  # the attribute's type
+        value = stream.read(struct.unpack("<i", stream.read(4))[0])
+        if name == b"dataWindow":
+            _, top, _, bottom = struct.unpack("<4i", value)
+            rows = bottom - top + 1
+    if rows < 1:
+        raise ValueError("no rows")
+    return rows
+
+
+def _name(stream: BinaryIO) -> bytes:
+    """A zero-terminated string of at most 255 bytes."""
+    out = b""
+    while (byte := stream.read(1)) != b"\0":
+        if not byte or len(out) == 255:
+            raise ValueError("not a name")
+        out += byte
+    return out

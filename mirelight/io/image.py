@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import InputError, OutputError
-from mirelight.io.exr import Metadata, read_header, write_exr
+from mirelight.io.exr import Metadata, is_whole, read_header, write_exr
 from mirelight.io.png import encode_display, read_png_text, write_png
 from mirelight.model import Camera, DisplaySettings, Frame, LightingBuffer, OutputSettings, Provenance, SplatLayer
 
@@ -64,7 +64,7 @@ def read_fingerprint(path: str | Path) -> str | None:
     path = Path(path)
     try:
         if path.suffix.lower() == ".exr":
-            found = read_header(path)[0].get(FINGERPRINT)
+            found = read_header(path)[0].get(FINGERPRINT) if is_whole(path) else None
         else:
             found = read_png_text(path).get(FINGERPRINT)
     except (InputError, OSError):
@@ -97,6 +97,8 @@ def _channels(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
         out |= _split("factor", frame.factor, "RGB")
     if frame.noise is not None and output.aovs:
         out |= _split("noise", frame.noise, "RGB")
+    if frame.noise is not None and output.aovs:
+        out |= _split("noise", frame.noise, "RGB")
     if frame.splats is not None and output.aovs:
         out |= _splat_channels(frame.splats)
     if frame.lighting is not None:
@@ -105,8 +107,8 @@ def _channels(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
 
 
 def _colours(channels: Mapping[str, NDArray[Any]]) -> frozenset[str]:
-    """Channels that hold colour or alpha; variances are too small for 16 bits."""
-    return frozenset(name for name in channels if name[-1] in "RGBA" and not name.startswith("variance."))
+    """Channels that hold colour or alpha; noise and its square can be too small for 16 bits."""
+    return frozenset(name for name in channels if name[-1] in "RGBA" and not name.startswith(("noise.", "variance.")))
 
 
 def _splat_channels(splats: SplatLayer) -> dict[str, NDArray[Any]]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mirelight.errors import InputError
 from mirelight.io.gltf.fields import Fields
+from mirelight.io.safety import contained
 
 Bytes = NDArray[np.uint8]
 
@@ -137,21 +138,8 @@ class Document:
                 return np.frombuffer(base64.b64decode(body, validate=True), dtype=np.uint8)
             except (binascii.Error, ValueError):
                 raise entry.fail(name, "base64 that cannot be decoded", "the file is damaged") from None
-        return map_file(self._neighbour(entry, name, uri), entry, name)
-
-    def _neighbour(self, entry: Fields, name: str, uri: str) -> Path:
-        relative = unquote(uri.partition("#")[0])
-        scheme = relative.partition("/")[0]
-        if ":" in scheme or "\0" in relative:
-            raise entry.fail(name, f"{uri[:60]!r} is not a relative path", "put the file beside this one")
-        folder = self.path.parent.resolve()
-        try:
-            target = (folder / relative).resolve()
-        except (OSError, RuntimeError):
-            raise entry.fail(name, f"{uri[:60]!r} cannot be followed") from None
-        if not relative or not target.is_relative_to(folder):
-            raise entry.fail(name, f"{uri[:60]!r} leaves the folder of the file", "put the file beside this one")
-        return target
+        target = contained(self.path.parent, unquote(uri.partition("#")[0]), self.path, entry.at(name))
+        return map_file(target, entry, name)
 
 
 def read_document(path: str | Path, handled: frozenset[str] = HANDLED_EXTENSIONS) -> Document:

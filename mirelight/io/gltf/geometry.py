@@ -103,9 +103,9 @@ def _sharing_key(primitive: Fields, surfaces: dict[int, Surface]) -> object:
     draco = primitive.extension("KHR_draco_mesh_compression")
     if draco is not None:
         return primitive.where
-    uv = _uv_source(primitive, surfaces)
+    uv = _uv_source(primitive, surfaces) or UvSource()
     targets = tuple(tuple(sorted(t.values.items())) for t in primitive.children("targets"))
-    return tuple(sorted(_attributes(primitive).items())), repr(targets), uv.key() if uv else None
+    return tuple(sorted(_attributes(primitive).items())), repr(targets), uv.key()
 
 
 def _read_group(document: Document, primitives: list[Fields], surfaces: dict[int, Surface]) -> Piece:
@@ -128,7 +128,7 @@ def _read_group(document: Document, primitives: list[Fields], surfaces: dict[int
         faces=np.concatenate(faces),
         face_materials=np.concatenate(materials),
         normals=reader.vectors("NORMAL", 3),
-        uvs=_uvs(reader, first, _uv_source(first, surfaces)),
+        uvs=_uvs(reader, [(p, _uv_source(p, surfaces)) for p in primitives]),
         colors=_colors(reader, first),
         joints=reader.joints(),
         weights=reader.weights(),
@@ -200,21 +200,24 @@ class _AttributeReader:
         return out
 
 
-def _uvs(reader: _AttributeReader, primitive: Fields, source: UvSource | None) -> F32 | None:
-    """Texture coordinates as the material's base colour texture reads them; set 0 where it has none."""
-    name = f"TEXCOORD_{source.texcoord if source else 0}"
+def _uvs(reader: _AttributeReader, users: list[tuple[Fields, UvSource | None]]) -> F32 | None:
+    """Texture coordinates as the base colour textures of a group read them; set 0 where none has a texture."""
+    textured = [(primitive, source) for primitive, source in users if source is not None]
+    if not textured:
+        return reader.vectors("TEXCOORD_0", 2)
+    primitive, source = textured[0]
+    name = f"TEXCOORD_{source.texcoord}"
     uvs = reader.vectors(name, 2)
-    if source is None:
-        return uvs
     if uvs is None:
         raise primitive.fail("attributes", f"no {name}, which its material's texture needs", "unwrap the mesh")
     if source.transform is not None:
         uvs = (uvs @ source.transform[:, :2].T + source.transform[:, 2]).astype(np.float32)
-    if not source.repeats and (float(uvs.min()) < -1e-3 or float(uvs.max()) > 1 + 1e-3):
+    outside = float(uvs.min()) < -1e-3 or float(uvs.max()) > 1 + 1e-3
+    clamped = next((source.field for _, source in textured if not source.repeats), None)
+    if outside and clamped is not None:
         found = "coordinates outside 0..1 with a sampler that clamps or mirrors"
-        raise InputError(
-            primitive.file, found, "set the sampler to REPEAT or keep coordinates in 0..1", field=source.field
-        )
+        remedy = "set the sampler to REPEAT or keep coordinates in 0..1"
+        raise InputError(primitive.file, found, remedy, field=clamped)
     return uvs
 
 

@@ -103,7 +103,9 @@ def _moved(piece: Piece, world: Matrix) -> Piece:
     if np.array_equal(world, np.eye(4)):
         return piece
     linear, offset = world[..., :3, :3], world[..., :3, 3]
-    positions = (np.einsum("...ij,...j->...i", linear, piece.positions.astype(np.float64)) + offset).astype(np.float32)
+    placed = np.einsum("...ij,...j->...i", linear, piece.positions.astype(np.float64)) + offset
+    with np.errstate(over="ignore"):
+        positions = placed.astype(np.float32)
     if not np.all(np.isfinite(positions)):
         raise piece.fields.fail("attributes.POSITION", "positions that are not finite in world space", "scale it down")
     faces, normals = piece.faces, piece.normals

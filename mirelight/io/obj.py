@@ -1,0 +1,217 @@
+"""Wavefront OBJ meshes with their materials, after Wavefront's "Object Files" and "Material Files" appendices.
+
+Read are v (with colours), vt, vn, f, usemtl, mtllib; of materials Kd, Ke and map_Kd. Polygons become fans. Lines,
+points, curves, groups and smoothing groups are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import colour
+from mirelight.errors import InputError
+from mirelight.io.ldr import decode_srgb_image
+from mirelight.io.safety import contained, open_binary, read_bytes
+from mirelight.io.surface import filled_normals
+from mirelight.model import F32, I32, Material, ProxyMesh
+
+_MAX_LIBRARY = 16 << 20  # bytes of one .mtl file
+
+
+@dataclass
+class _Text:
+    """The file's statements, sorted by kind; numbers are still text."""
+
+    positions: list[str] = field(default_factory=list)
+    uvs: list[str] = field(default_factory=list)
+    normals: list[str] = field(default_factory=list)
+    faces: list[tuple[int, str, str]] = field(default_factory=list)  # line, corners, material
+    libraries: list[tuple[int, str]] = field(default_factory=list)
+    counts: list[tuple[int, int, int]] = field(default_factory=list)  # v, vt, vn before each face
+
+
+def read_obj(path: Path, textures: bool) -> ProxyMesh:
+    """An OBJ file as one mesh, its materials in the order of their first face.
+
+    A file of positions alone keeps its vertices as they are; with texture coordinates or normals there is one vertex
+    for each different corner, in the order of the file.
+
+    Args:
+        path: the file.
+        textures: read the material libraries and their textures. A library that is missing is passed over, as many OBJ
+            files have lost theirs; a texture that is missing is not.
+
+    Raises:
+        InputError: a statement that cannot be read (its line is named), an index out of range, values not finite.
+    """
+    with open_binary(path) as stream:
+        text = _sorted_statements(stream.read().decode("utf-8", "replace"))
+    if not text.faces:
+        raise InputError(path, "no triangles (a point cloud, or an empty file)", "give a mesh")
+    positions = _numbers(path, text.positions, "v", 3)
+    faces, corners, materials = _triangles(path, text, len(positions))
+    rows = corners[:, 0]
+    colors = positions[:, 3:6] if positions.shape[1] >= 6 else None
+    vertices = positions[rows, :3]
+    found = _libraries(path, text.libraries) if textures else {}
+    names = list(dict.fromkeys(materials))
+    owners = np.array([names.index(name) for name in materials], dtype=np.int32)
+    return ProxyMesh(
+        vertices=vertices,
+        faces=faces,
+        normals=_picked_normals(path, text, corners[:, 2], vertices, faces),
+        uvs=_picked_uvs(path, text, corners[:, 1]),
+        vertex_colors=None if colors is None else colour.srgb_decode(np.clip(colors[rows], 0, 1)),
+        face_materials=owners if len(names) > 1 else None,
+        materials=tuple(found.get(name, Material(name=name or "default")) for name in names),
+    )
+
+
+def _sorted_statements(text: str) -> _Text:
+    out, material = _Text(), ""
+    kinds = {"v": out.positions, "vt": out.uvs, "vn": out.normals}
+    for number, line in enumerate(text.replace("\\\n", " ").splitlines(), start=1):
+        kind, _, rest = line.strip().partition(" ")
+        if kind in kinds:
+            kinds[kind].append(rest)
+        elif kind == "f":
+            out.faces.append((number, rest, material))
+            out.counts.append((len(out.positions), len(out.uvs), len(out.normals)))
+        elif kind == "usemtl":
+            material = rest.strip()
+        elif kind == "mtllib":
+            out.libraries.append((number, rest.strip()))
+    return out
+
+
+def _numbers(path: Path, lines: list[str], kind: str, least: int) -> F32:
+    """(n, k) finite numbers, k as the first line has it."""
+    width = len(lines[0].split()) if lines else least
+    try:
+        with np.errstate(over="ignore"):
+            flat = np.array(" ".join(lines).split(), dtype=np.float64).astype(np.float32)
+        table = flat.reshape(len(lines), width)
+    except ValueError:
+        raise InputError(path, f"{kind} lines that are not all {width} numbers", "the file is damaged") from None
+    bad = int(np.count_nonzero(~np.isfinite(table).all(axis=1)))
+    if bad or width < least:
+        found = f"{bad} of {len(table)} vertices are NaN or infinite" if bad else f"{kind} lines of {width} numbers"
+        raise InputError(path, found, "repair the mesh")
+    return table
+
+
+def _triangles(path: Path, text: _Text, vertices: int) -> tuple[I32, NDArray[np.int64], list[str]]:
+    """(F, 3) faces, (V, 3) position, uv and normal index of each of their vertices (-1: none), F material names."""
+    plain = not any("/" in corners for _, corners, _ in text.faces)
+    known: dict[tuple[int, int, int], int] = {}
+    faces: list[tuple[int, int, int]] = []
+    materials: list[str] = []
+    for (number, corners, material), counts in zip(text.faces, text.counts, strict=True):
+        try:
+            keys = [_corner(corner, counts) for corner in corners.split()]
+        except (ValueError, IndexError):
+            raise InputError(path, f"a face {corners[:40]!r}", "the file is damaged", field=f"line {number}") from None
+        ids = [key[0] for key in keys] if plain else [known.setdefault(key, len(known)) for key in keys]
+        fan = [(ids[0], ids[i], ids[i + 1]) for i in range(1, len(ids) - 1)]
+        faces += fan
+        materials += [material] * len(fan)
+    if not faces:
+        raise InputError(path, "no triangles (faces of fewer than three corners)", "give a mesh")
+    if plain:
+        every = np.full((vertices, 3), -1, dtype=np.int64)
+        every[:, 0] = np.arange(vertices)
+        return np.array(faces, dtype=np.int32), every, materials
+    return np.array(faces, dtype=np.int32), np.array(list(known), dtype=np.int64), materials
+
+
+def _corner(text: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Zero-based indices of "v", "v/vt", "v//vn" or "v/vt/vn"; negative ones count back from the face's own line."""
+    parts = text.split("/")
+    if len(parts) > 3 or not parts[0]:
+        raise ValueError(text)
+    out = [-1, -1, -1]
+    for i, part in enumerate(parts):
+        if part:
+            index = int(part)
+            out[i] = index - 1 if index > 0 else index + counts[i]
+            if index == 0 or not 0 <= out[i] < counts[i]:
+                raise IndexError(text)
+    return out[0], out[1], out[2]
+
+
+def _picked_uvs(path: Path, text: _Text, rows: NDArray[np.int64]) -> F32 | None:
+    """Texture coordinates with v = 0 at the top; OBJ counts v from the bottom."""
+    if not text.uvs or bool(np.all(rows < 0)):
+        return None
+    uvs = _numbers(path, text.uvs, "vt", 2)[:, :2].copy()
+    uvs[:, 1] = 1 - uvs[:, 1]
+    return np.where(rows[:, None] >= 0, uvs[rows], np.float32(0))
+
+
+def _picked_normals(path: Path, text: _Text, rows: NDArray[np.int64], vertices: F32, faces: I32) -> F32 | None:
+    if not text.normals or bool(np.all(rows < 0)):
+        return None
+    normals = _numbers(path, text.normals, "vn", 3)[:, :3]
+    picked = np.where(rows[:, None] >= 0, normals[rows], np.float32(0))
+    return filled_normals(vertices, faces, picked)
+
+
+# --- materials -------------------------------------------------------------------------------------------------------
+
+
+def _libraries(path: Path, libraries: list[tuple[int, str]]) -> dict[str, Material]:
+    found: dict[str, Material] = {}
+    for number, name in libraries:
+        target = contained(path.parent, name.replace("\\", "/"), path, f"line {number}")
+        if target.is_file():
+            found |= _read_library(target)
+    return found
+
+
+def _read_library(path: Path) -> dict[str, Material]:
+    blocks: dict[str, dict[str, tuple[int, str]]] = {}
+    block: dict[str, tuple[int, str]] = {}
+    lines = read_bytes(path, _MAX_LIBRARY).decode("utf-8", "replace").splitlines()
+    for number, line in enumerate(lines, start=1):
+        kind, _, rest = line.strip().partition(" ")
+        if kind == "newmtl":
+            block = blocks.setdefault(rest.strip(), {})
+        else:
+            block[kind] = (number, rest.strip())
+    return {name: _material(path, name, entries) for name, entries in blocks.items()}
+
+
+def _material(path: Path, name: str, entries: dict[str, tuple[int, str]]) -> Material:
+    texture = None
+    if "map_Kd" in entries:
+        number, file = entries["map_Kd"]
+        if file.startswith("-"):
+            raise InputError(path, "map_Kd with options", "apply them to the image", field=f"line {number}")
+        target = contained(path.parent, file.replace("\\", "/"), path, f"line {number}")
+        if not target.is_file():
+            raise InputError(path, f"the texture {file[:60]!r} is missing", field=f"line {number}")
+        with open_binary(target) as stream:
+            texture = decode_srgb_image(stream, target)
+    base = np.ones(3) if texture is not None else _rgb(path, entries.get("Kd"), (1, 1, 1))
+    emissive = _rgb(path, entries.get("Ke"), (0, 0, 0))
+    return Material(name=name, base_color=base, base_color_texture=texture, emissive=emissive)
+
+
+def _rgb(path: Path, entry: tuple[int, str] | None, default: Sequence[float]) -> NDArray[np.float64]:
+    if entry is None:
+        return np.asarray(default, dtype=np.float64)
+    number, text = entry
+    try:
+        value = np.array(text.split(), dtype=np.float64)
+    except ValueError:
+        value = np.empty(0)
+    if value.shape != (3,) or not np.all(np.isfinite(value)) or np.any(value < 0):
+        raise InputError(
+            path, f"a colour {text[:40]!r}", "expected three numbers, none negative", field=f"line {number}"
+        )
+    return value

@@ -1,0 +1,223 @@
+"""The GLB writer: what is written comes back, and the reference renderer's files are read right."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from mirelight import colour
+from mirelight.errors import OutputError
+from mirelight.io.gltf.scene import read_scene
+from mirelight.io.gltf.write import write_glb
+from mirelight.model import (
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    Light,
+    Material,
+    PointLight,
+    ProxyMesh,
+    SpotLight,
+)
+
+RNG = np.random.default_rng(11)
+KHRONOS = Path(__file__).parents[2] / "data" / "khronos"
+
+
+def mesh() -> ProxyMesh:
+    """A sphere with every attribute and three materials."""
+    sphere = trimesh.creation.icosphere(subdivisions=2)
+    count = len(sphere.vertices)
+    stored = RNG.integers(0, 256, (8, 16, 3)).astype(np.float32) / np.float32(255)
+    return ProxyMesh(
+        vertices=(sphere.vertices * (0.1, 1e4, 3)).astype(np.float32),
+        faces=sphere.faces.astype(np.int32),
+        normals=sphere.vertex_normals.astype(np.float32),
+        uvs=RNG.normal(size=(count, 2)).astype(np.float32),
+        vertex_colors=RNG.random((count, 3), dtype=np.float32),
+        face_materials=np.sort(RNG.integers(0, 3, len(sphere.faces))).astype(np.int32),
+        materials=(
+            Material(name="plaster", base_color=np.array([0.1, 0.7, 1 / 3])),
+            Material(name="tiles", base_color_texture=colour.srgb_decode(stored)),
+            Material(name="lamp", emissive=np.array([17.3, 1 / 7, 0])),
+        ),
+        albedo=None,
+    )
+
+
+LIGHTS: tuple[Light, ...] = (
+    DirectionalLight(name="sun", direction=np.array([0.3, -0.9, 0.1]), color=np.array([1, 0.9, 1 / 3]), intensity=1e5),
+    PointLight(name="bulb", position=np.array([1 / 3, 2, -7]), intensity=0.1, range=4.5),
+    SpotLight(
+        name="spot",
+        position=np.array([0, 3, 0]),
+        direction=np.array([0, -1, 0]),
+        inner_cone_angle=0.2,
+        outer_cone_angle=math.pi / 2,
+    ),
+)
+CAMERAS = (
+    Camera.look_at((1, 2, 3), (0, 0, 0), 640, 360, yfov=37, name="front", near=0.25, far=80),
+    Camera(
+        name="plan",
+        world_from_camera=Camera.look_at((0, 9, 0), (0, 0, 0), 4, 4).world_from_camera,
+        width=200,
+        height=100,
+        fx=20,
+        fy=20,
+        cx=100,
+        cy=50,
+        projection="orthographic",
+        far=30,
+    ),
+)
+
+
+def test_everything_comes_back(tmp_path: Path) -> None:
+    before = mesh()
+    write_glb(tmp_path / "a.glb", before, LIGHTS, CAMERAS)
+    scene = read_scene(tmp_path / "a.glb")
+    after = scene.mesh
+    assert after is not None
+    for name in ("vertices", "faces", "normals", "uvs", "vertex_colors", "face_materials"):
+        assert np.array_equal(getattr(before, name), getattr(after, name)), name
+    for old, new in zip(before.materials, after.materials, strict=True):
+        assert old.name == new.name
+        assert np.array_equal(old.base_color, new.base_color)
+        assert np.array_equal(old.emissive, new.emissive)
+    assert after.materials[1].base_color_texture is not None
+    assert np.array_equal(before.materials[1].base_color_texture, after.materials[1].base_color_texture)  # type: ignore[arg-type]
+    for light, found in zip(LIGHTS, scene.lights, strict=True):
+        assert type(light) is type(found)
+        for name in (
+            "name",
+            "intensity",
+            "color",
+            "position",
+            "direction",
+            "range",
+            "inner_cone_angle",
+            "outer_cone_angle",
+        ):
+            if hasattr(light, name):
+                assert np.array_equal(getattr(light, name), getattr(found, name)), (light.name, name)
+    for camera, read in zip(CAMERAS, scene.cameras, strict=True):
+        back = read.to_camera(camera.width, camera.height)
+        assert np.allclose(camera.world_from_camera, back.world_from_camera, rtol=0, atol=1e-15)
+        for name in ("fx", "fy", "cx", "cy", "near", "far"):
+            assert getattr(back, name) == pytest.approx(getattr(camera, name), rel=1e-12), name
+        assert (back.name, back.projection) == (camera.name, camera.projection)
+        assert read.aspect == pytest.approx(camera.width / camera.height)
+
+
+def test_a_second_writing_gives_the_same_bytes(tmp_path: Path) -> None:
+    before = mesh()
+    write_glb(tmp_path / "a.glb", before, LIGHTS, CAMERAS)
+    write_glb(tmp_path / "b.glb", read_scene(tmp_path / "a.glb").mesh, LIGHTS, CAMERAS)
+    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
+
+
+def test_trimesh_reads_what_is_written(tmp_path: Path) -> None:
+    before = mesh()
+    write_glb(tmp_path / "a.glb", before)
+    scene = trimesh.load_scene(tmp_path / "a.glb", process=False)
+    faces = sum(len(g.faces) for g in scene.geometry.values())
+    assert faces == len(before.faces)
+    assert np.allclose(scene.bounds, [before.vertices.min(axis=0), before.vertices.max(axis=0)])
+
+
+def test_faces_out_of_order_are_grouped_by_material(tmp_path: Path) -> None:
+    vertices = RNG.random((9, 3), dtype=np.float32)
+    faces = np.arange(9, dtype=np.int32).reshape(3, 3)
+    two = (Material(name="a"), Material(name="b"))
+    write_glb(
+        tmp_path / "a.glb",
+        ProxyMesh(vertices=vertices, faces=faces, face_materials=np.array([1, 0, 1], np.int32), materials=two),
+    )
+    after = read_scene(tmp_path / "a.glb").mesh
+    assert after is not None and after.face_materials is not None
+    assert after.faces.tolist() == [[3, 4, 5], [0, 1, 2], [6, 7, 8]]
+    assert [after.materials[i].name for i in after.face_materials] == ["a", "b", "b"]
+
+
+def test_lights_and_cameras_alone(tmp_path: Path) -> None:
+    write_glb(tmp_path / "a.glb", lights=LIGHTS, cameras=CAMERAS)
+    scene = read_scene(tmp_path / "a.glb")
+    assert scene.mesh is None and len(scene.lights) == 3 and len(scene.cameras) == 2
+    write_glb(tmp_path / "b.glb")
+    assert read_scene(tmp_path / "b.glb").lights == ()
+
+
+def test_what_gltf_cannot_hold_is_refused(tmp_path: Path) -> None:
+    area = AreaLight(name="panel", shape="disk", world_from_light=np.eye(4), size=(1, 1))
+    with pytest.raises(OutputError, match="AreaLight \\('panel'\\)"):
+        write_glb(tmp_path / "a.glb", lights=[area])
+    crooked = Camera(world_from_camera=np.eye(4), width=10, height=10, fx=5, fy=5, cx=3, cy=5)
+    with pytest.raises(OutputError, match="off-centre"):
+        write_glb(tmp_path / "a.glb", cameras=[crooked])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_reference_renderer_s_files() -> None:
+    """Lights and camera of the Khronos cases, by hand from their JSON."""
+    sun = read_scene(KHRONOS / "dir_nested.glb")
+    (light,) = sun.lights
+    assert isinstance(light, DirectionalLight) and (light.name, light.intensity) == ("sun", 3)
+    yaw, tilt, tip = math.radians(35), math.radians(-20), math.radians(-35)
+    # rig: 35 degrees about Y; arm: -20 about X; light: -35 about X; uniform and outermost scale do not bend -Z here.
+    pitch = tilt + tip
+    away = np.array([0, math.sin(pitch), -math.cos(pitch)])
+    turned = [away[2] * math.sin(yaw), away[1], away[2] * math.cos(yaw)]
+    assert np.allclose(light.direction, turned, atol=1e-6)
+    spots = read_scene(KHRONOS / "spot_default_range.glb")
+    first, second = spots.lights
+    assert isinstance(first, SpotLight) and isinstance(second, SpotLight)
+    assert (first.intensity, first.range, first.inner_cone_angle, first.outer_cone_angle) == (25, 4.5, 0, math.pi / 4)
+    assert (second.intensity, second.range, second.outer_cone_angle) == (9, math.inf, math.pi / 2)
+    assert np.allclose(first.position, (-1.5, 2.6, 1.5)) and np.allclose(second.position, (2, 1.2, 1))
+    for scene in (sun, spots):
+        assert scene.mesh is not None and scene.mesh.normals is not None
+        assert (len(scene.mesh.vertices), len(scene.mesh.faces)) == (9216, 18050)
+        camera = scene.cameras[0].to_camera(320, 240)
+        assert np.allclose(camera.position, (3.5, 3, 5))
+        assert camera.fy == pytest.approx(120 / math.tan(math.radians(20)))
+
+
+@pytest.mark.parametrize("case", ["dir_nested", "spot_default_range"])
+def test_the_reference_renderer_s_light_from_what_is_read(case: str) -> None:
+    """Radiance at projected vertices: what is read, put into the extension's formulas, is what Khronos rendered."""
+    scene = read_scene(KHRONOS / f"{case}.glb")
+    with np.load(KHRONOS / f"{case}.npz") as frame:
+        rendered, coverage = frame["radiance"], frame["coverage"]
+    assert scene.mesh is not None and scene.mesh.normals is not None
+    camera = scene.cameras[0].to_camera(320, 240)
+    points, normals = scene.mesh.vertices.astype(np.float64), scene.mesh.normals.astype(np.float64)
+    light = np.zeros((len(points), 3))
+    for source in scene.lights:
+        assert isinstance(source, (DirectionalLight, SpotLight))
+        if isinstance(source, DirectionalLight):
+            toward, strength = np.broadcast_to(-source.direction, points.shape), np.full(len(points), source.intensity)
+        else:
+            path = source.position - points
+            distance = np.linalg.norm(path, axis=1)
+            toward = path / distance[:, None]
+            inner, outer = math.cos(source.inner_cone_angle), math.cos(source.outer_cone_angle)
+            cone = np.clip((-toward @ source.direction - outer) / max(inner - outer, 1e-3), 0, 1) ** 2
+            window = np.clip(1 - (distance / source.range) ** 4, 0, 1)
+            strength = source.intensity * window * cone / distance**2
+        light += np.maximum(np.sum(normals * toward, axis=1), 0)[:, None] * strength[:, None] * source.color
+    expected = 0.5 / math.pi * light
+    seen = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ camera.camera_from_world.T
+    column = camera.cx + camera.fx * seen[:, 0] / -seen[:, 2]
+    row = camera.cy - camera.fy * seen[:, 1] / -seen[:, 2]
+    inside = (column > 2) & (column < 318) & (row > 2) & (row < 238)
+    j, i = np.floor(column[inside]).astype(int), np.floor(row[inside]).astype(int)
+    near = np.all([coverage[i + a, j + b] == 1 for a in (-1, 0, 1) for b in (-1, 0, 1)], axis=0)
+    difference = rendered[i, j][near] - expected[inside][near]
+    assert np.count_nonzero(near) > 4000
+    assert abs(difference.mean()) < 0.003 * expected.mean()  # nearest pixel instead of the vertex' own place
+    assert np.percentile(np.abs(difference), 95) < 0.02 * expected.max()

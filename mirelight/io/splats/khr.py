@@ -18,6 +18,7 @@ from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import HANDLED_EXTENSIONS, Document, read_document
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.nodes import Matrix, instance_worlds, place_nodes
+from mirelight.io.safety import require_memory
 from mirelight.io.splats.builder import ROWS, CloudBuilder
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
@@ -47,6 +48,8 @@ def summary(path: Path) -> SplatFileInfo:
 
 def read(path: Path) -> SplatCloud:
     """Every splat of the default scene, in glTF's world. Raises InputError."""
+    info = summary(path)
+    require_memory(path, 2 * info.memory, f"{info.count:,} splats")  # once for each node, once all together
     document = _open(path)
     clouds = []
     for primitive, worlds, node in _primitives(document):

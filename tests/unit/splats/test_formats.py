@@ -266,6 +266,19 @@ def test_glb_of_other_kinds_is_refused_by_name(tmp_path: Path, change: dict[str,
         splats.read(patched_glb(tmp_path, edit))
 
 
+def test_glb_instances_beyond_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a kilobyte of accessor makes 5,000 copies; the sum is refused before the first is made."""
+    monkeypatch.setattr("mirelight.io.safety.available_memory", lambda: 1 << 26)
+
+    def edit(gltf: dict[str, list[dict[str, object]]]) -> None:
+        gltf["accessors"].append({"componentType": 5126, "count": 5_000, "type": "VEC3"})
+        attributes = {"TRANSLATION": len(gltf["accessors"]) - 1}
+        gltf["nodes"] = [{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}]
+
+    with pytest.raises(InputError, match=r"300,000 splats take 0\.1 GiB"):
+        splats.read(patched_glb(tmp_path, edit))
+
+
 def test_glb_scaled_unevenly_is_refused_by_name(tmp_path: Path) -> None:
     nodes = [{"mesh": 0, "scale": [1, 2, 1]}]
     with pytest.raises(InputError, match=r"nodes\[0\]: splats can only be scaled evenly"):

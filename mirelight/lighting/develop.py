@@ -24,14 +24,15 @@ def develop(
         layers: K of them.
         light: (K * 2 * H * W * 3) radiance, direct and indirect, flat.
         surface: (H * W * SURFACE) AOVs, flat.
-        squares: (H * W * 3) of the beauty, flat.
+        squares: (H * W * 3) of every path's radiance, flat.
         samples: (H * W) taken, all above 0.
     """
     h, w = camera.height, camera.width
     n = samples.reshape(h, w).astype(np.float32)
     sums = surface.reshape(h, w, SURFACE)
     hits = sums[..., 0]
-    mean: F32 = sums / np.maximum(hits, np.float32(1))[..., None]
+    seen: F32 = np.maximum(hits, np.float32(1))
+    mean: F32 = sums / seen[..., None]
     films = light[: len(layers.names) * 2 * h * w * 3].reshape(-1, 2, h, w, 3) / n[..., None]
     made = tuple(LightLayer(name=k, direct=x[0], indirect=x[1]) for k, x in zip(layers.names, films, strict=True))
     beauty = sum((x.total for x in made), np.zeros((h, w, 3), np.float32))
@@ -45,7 +46,7 @@ def develop(
         normal=mean[..., 5:8],
         geometric_normal=mean[..., 8:11],
         albedo=mean[..., 11:14],
-        variance=spread / np.maximum(n - 1, np.float32(1))[..., None],
+        variance=spread / (n - 1)[..., None] if n.min() > 1 else None,
         spp=int(samples.min()),
     )
 

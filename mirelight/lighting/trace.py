@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Progress: TypeAlias = Callable[[int, int], None]
 
 LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
-PASS = 64  # samples a pixel and pass, a power of two
+PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
 MOST_SAMPLES = 1 << 16  # where a noise target gives up
 
 
@@ -144,23 +144,23 @@ class _Frame:
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
 
     def add_pass(self, first_sample: int, count: int) -> Iterator[int]:
-        """Take `count` (a power of two) more samples of every pixel; yields the paths done so far, launch by launch.
+        """Take `count` more samples of every pixel; yields the paths done so far, launch by launch.
 
-        With a power of two a pixel's lanes never straddle two threads' blocks, so sums are in one order on any machine.
+        `count` is a power of two up to PASS, so that a pixel's lanes lie in one packet or in neighbouring ones.
         """
         import drjit as dr
         import mitsuba as mi
 
         from mirelight.lighting.kernel.paths import Pass, trace_pass
 
-        step = max(LANES // count, 1)
+        step = LANES // count
         for first in range(0, len(self.samples), step):
             here = min(step, len(self.samples) - first)
             job = Pass(
                 lanes=here * count,
                 first_pixel=dr.opaque(mi.UInt32, first),
-                log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
                 first_sample=dr.opaque(mi.UInt32, first_sample),
+                log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
                 seed=self._seed,
                 max_depth=self._max_depth,
             )
@@ -172,6 +172,5 @@ class _Frame:
     def develop(self) -> LightingBuffer:
         """The means so far."""
         film = self._film
-        return develop(
-            self.camera, self.layers, film.layers.numpy(), film.surface.numpy(), film.squares.numpy(), self.samples
-        )
+        sums = film.layers.numpy(), film.surface.numpy(), film.squares.numpy()
+        return develop(self.camera, self.layers, *sums, samples=self.samples)

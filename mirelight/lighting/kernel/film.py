@@ -26,20 +26,31 @@ class Film:
 
     def add_surface(self, pixel: Any, at: Point, depth: Any, active: Any) -> None:
         """One sample's AOVs."""
-        values = [mi.Float(1), depth, *at.p, *at.normal, *at.geometric_normal, *at.albedo]
-        for k, value in enumerate(values):
-            dr.scatter_reduce(dr.ReduceOp.Add, self.surface, value, pixel * SURFACE + k, active)
+        p, n, g, a = at.p, at.normal, at.geometric_normal, at.albedo
+        groups = (
+            mi.Vector4f(1, depth, p.x, p.y),
+            mi.Vector4f(p.z, n.x, n.y, n.z),
+            mi.Vector4f(g.x, g.y, g.z, a.x),
+            mi.Vector4f(a.y, a.z, 0, 0),
+        )
+        for k, group in enumerate(groups):
+            _add(self.surface, group, pixel * 4 + k, active)
 
     def add_light(self, pixel: Any, layer: Any, indirect: Any, value: Any, active: Any) -> None:
-        """Radiance that one light brings, Vector3f."""
+        """Radiance that one source brings, Vector3f."""
         place = (layer * 2 + dr.select(indirect, mi.UInt32(1), mi.UInt32(0))) * self.pixels + pixel
-        dr.scatter_reduce(dr.ReduceOp.Add, self.layers, value, place, active)
+        _add(self.layers, value, place, active)
 
-    def add_path(self, pixel: Any, radiance: Any) -> None:
+    def add_path(self, pixel: Any, radiance: Any, active: Any) -> None:
         """A finished path's radiance, squared for the variance."""
-        dr.scatter_reduce(dr.ReduceOp.Add, self.squares, dr.square(radiance), pixel)
+        _add(self.squares, dr.square(radiance), pixel, active)
 
     def eval(self) -> None:
         """Run what has been recorded."""
         dr.eval(self.layers, self.surface, self.squares)
         dr.sync_thread()
+
+
+def _add(target: Any, value: Any, place: Any, active: Any) -> None:
+    """Add a packet's lanes among themselves, then to the film: one order of sums whatever the number of threads."""
+    dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, active, mode=dr.ReduceMode.Local)

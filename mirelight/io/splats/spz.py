@@ -1,4 +1,4 @@
-"""SPZ (Niantic), versions 1 to 4: 8-bit attributes and fixed-point positions, gzip (1–3) or one zstd stream each (4).
+"""SPZ (Niantic), versions 1 to 4: 8-bit attributes and fixed-point positions.
 
 The specification stores axes right-up-back; PLY's are right-down-front. Files are read into PLY's axes, so that one
 capture is the same cloud through either format, as splat-transform and Niantic's own spz_to_ply do. Adobe's extension
@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass
-from io import BufferedReader
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,22 +21,12 @@ from mirelight.io.safety import open_binary, require_memory
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot, cloud_bytes
 from mirelight.io.splats.info import SplatFileInfo
-from mirelight.model import SplatCloud
-from mirelight.sh import COEFFICIENTS
-
-_MAGIC = b"NGSP"
-_ANTIALIASED, _EXTENDED = 1, 2  # header flags
-_COORDINATE_SYSTEM = 0xADBE0003  # SPZ_ADOBE_coordinate_system
-_LONGEST_EXTENSIONS = 1 << 20  # bytes
-_GZIP_MOST = 1032  # deflate cannot shrink further than this
-_ZSTD_MOST = 1024 / 9  # splats a byte; zstd knows no bound, this is the reference reader's
-_WINDOW_MOST = 1 << 27  # bytes of zstd window that a file may ask for
+from mirelight.io.splats.spz_stream import ANTIALIASED, MAGIC, RIGHT_UP_BACK, SpzHead, SpzStream
+from mirelight.model import F32, SplatCloud
 
 _COLOR_SCALE = 0.15  # of the stored degree-0 coefficient
-_REST = {0: 0, 1: 3, 2: 8, 3: 15, 4: 24}  # degree -> coefficients above degree 0
 
 # Axis signs that turn stored values into PLY's right-down-front, by the extension's number of the stored system.
-_RIGHT_UP_BACK = 4
 _TO_PLY = {
     1: (-1, 1, -1),  # left down back
     2: (1, 1, -1),  # right down back
@@ -50,44 +39,16 @@ _TO_PLY = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Head:
-    version: int
-    count: int
-    degree: int  # as stored, up to 4
-    fraction_bits: int
-    flags: int
-
-    @property
-    def kept(self) -> int:
-        """SH coefficients above degree 0 that are read."""
-        return min(_REST[self.degree], COEFFICIENTS[3] - 1)
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Bytes of each attribute, in file order."""
-        n = self.count
-        per_splat = {
-            "positions": 6 if self.version == 1 else 9,
-            "alphas": 1,
-            "colors": 3,
-            "scales": 3,
-            "rotations": 4 if self.version >= 3 else 3,
-            "sh": 3 * _REST[self.degree],
-        }
-        return {name: n * size for name, size in per_splat.items() if size}
-
-
 def summary(path: Path) -> SplatFileInfo:
     """The head of an SPZ file. Raises InputError."""
     with open_binary(path) as file:
-        head = _Stream(path, file).head
+        head = SpzStream(path, file).head
     return SplatFileInfo(
         path=path,
         format=f"SPZ v{head.version}",
         count=head.count,
         sh_degree=min(head.degree, 3),
-        antialiased=bool(head.flags & _ANTIALIASED),
+        antialiased=bool(head.flags & ANTIALIASED),
         notes=("SH of degree 4 is left out",) if head.degree > 3 else (),
     )
 
@@ -95,7 +56,7 @@ def summary(path: Path) -> SplatFileInfo:
 def read(path: Path) -> SplatCloud:
     """The splats of an SPZ file, turned into PLY's axes. Raises InputError."""
     with open_binary(path) as file:
-        stream = _Stream(path, file)
+        stream = SpzStream(path, file)
         head = stream.head
         need = sum(head.sizes.values()) + cloud_bytes(head.count, 1 + head.kept)
         require_memory(path, need, f"{head.count:,} splats")
@@ -104,14 +65,16 @@ def read(path: Path) -> SplatCloud:
         found = f"axes of kind {system} (SPZ_ADOBE_coordinate_system)"
         raise InputError(path, found, "save it again in right-up-back axes")
     builder = CloudBuilder(path, head.count, 1 + head.kept)
+    flips = values.axis_flips(_TO_PLY[system], min(head.degree, 3))
     for first in range(0, head.count, ROWS):
         count = min(ROWS, head.count - first)
         slot = builder.slot(count)
-        rows = {name: _rows(data, head.count)[first : first + count] for name, data in stored.items()}
+        rows = {name: data.reshape(head.count, -1)[first : first + count] for name, data in stored.items()}
         _decode(head, rows, slot)
-        values.flip_axes(_TO_PLY[system], slot.means, slot.quats, slot.sh)
+        for array, flip in zip((slot.means, slot.quats, slot.sh), flips, strict=True):
+            array *= flip
         builder.commit(slot)
-    return builder.cloud(antialiased=bool(head.flags & _ANTIALIASED))
+    return builder.cloud(antialiased=bool(head.flags & ANTIALIASED))
 
 
 def write(cloud: SplatCloud, path: Path) -> None:
@@ -128,165 +91,28 @@ def write(cloud: SplatCloud, path: Path) -> None:
     bits = min(12, 22 - int(np.floor(np.log2(max(reach, 1)))))
     if bits < 0:
         raise ValueError(f"positions reach {reach:.3g}; SPZ holds ±8 million units")
-    means, quats, sh = cloud.means.copy(), cloud.quats.copy(), cloud.sh.copy()
-    values.flip_axes(_TO_PLY[_RIGHT_UP_BACK], means, quats, sh)
-    three, largest = values.three_smallest(np.roll(quats, -1, axis=1))  # xyzw
-    magnitude = np.floor(np.abs(three) * (511 * values.SQRT2) + 0.5).astype(np.uint32)
-    fields = magnitude | (three < 0).astype(np.uint32) << 9
-    rotation = (largest.astype(np.uint32) << 30) | fields[:, 0] << 20 | fields[:, 1] << 10 | fields[:, 2]
-    rest = np.full((1, sh.shape[1] - 1, 1), 16)
-    rest[:, :3] = 8  # bucket widths of 4 and 5 bits
-    codes = np.round(sh[:, 1:] * 128) + 128
-    codes = (codes + rest // 2) // rest * rest
-    fixed = np.clip(np.round(means.astype(np.float64) * 2**bits), 1 - 2**23, 2**23 - 1).astype("<i4")
-    header = struct.pack(
-        "<4sIIBBBB", _MAGIC, 3, len(cloud), cloud.sh_degree, bits, _ANTIALIASED if cloud.antialiased else 0, 0
-    )
-    pieces = (
-        header,
-        fixed[..., None].view(np.uint8)[..., :3].tobytes(),
-        _byte(cloud.opacities * 255),
-        _byte(sh[:, 0] * (_COLOR_SCALE * 255) + 127.5),
-        _byte((values.log_scale(cloud.scales) + 10) * 16),
-        rotation.astype("<u4").tobytes(),
-        _byte(codes),
+    flips = values.axis_flips(_TO_PLY[RIGHT_UP_BACK], cloud.sh_degree)
+    flags = ANTIALIASED if cloud.antialiased else 0
+    blocks = [slice(first, first + ROWS) for first in range(0, len(cloud), ROWS)]
+    encoders: tuple[Callable[[slice], bytes], ...] = (
+        lambda rows: _encode_positions(cloud.means[rows] * flips.means, bits),
+        lambda rows: _byte(cloud.opacities[rows] * 255),
+        lambda rows: _byte(cloud.sh[rows, 0] * (_COLOR_SCALE * 255) + 127.5),
+        lambda rows: _byte((values.log_scale(cloud.scales[rows]) + 10) * 16),
+        lambda rows: _encode_rotations(cloud.quats[rows] * flips.quats),
+        lambda rows: _encode_sh(cloud.sh[rows, 1:] * flips.sh[1:]),
     )
     packer = zlib.compressobj(wbits=31)  # no name, no time: the same cloud gives the same bytes
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        for piece in pieces:
-            file.write(packer.compress(piece))
+        head = struct.pack("<4sIIBBBB", MAGIC, 3, len(cloud), cloud.sh_degree, bits, flags, 0)
+        file.write(packer.compress(head))
+        for encode in encoders:
+            for rows in blocks:
+                file.write(packer.compress(encode(rows)))
         file.write(packer.flush())
 
 
-class _Stream:
-    """An open SPZ file: its head, then its attributes."""
-
-    def __init__(self, path: Path, file: BufferedReader) -> None:
-        """Read and check the head. Raises InputError."""
-        self._path, self._file = path, file
-        self._size = file.seek(0, 2)
-        file.seek(0)
-        self._zstd = file.read(4) == _MAGIC
-        file.seek(0)
-        self._inflater = zlib.decompressobj(wbits=31)
-        raw = bytearray(file.read(32)) if self._zstd else bytearray(16)
-        if not self._zstd:
-            self._inflate(memoryview(raw))
-        self.head, self._streams, self._toc = self._parse(bytes(raw))
-
-    def attributes(self) -> tuple[dict[str, NDArray[np.uint8]], int]:
-        """Every attribute's bytes, and the number of the stored coordinate system. Raises InputError."""
-        places = self._zstd_places() if self._zstd else []
-        stored = {name: np.empty(size, dtype=np.uint8) for name, size in self.head.sizes.items()}
-        if self._zstd:
-            self._file.seek(32)
-            extensions = self._file.read(min(self._toc - 32, _LONGEST_EXTENSIONS))
-            for (name, data), (start, length) in zip(stored.items(), places, strict=True):
-                self._unzstd(name, data, start, length)
-        else:
-            for data in stored.values():
-                self._inflate(data.data)
-            extensions = self._inflate_rest()
-        return stored, _coordinate_system(extensions) if self.head.flags & _EXTENDED else _RIGHT_UP_BACK
-
-    def _parse(self, raw: bytes) -> tuple[_Head, int, int]:
-        length = 32 if self._zstd else 16
-        if len(raw) < length or raw[:4] != _MAGIC:
-            raise InputError(self._path, "not an SPZ file", "the file is truncated or damaged")
-        version, count, degree, fraction_bits, flags, streams = struct.unpack_from("<IIBBBB", raw, 4)
-        toc = struct.unpack_from("<I", raw, 16)[0] if self._zstd else 0
-        versions = (4,) if self._zstd else (1, 2, 3)
-        if version not in versions:
-            raise InputError(self._path, f"SPZ version {version}", "versions 1 to 4 are read")
-        if degree not in _REST:
-            raise InputError(self._path, f"SH degree {degree}", "expected 0 to 4; the file is damaged")
-        if fraction_bits > 24:
-            raise InputError(self._path, f"{fraction_bits} fractional bits of 24", "the file is damaged")
-        head = _Head(version, count, degree, fraction_bits, flags)
-        most = self._size * (_ZSTD_MOST if self._zstd else _GZIP_MOST * count / max(sum(head.sizes.values()), 1))
-        if not 0 < count <= most:
-            found = f"{count:,} splats promised in a file of {self._size:,} bytes"
-            raise InputError(self._path, found, "the file is damaged or hostile")
-        if self._zstd and (streams != len(head.sizes) or not 32 <= toc <= self._size - 16 * streams):
-            raise InputError(self._path, f"{streams} streams, table at byte {toc}", "the file is damaged")
-        return head, streams, toc
-
-    def _inflate(self, out: memoryview) -> None:
-        """Fill `out` from the gzip stream, never inflating more than fits."""
-        done, data = 0, b""
-        try:
-            while done < len(out):
-                data = self._inflater.unconsumed_tail or self._file.read(1 << 20)
-                piece = self._inflater.decompress(data, len(out) - done)
-                if not piece and (self._inflater.eof or not data):
-                    raise InputError(self._path, "ends early", "the file is truncated")
-                out[done : done + len(piece)] = piece
-                done += len(piece)
-        except zlib.error as e:
-            raise InputError(self._path, f"not an SPZ file (gzip: {e})", "the file is damaged") from None
-
-    def _inflate_rest(self) -> bytes:
-        """What follows the attributes: extension records, bounded; at the end gzip's check sum is verified."""
-        out = b""
-        while len(out) < _LONGEST_EXTENSIONS and not self._inflater.eof:
-            data = self._inflater.unconsumed_tail or self._file.read(1 << 16)
-            if not data:
-                raise InputError(self._path, "ends early", "the file is truncated")
-            try:
-                out += self._inflater.decompress(data, _LONGEST_EXTENSIONS - len(out))
-            except zlib.error as e:
-                raise InputError(self._path, f"damaged after the splats (gzip: {e})") from None
-        return out
-
-    def _zstd_places(self) -> list[tuple[int, int]]:
-        """Where version 4's streams lie (start, length), their sizes checked against the count."""
-        self._file.seek(self._toc)
-        table = np.frombuffer(self._file.read(16 * self._streams), dtype="<u8").reshape(-1, 2)
-        at = self._toc + 16 * self._streams
-        places = []
-        for (name, wanted), (packed, unpacked) in zip(self.head.sizes.items(), table.tolist(), strict=True):
-            if unpacked != wanted or packed > self._size - at:
-                found = f"stream {name!r} of {packed:,} bytes for {unpacked:,}, expected {wanted:,}"
-                raise InputError(self._path, found, "the file is truncated or damaged")
-            places.append((at, packed))
-            at += packed
-        return places
-
-    def _unzstd(self, name: str, out: NDArray[np.uint8], start: int, length: int) -> None:
-        """Fill `out` from one zstd stream, never decompressing more than fits."""
-        import zstandard
-
-        self._file.seek(start)
-        source = self._file.read(length)
-        decompressor = zstandard.ZstdDecompressor(max_window_size=_WINDOW_MOST)
-        done = 0
-        try:
-            with decompressor.stream_reader(source) as reader:
-                while done < len(out) and (got := reader.readinto(out[done:].data)):
-                    done += got
-        except zstandard.ZstdError as e:
-            raise InputError(self._path, f"stream {name!r} (zstd: {e})", "the file is damaged") from None
-        if done < len(out):
-            raise InputError(self._path, f"stream {name!r} ends early", "the file is truncated")
-
-
-def _coordinate_system(extensions: bytes) -> int:
-    """The stored coordinate system: that of Adobe's extension, else right-up-back. Unknown records are skipped."""
-    at = 0
-    while at + 8 <= len(extensions):
-        kind, length = struct.unpack_from("<II", extensions, at)
-        if kind == _COORDINATE_SYSTEM and length == 4 and at + 12 <= len(extensions):
-            number: int = struct.unpack_from("<I", extensions, at + 8)[0]
-            return number or _RIGHT_UP_BACK  # 0 is "unspecified"
-        at += 8 + length
-    return _RIGHT_UP_BACK
-
-
-def _rows(data: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
-    return data.reshape(count, -1)
-
-
-def _decode(head: _Head, rows: dict[str, NDArray[np.uint8]], slot: Slot) -> None:
+def _decode(head: SpzHead, rows: dict[str, NDArray[np.uint8]], slot: Slot) -> None:
     n = len(slot.means)
     slot.means[:] = _positions(head, rows["positions"])
     slot.opacities[:] = rows["alphas"][:, 0] / np.float32(255)
@@ -307,7 +133,7 @@ def _decode(head: _Head, rows: dict[str, NDArray[np.uint8]], slot: Slot) -> None
         slot.sh[:, 1:] = coefficients / np.float32(128) - 1
 
 
-def _positions(head: _Head, raw: NDArray[np.uint8]) -> NDArray[np.float32]:
+def _positions(head: SpzHead, raw: NDArray[np.uint8]) -> NDArray[np.float32]:
     """(n, 3): half floats in version 1, signed 24-bit fixed point after."""
     if head.version == 1:
         return np.ascontiguousarray(raw).view("<f2").astype(np.float32)
@@ -320,3 +146,25 @@ def _positions(head: _Head, raw: NDArray[np.uint8]) -> NDArray[np.float32]:
 def _byte(x: NDArray[np.floating]) -> bytes:
     """Rounded to nearest and clamped to 0..255."""
     return np.clip(np.round(x), 0, 255).astype(np.uint8).tobytes()
+
+
+def _encode_positions(means: F32, bits: int) -> bytes:
+    """Signed 24-bit fixed point."""
+    fixed = np.clip(np.round(means.astype(np.float64) * 2**bits), 1 - 2**23, 2**23 - 1).astype("<i4")
+    return bytes(fixed[..., None].view(np.uint8)[..., :3].tobytes())
+
+
+def _encode_rotations(quats: F32) -> bytes:
+    """2 bits for the largest component of xyzw, a sign and 9 bits for each other."""
+    three, largest = values.three_smallest(np.roll(quats, -1, axis=1))
+    magnitude = np.floor(np.abs(three) * (511 * values.SQRT2) + 0.5).astype(np.uint32)
+    fields = magnitude | (three < 0).astype(np.uint32) << 9
+    words = largest.astype(np.uint32) << 30 | fields[:, 0] << 20 | fields[:, 1] << 10 | fields[:, 2]
+    return words.astype("<u4").tobytes()
+
+
+def _encode_sh(rest: F32) -> bytes:
+    """Steps of 1/128 around 128, rounded to the middle of wider buckets so that the file packs better."""
+    width = np.full((1, rest.shape[1], 1), 1 << (8 - 4))
+    width[:, :3] = 1 << (8 - 5)
+    return _byte((np.round(rest * 128) + 128 + width // 2) // width * width)

@@ -6,7 +6,7 @@ quantise those. Everything here turns stored values into what :class:`mirelight.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,21 +83,26 @@ def three_smallest(quats: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np
     return np.take_along_axis(q, _OTHERS[largest], axis=1), largest
 
 
-def flip_axes(signs: tuple[int, int, int], means: F32, quats: F32, sh: F32) -> None:
-    """Change the sign of whole axes in place: the splats as seen in axes that point the other way.
+class AxisFlips(NamedTuple):
+    """What changes sign where axes point the other way; factors of ±1 that multiply a cloud's arrays."""
+
+    means: F32  # (3,)
+    quats: F32  # (4,) wxyz
+    sh: F32  # (K, 1)
+
+
+def axis_flips(signs: tuple[int, int, int], degree: int) -> AxisFlips:
+    """The factors that show splats in axes of which some point the other way (it is its own inverse).
 
     A rotation R becomes S R S with S = diag(signs); that is a rotation even where S mirrors, because a Gaussian has
     no handedness. Each SH basis function is even or odd in every axis, so its coefficient keeps or changes its sign.
 
     Args:
         signs: ±1 for x, y, z.
-        means: (n, 3).
-        quats: (n, 4) wxyz.
-        sh: (n, K, 3).
+        degree: SH degree, 0 to 3.
     """
     s = np.asarray(signs, dtype=np.float32)
-    means *= s
-    quats[:, 1:] *= s[[1, 2, 0]] * s[[2, 0, 1]]
-    degree = round(sh.shape[1] ** 0.5) - 1
     probe = np.array([0.48, 0.6, 0.64])  # a direction on which no basis function is zero
-    sh *= (np.sign(basis(probe * s, degree)) * np.sign(basis(probe, degree))).astype(np.float32)[:, None]
+    parity = np.sign(basis(probe * s, degree)) * np.sign(basis(probe, degree))
+    quats = np.concatenate([np.ones(1, dtype=np.float32), s[[1, 2, 0]] * s[[2, 0, 1]]])
+    return AxisFlips(means=s, quats=quats, sh=parity.astype(np.float32)[:, None])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mirelight.io import splats
-from mirelight.io.splats.values import flip_axes
+from mirelight.io.splats.values import axis_flips
 from mirelight.model import SplatCloud
 
 from . import truth
@@ -35,7 +35,8 @@ def activated(data: Any, *, spz: bool = False) -> SplatCloud:
     quats /= np.linalg.norm(quats, axis=1, keepdims=True)
     means = np.array(data.means, dtype=np.float32)
     if spz:
-        flip_axes((1, -1, -1), means, quats, sh)
+        flips = axis_flips((1, -1, -1), round(sh.shape[1] ** 0.5) - 1)
+        means, quats, sh = means * flips.means, quats * flips.quats, sh * flips.sh
     opacities = (1 / (1 + np.exp(-np.asarray(data.opacities, dtype=np.float64).reshape(-1)))).astype(np.float32)
     return SplatCloud(means=means, quats=quats, scales=np.exp(data.scales), opacities=opacities, sh=sh)
 

@@ -51,9 +51,9 @@ def run_render(args: argparse.Namespace) -> int:
 def _overrides(args: argparse.Namespace) -> list[Override]:
     found = [parse(text) for text in args.set]
     if args.variant is not None:
-        found.append(Override("--variant", ("render", "variant"), args.variant))
+        found.append(Override(f"--variant {args.variant}", ("render", "variant"), args.variant))
     if args.threads is not None:
-        found.append(replace(parse(f"render.threads={args.threads}"), source="--threads"))
+        found.append(replace(parse(f"render.threads={args.threads}"), source=f"--threads {args.threads}"))
     return found
 
 

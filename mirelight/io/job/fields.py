@@ -110,7 +110,11 @@ def _existing(value: str, info: ValidationInfo) -> str:
     base = (info.context or {}).get("base")
     try:
         missing = base is not None and not (base / value).exists()
-    except (OSError, ValueError):
+    except OSError as e:
+        raise wrong(
+            f"{value!r} cannot be reached ({e.strerror})", "check the path and its folders' permissions"
+        ) from None
+    except ValueError:
         raise wrong(f"{value!r} cannot be a path", "name a file, relative to the job file") from None
     if missing:
         raise wrong(f"there is no file {value!r}", f"paths are relative to the job file's folder, {base}")

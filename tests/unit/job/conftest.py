@@ -19,7 +19,7 @@ Complaints = Callable[..., list[str]]
 
 @pytest.fixture(scope="session")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with splats.ply (8 splats, corners of a 2-unit cube) and proxy.glb (a floor, two lights, two cameras)."""
+    """A folder with splats.ply (8 splats, the corners of a cube) and proxy.glb (a floor, two lights, two cameras)."""
     folder = tmp_path_factory.mktemp("scene")
     corners = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3)
     cloud = SplatCloud(

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import jsonschema  # type: ignore[import-untyped]
 import pytest
 
 from mirelight.io.job.tables import json_schema
@@ -81,7 +82,6 @@ def test_the_shipped_schema_is_what_the_code_prints() -> None:
 
 
 def test_examples_of_the_page_fit_the_schema() -> None:
-    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is a test requirement")
     examples = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
     assert len(examples) >= 3
     for example in examples:

@@ -1,0 +1,100 @@
+"""The command line as a real process, on a scene that renders in a blink."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.io import splats
+from mirelight.io.gltf.write import write_glb
+from mirelight.model import PointLight, ProxyMesh, SplatCloud
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+COMMAND = [sys.executable, "-m", "mirelight"]
+
+JOB = """\
+splats = "splats.ply"
+proxy = "proxy.glb"
+resolution = [64, 48]
+
+[[cameras]]
+name = "front"
+position = [0, 1, 6]
+target = [0, 0, 0]
+
+[[cameras]]
+type = "turntable"
+name = "orbit"
+target = [0, 0, 0]
+radius = 6
+frames = 2
+
+[[lightings]]
+name = "day"
+environment = { radiance = 1 }
+
+[[lightings]]
+name = "night"
+lights_from = "proxy"
+
+[render]
+spp = 2
+"""
+
+
+@pytest.fixture(scope="session")
+def assets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ball of splats over a floor with a lamp."""
+    folder = tmp_path_factory.mktemp("assets")
+    rng = np.random.default_rng(1)
+    means = rng.normal(size=(300, 3))
+    cloud = SplatCloud(
+        means=(means / np.linalg.norm(means, axis=1, keepdims=True)).astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (300, 1)),
+        scales=np.full((300, 3), 0.1, dtype=np.float32),
+        opacities=np.full(300, 0.9, dtype=np.float32),
+        sh=rng.normal(size=(300, 1, 3)).astype(np.float32),
+    )
+    splats.write(cloud, folder / "splats.ply")
+    floor = ProxyMesh(
+        vertices=np.array([[-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]], dtype=np.float32),
+        faces=np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32),
+    )
+    write_glb(
+        folder / "proxy.glb", floor, [PointLight(name="lamp", position=np.array([1.0, 3.0, 1.0]), intensity=20.0)]
+    )
+    return folder
+
+
+@pytest.fixture
+def folder(assets: Path, tmp_path: Path) -> Path:
+    """A folder of its own with the scene and job.toml: 3 cameras, 2 lightings, so 6 frames."""
+    for file in assets.iterdir():
+        (tmp_path / file.name).symlink_to(file)
+    (tmp_path / "job.toml").write_text(JOB, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Runs `mirelight` in the test's folder; no command may end in a traceback."""
+
+    def run(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
+        done: subprocess.CompletedProcess[str] = subprocess.run(  # type: ignore[call-overload]
+            [*COMMAND, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False, **options
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        return done
+
+    return run
+
+
+def environment(**extra: str) -> dict[str, str]:
+    """This process's environment and more."""
+    return {**os.environ, **extra}

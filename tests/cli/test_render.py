@@ -1,0 +1,207 @@
+"""`mirelight render` as a real process: what is written, skipped, resumed, interrupted and refused."""
+
+from __future__ import annotations
+
+import os
+import pty
+import resource
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.io.exr import read_exr
+from mirelight.io.image import read_fingerprint
+
+from .conftest import COMMAND, JOB, Run
+
+FRAMES = [f"{camera}.{lighting}" for camera in ("front", "orbit.0001", "orbit.0002") for lighting in ("day", "night")]
+MANY = ["--set", "cameras[1].frames=400", "--camera", "orbit", "--lighting", "night"]  # enough to be interrupted
+
+
+def files(folder: Path) -> list[str]:
+    """Everything in a folder, hidden and temporary files too."""
+    return sorted(path.name for path in folder.iterdir())
+
+
+def wait_for_frames(process: subprocess.Popen[str], out: Path, count: int) -> None:
+    """Until that many EXR files stand in the folder."""
+    while len(list(out.glob("[!.]*.exr"))) < count:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+
+
+def test_all_frames_then_none_then_what_changed(run: Run, folder: Path) -> None:
+    done = run("render", "job.toml")
+    assert done.returncode == 0, done.stderr
+    out = folder / "out"
+    assert files(out) == sorted(f"{name}{suffix}" for name in FRAMES for suffix in (".exr", ".png"))
+    assert done.stdout.startswith("6 frames in out; ")
+    assert [line.split(":")[0] for line in done.stderr.splitlines()] == [
+        f"[{i}/6] {name}" for i, name in enumerate(FRAMES, start=1)
+    ]
+    picture = read_exr(out / "front.day.exr").channels
+    assert picture["R"].shape == (48, 64) and float(picture["A"].max()) > 0.5
+
+    before = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    again = run("render", "job.toml")
+    assert again.stdout.startswith("6 frames in out, 6 of them already there; ")
+    assert before == {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+
+    (out / "front.night.png").unlink()  # half of a frame is no frame
+    (out / "orbit.0001.day.exr").write_bytes(b"\x76\x2f\x31\x01 damaged")
+    one = run("render", "job.toml")
+    assert one.stdout.startswith("6 frames in out, 4 of them already there; ")
+    fingerprint = read_fingerprint(out / "orbit.0001.day.exr")
+    assert fingerprint is not None
+
+    changed = run("render", "job.toml", "--set", "lightings[0].environment.radiance=2", "--lighting", "day")
+    assert changed.stdout.startswith("3 frames in out; ")
+    assert read_fingerprint(out / "orbit.0001.day.exr") != fingerprint
+
+
+def test_choices_overrides_and_folder(run: Run, folder: Path) -> None:
+    done = run(
+        *("render", "job.toml", "--quiet", "--out", "a/b", "--camera", "orbit", "--lighting", "n*"),
+        *("--set", "output.exr=false", "--set", "resolution_scale=0.5", "--threads", "1"),
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert files(folder / "a" / "b") == ["orbit.0001.night.png", "orbit.0002.night.png"]
+    from PIL import Image
+
+    with Image.open(folder / "a" / "b" / "orbit.0001.night.png") as image:
+        assert image.size == (32, 24)
+
+
+def test_the_lighting_alone(run: Run, folder: Path) -> None:
+    (folder / "lit.toml").write_text('proxy = "proxy.glb"\nresolution = [64, 48]\nrender = { spp = 2 }\n')
+    done = run("render", "lit.toml")
+    assert done.returncode == 0, done.stderr
+    assert files(folder / "out") == ["camera.lighting.exr", "camera.lighting.png"]
+    assert float(read_exr(folder / "out" / "camera.lighting.exr").channels["R"].max()) > 0
+
+
+def test_a_killed_run_goes_on(run: Run, folder: Path) -> None:
+    frames = ("--set", "cameras[1].frames=30", "--camera", "orbit", "--lighting", "night")
+    process = subprocess.Popen(
+        [*COMMAND, "render", "job.toml", *frames], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    wait_for_frames(process, folder / "out", 3)
+    process.kill()
+    process.communicate()
+    whole = [path for path in (folder / "out").iterdir() if not path.name.startswith(".")]
+    assert all(read_fingerprint(path) for path in whole)  # files appear whole or not at all
+    pairs = [path for path in whole if path.suffix == ".png" and path.with_suffix(".exr") in whole]
+    assert 2 <= len(pairs) < 30
+
+    done = run("render", "job.toml", *frames)
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"30 frames in out, {len(pairs)} of them already there; ")
+    assert len(list((folder / "out").glob("[!.]*.exr"))) == 30
+
+
+def test_a_resumed_run_makes_the_same_pixels(run: Run, folder: Path) -> None:
+    job = ("render", "job.toml", "--lighting", "night", "--set", "cameras[1].frames=3")
+    assert run(*job, "--camera", "orbit", "--out", "whole").returncode == 0
+    assert run(*job, "--camera", "orbit.0002", "--out", "parts").returncode == 0
+    assert run(*job, "--camera", "orbit", "--out", "parts").stdout.startswith("3 frames in parts, 1 of them")
+    for frame in (1, 2, 3):
+        whole, part = (read_exr(folder / name / f"orbit.{frame:04d}.night.exr") for name in ("whole", "parts"))
+        assert whole.channels.keys() == part.channels.keys()
+        for name, channel in whole.channels.items():
+            np.testing.assert_array_equal(channel, part.channels[name], err_msg=name)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted(folder: Path, number: signal.Signals, code: int) -> None:
+    process = subprocess.Popen(
+        [*COMMAND, "render", "job.toml", *MANY], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    wait_for_frames(process, folder / "out", 2)
+    process.send_signal(number)
+    stdout, stderr = process.communicate(timeout=120)
+    assert process.returncode == code, stderr
+    assert "Traceback" not in stderr and stdout == ""
+    last = stderr.splitlines()[-1]
+    there = len(list((folder / "out").glob("*.png")))
+    assert last.startswith("mirelight: interrupted; ") and last.endswith("the same command goes on from there")
+    assert f"{there} of 400 frames are in out" in last
+    assert not [name for name in files(folder / "out") if name.startswith(".")]  # no temporary file is left
+
+
+def test_a_terminal_sees_a_live_line(folder: Path) -> None:
+    leader, follower = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, "render", "job.toml", "--camera", "front"],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=follower,
+        env={**os.environ, "COLUMNS": "120", "TERM": "xterm"},
+    )
+    os.close(follower)
+    shown = b""
+    while True:
+        try:
+            shown += os.read(leader, 4096)
+        except OSError:  # the other end is closed
+            break
+        if not shown:
+            break
+    os.close(leader)
+    stdout, _ = process.communicate(timeout=120)
+    assert process.returncode == 0
+    assert stdout.startswith(b"2 frames in out; ")
+    assert b"front.day" in shown and b"/2 frames" in shown and b" left" in shown
+
+
+# --- what cannot be written ------------------------------------------------------------------------------------------
+
+
+def test_an_output_folder_that_cannot_be(run: Run, folder: Path) -> None:
+    (folder / "file").write_text("")
+    done = run("render", "job.toml", "--out", "file/frames")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1 and "file/frames: cannot be written" in done.stderr
+
+
+def test_a_folder_without_permission(assets: Path) -> None:
+    """Root may write anywhere, so the process first becomes nobody where it is root's."""
+    program = """
+import os, sys
+from mirelight.cli import main
+assert main(["render", "job.toml", "--camera", "front", "--out", "open", "--quiet"]) == 0  # everything is imported now
+if os.geteuid() == 0:
+    os.seteuid(65534)
+sys.exit(main(["render", "job.toml", "--out", "closed"]))
+"""
+    with tempfile.TemporaryDirectory() as name:  # pytest's own folders are closed to others
+        folder = Path(name)
+        shutil.copytree(assets, folder, dirs_exist_ok=True)
+        folder.chmod(0o755)
+        (folder / "job.toml").write_text(JOB)
+        (folder / "closed").mkdir(mode=0o555)
+        done = subprocess.run([COMMAND[0], "-c", program], cwd=folder, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (2, ""), done.stderr
+        said = "closed: cannot be written (no permission to write there); nothing half-written was left"
+        assert done.stderr == f"mirelight: {folder}/{said}\n"
+        assert files(folder / "closed") == []
+
+
+def test_a_full_disk_leaves_nothing_half_written(run: Run, folder: Path) -> None:
+    """A limit on file sizes, which fails in the middle of a file as a full disk does."""
+    arguments = ("render", "job.toml", "--camera", "front", "--lighting", "night", "--set", "resolution=[256, 192]")
+    assert run(*arguments, "--out", "warm").returncode == 0  # compiled kernels are cached now
+    size = (folder / "warm" / "front.night.exr").stat().st_size
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, size // 2))
+
+    done = run(*arguments, "--out", "full", preexec_fn=limit)
+    assert done.returncode == 2, done.stderr
+    assert "front.night.exr: cannot be written" in done.stderr
+    assert files(folder / "full") == []

@@ -1,0 +1,165 @@
+"""What happens before any rendering: help, versions, wrong arguments, wrong files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema  # type: ignore[import-untyped]
+import pytest
+
+import mirelight
+
+from .conftest import COMMAND, Run
+
+HEAVY = ["mitsuba", "drjit", "numpy", "pydantic", "rich", "OpenEXR", "trimesh", "PIL", "colour", "scipy", "tomllib"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["--help"],
+        ["--version"],
+        ["render", "--help"],
+        ["inspect", "--help"],
+        ["schema", "--help"],
+        ["doctor", "--help"],
+    ],
+    ids=" ".join,
+)
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    program = f"""
+import sys
+import mirelight
+from mirelight.cli import main
+try:
+    main({arguments!r})
+except SystemExit:
+    pass
+print(sorted(set({HEAVY!r}) & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_version(run: Run) -> None:
+    done = run("--version")
+    assert (done.returncode, done.stdout) == (0, f"mirelight {mirelight.__version__}\n")
+
+
+def test_the_installed_command_is_the_same(tmp_path: Path) -> None:
+    command = Path(sys.executable).parent / "mirelight"
+    done = subprocess.run([str(command), "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"mirelight {mirelight.__version__}\n"
+
+
+def test_no_command_prints_help(run: Run) -> None:
+    done = run()
+    assert done.returncode == 2
+    assert "render the frames of a job file" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "arguments", [["fly"], ["render"], ["render", "a", "b"], ["inspect"], ["render", "a", "--fast"]]
+)
+def test_wrong_arguments(run: Run, arguments: list[str]) -> None:
+    assert run(*arguments).returncode == 2
+
+
+def test_a_job_that_is_not_there(run: Run) -> None:
+    done = run("render", "none.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "mirelight: none.toml: no such file; check the path\n"
+
+
+def test_three_mistakes_give_three_lines(run: Run, folder: Path) -> None:
+    (folder / "bad.toml").write_text('splats = "nowhere.ply"\nproxy = "proxy.glb"\n[render]\nspp = 0\nsead = 1\n')
+    done = run("render", "bad.toml", "--threads", "many")
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "mirelight: bad.toml:1:10: splats: there is no file 'nowhere.ply'; "
+        f"paths are relative to the job file's folder, {folder}",
+        "mirelight: bad.toml:4:7: render.spp: 0; give a number of at least 1",
+        "mirelight: bad.toml:5:1: render.sead: unknown key; did you mean seed?",
+        "mirelight: --threads many: render.threads: 'many'; give a whole number",
+    ]
+    assert not (folder / "out").exists()
+
+
+def test_a_variant_that_does_not_exist(run: Run, folder: Path) -> None:
+    done = run("render", "job.toml", "--variant", "metal")
+    assert done.returncode == 2
+    assert done.stderr.startswith("mirelight: --variant metal: render.variant: 'metal'; give one of \"llvm_ad_rgb\"")
+
+
+def test_a_damaged_splat_file(run: Run, folder: Path) -> None:
+    whole = (folder / "splats.ply").read_bytes()
+    (folder / "cut.ply").write_bytes(whole[: len(whole) // 2])
+    done = run("render", "job.toml", "--set", "splats=cut.ply")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1 and "cut.ply" in done.stderr
+
+
+def test_names_that_the_job_does_not_have(run: Run, folder: Path) -> None:
+    done = run("render", "job.toml", "--camera", "back")
+    assert done.returncode == 2
+    assert "no camera named 'back'; there are: front, orbit.0001, orbit.0002" in done.stderr
+
+
+def test_schema(run: Run) -> None:
+    done = run("schema")
+    assert done.returncode == 0
+    schema = json.loads(done.stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    shipped = Path(__file__).parents[2] / "docs" / "job.schema.json"
+    assert done.stdout == shipped.read_text(encoding="utf-8")
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    with subprocess.Popen([*COMMAND, "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+    assert said == b""
+
+
+# --- inspect ---------------------------------------------------------------------------------------------------------
+
+
+def test_inspect_a_job(run: Run, folder: Path) -> None:
+    facts = json.loads(run("inspect", "--json", "job.toml").stdout)
+    assert facts["kind"] == "job"
+    assert (facts["splats"], facts["triangles"], facts["frames"]) == (300, 2, 6)
+    assert [x["name"] for x in facts["lightings"]] == ["day", "night"]
+    assert facts["lightings"][0]["environment"]["mean"] == [1, 1, 1]
+    assert facts["lightings"][1]["lights"][0]["intensity"] == 20
+    assert [x["name"] for x in facts["cameras"]] == ["front", "orbit.0001", "orbit.0002"]
+    text = run("inspect", "job.toml").stdout
+    assert "6, written to" in text and "lamp: point, 20 cd" in text
+
+
+def test_inspect_splats_meshes_and_images(run: Run, folder: Path) -> None:
+    splats = json.loads(run("inspect", "--json", "splats.ply").stdout)
+    assert (splats["kind"], splats["splats"], splats["sh_degree"]) == ("splats", 300, 0)
+    assert max(splats["bounds"]["high"]) == pytest.approx(1, abs=0.01)
+    assert splats["memory"] == 300 * 4 * (3 + 4 + 3 + 1 + 3)
+    mesh = json.loads(run("inspect", "--json", "proxy.glb").stdout)
+    assert (mesh["kind"], mesh["triangles"]) == ("mesh", 2)
+    assert mesh["bounds"] == {"low": [-3, -1, -3], "high": [3, -1, 3]}
+    assert mesh["lights"][0]["position"] == [1, 3, 1]
+    from PIL import Image
+
+    Image.new("RGB", (8, 4), (255, 0, 0)).save(folder / "red.png")
+    image = json.loads(run("inspect", "--json", "red.png").stdout)
+    assert (image["kind"], image["width"], image["height"], image["mean"]) == ("image", 8, 4, [1, 0, 0])
+
+
+@pytest.mark.parametrize("name", ["none.ply", "job.txt", "."])
+def test_inspect_what_it_cannot(run: Run, folder: Path, name: str) -> None:
+    (folder / "job.txt").write_text("hello")
+    done = run("inspect", name)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1

@@ -1,0 +1,118 @@
+"""Makes the shipped scenes from their geometry, and renders what they truly look like under any of their lightings.
+
+    python scripts/make_scenes.py courtyard
+    python scripts/make_scenes.py courtyard --truth --lighting night --camera front -o night.png
+
+Needs the development tools scipy, scikit-image, numba, pyoidn and fast-simplification (the first form alone).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
+
+from scenegen import writing  # noqa: E402
+from scenegen.recipe import Recipe  # noqa: E402
+from scenegen.truth import Looks, Truth  # noqa: E402
+
+SCENES = ("courtyard", "stage")
+TRUTH_SPP = 256
+BAKE_SPP = 16  # a first guess; the photographs decide
+PHOTOGRAPH, PHOTOGRAPH_SPP = (800, 450), 12  # denoised
+
+
+def load(name: str) -> Recipe:
+    """The recipe of a scene."""
+    recipe = importlib.import_module(f"scenegen.{name}").recipe()
+    assert isinstance(recipe, Recipe)
+    return recipe
+
+
+def say(text: str, start: float) -> None:
+    """A line of progress with the seconds since `start`."""
+    print(f"{time.monotonic() - start:6.1f} s  {text}", flush=True)
+
+
+def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, start: float) -> None:
+    """Scatter splats on what the orbit sees, bake a first colour, fit the colours to photographs, write the capture."""
+    from scenegen import fit, surfels
+
+    from mirelight.colour import srgb_encode
+
+    points, seen = surfels.candidates(surfels.Triangles.of(looks.soups), recipe, captured)
+    say(f"{len(points)} candidates on what the orbit sees", start)
+    kept = surfels.thin_out(points, seen.spacing, seed=2)
+    form = surfels.shape(points.where(kept), seen.spacing[kept], points)
+    radiance = surfels.bake(form, seen.eye[kept], captured, BAKE_SPP, seed=3)
+    lit = np.asarray(np.isfinite(radiance).all(axis=1))
+    cloud = surfels.cloud(form.where(lit), np.asarray(srgb_encode(np.clip(radiance[lit], 0, 1)), dtype=np.float64))
+    say(f"{len(cloud)} splats baked; {100 * np.mean(radiance[lit] > 1):.3f} % of their values clip", start)
+    views = []
+    for k, camera in enumerate(recipe.orbit):
+        small = camera.resized(*PHOTOGRAPH)
+        light = captured.photograph(small, PHOTOGRAPH_SPP, seed=100 + k)
+        views.append(fit.View(camera=small, shown=np.asarray(srgb_encode(np.clip(light, 0, 1)), dtype=np.float64)))
+        say(f"photograph {k + 1} of {len(recipe.orbit)}", start)
+    writing.write_splats(fit.fit_colours(cloud, views), folder)
+
+
+def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
+    """Write a scene's files (or some of them) into its folder."""
+    from scenegen.proxy import reconstruct
+
+    start = time.monotonic()
+    folder.mkdir(parents=True, exist_ok=True)
+    if "job" in only:
+        for lighting in (recipe.captured, *recipe.lightings):
+            writing.write_lighting(lighting, folder)
+        writing.write_job(recipe, folder)
+    looks = recipe.looks()
+    captured = Truth(looks, recipe.captured)
+    say(f"{sum(len(s.positions) for s in looks.soups)} true triangles", start)
+    if "proxy" in only:
+        mesh = reconstruct(recipe, looks, captured)
+        writing.write_proxy(mesh, recipe, folder)
+        say(f"proxy of {len(mesh.faces)} triangles", start)
+    if "splats" in only:
+        make_splats(recipe, looks, captured, folder, start)
+        say("done", start)
+
+
+def render_truth(recipe: Recipe, arguments: argparse.Namespace) -> None:
+    """Write the true picture, as displayed at exposure 0."""
+    lighting = next(x for x in (recipe.captured, *recipe.lightings) if x.name == arguments.lighting)
+    camera = next(x for x in recipe.cameras if x.name == arguments.camera)
+    width, height = (int(x) for x in arguments.size.split("x"))
+    picture = Truth(recipe.looks(), lighting).picture(camera.resized(width, height), arguments.spp, arguments.seed)
+    writing.write_png(picture, arguments.output)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", choices=SCENES)
+    parser.add_argument("--only", nargs="+", choices=("job", "proxy", "splats"), default=["job", "proxy", "splats"])
+    parser.add_argument("--truth", action="store_true", help="render the true picture instead")
+    parser.add_argument("--lighting", help="truth: a lighting of the scene")
+    parser.add_argument("--camera", help="truth: a camera of the scene")
+    parser.add_argument("--size", default="640x360", help="truth: pixels")
+    parser.add_argument("--spp", type=int, default=TRUTH_SPP, help="truth: samples per pixel")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-o", "--output", type=Path, help="truth: the PNG; else the scene's folder")
+    arguments = parser.parse_args()
+    recipe = load(arguments.scene)
+    if arguments.truth:
+        render_truth(recipe, arguments)
+    else:
+        make(recipe, arguments.output or ROOT / "scenes" / recipe.name, arguments.only)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,328 @@
+"""The same scene for Mitsuba's own `path` integrator: the independent check of our loop, and the scalar variant.
+
+Lights are Mitsuba's emitters where they match (directional, point, area, constant, envmap) and small plugins where
+none does (spots with KHR's cone, range windows, suns, cameras with off-centre or non-square pixels). Nothing here
+shares code with the tracer but the packed light table's numbers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.lighting.lights import spot_cone
+from mirelight.model import (
+    F32,
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    Environment,
+    Light,
+    Lighting,
+    PointLight,
+    ProxyMesh,
+    SpotLight,
+    SunLight,
+)
+
+
+def _rgb(mi: Any, value: Any) -> dict[str, Any]:
+    return {"type": "rgb", "value": [float(x) for x in value]}
+
+
+def _pointer(mi: Any, emitter: Any) -> Any:
+    return mi.EmitterPtr(emitter) if hasattr(mi, "EmitterPtr") else emitter  # the scalar variant has no arrays of them
+
+
+def _khr_class(mi: Any) -> Any:
+    """A point or spot light by KHR_lights_punctual: squared cone, range window."""
+    import drjit as dr
+
+    class KhrPunctual(mi.Emitter):  # type: ignore[misc]
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            self.m_flags = mi.EmitterFlags.DeltaPosition
+            self.position = mi.ScalarPoint3f(props["position"])
+            self.axis = mi.ScalarVector3f(props["axis"])
+            self.strength = mi.ScalarColor3f(props["strength"])
+            self.scale, self.offset = props["cone_scale"], props["cone_offset"]
+            self.inverse_range = props["inverse_range"]
+
+        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
+            ds = mi.DirectionSample3f()
+            ds.p, ds.n, ds.uv, ds.time = mi.Point3f(self.position), mi.Normal3f(0), mi.Point2f(0), it.time
+            ds.pdf, ds.delta, ds.emitter = mi.Float(1), mi.Bool(True), _pointer(mi, self)
+            way = ds.p - it.p
+            ds.dist = dr.norm(way)
+            ds.d = way / ds.dist
+            cosine = -dr.dot(ds.d, mi.Vector3f(self.axis))
+            cone = dr.clip(cosine * self.scale + self.offset, 0, 1)
+            fourth = (ds.dist * self.inverse_range) ** 4
+            window = dr.clip(1 - fourth, 0, 1) / (ds.dist * ds.dist)
+            return ds, mi.Color3f(self.strength) * (cone * cone * window)
+
+        def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+            return mi.Float(0)
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return mi.Color3f(0)
+
+        def bbox(self) -> Any:
+            return mi.ScalarBoundingBox3f(self.position)
+
+    return KhrPunctual
+
+
+def _sun_class(mi: Any) -> Any:
+    """A disc at infinity, even over its solid angle."""
+    import drjit as dr
+
+    class SunDisc(mi.Emitter):  # type: ignore[misc]
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            self.m_flags = mi.EmitterFlags.DeltaDirection
+            self.to_sun = mi.ScalarVector3f(props["to_sun"])
+            self.strength = mi.ScalarColor3f(props["strength"])
+            self.cosine = props["cosine"]
+            self.far = props["far"]
+
+        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
+            local = mi.warp.square_to_uniform_cone(sample, self.cosine)
+            ds = mi.DirectionSample3f()
+            ds.d = mi.Frame3f(mi.Vector3f(self.to_sun)).to_world(local)
+            ds.dist = mi.Float(self.far)
+            ds.p, ds.n, ds.uv, ds.time = it.p + ds.d * ds.dist, mi.Normal3f(-ds.d), mi.Point2f(0), it.time
+            ds.pdf, ds.delta, ds.emitter = mi.Float(1), mi.Bool(True), _pointer(mi, self)
+            solid_angle = 2 * dr.pi * (1 - self.cosine)
+            projected = dr.pi * (1 - self.cosine * self.cosine)
+            return ds, mi.Color3f(self.strength) * (solid_angle / projected)
+
+        def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+            return mi.Float(0)
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return mi.Color3f(0)
+
+        def bbox(self) -> Any:
+            return mi.ScalarBoundingBox3f()
+
+    return SunDisc
+
+
+def _camera_class(mi: Any) -> Any:
+    """Rays of `model.Camera`, for what Mitsuba's own sensors cannot express."""
+    import drjit as dr
+
+    class PixelCamera(mi.Sensor):  # type: ignore[misc]
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            self.numbers = [float(props[k]) for k in ("fx", "fy", "cx", "cy", "near", "far", "perspective")]
+            self.pose = props["pose"]
+            self.m_needs_sample_3 = False
+
+        def sample_ray_differential(
+            self, time: Any, wavelength: Any, film: Any, aperture: Any, active: Any = True
+        ) -> Any:
+            ray, weight = self.sample_ray(time, wavelength, film, aperture, active)
+            return mi.RayDifferential3f(ray), weight
+
+        def sample_ray(self, time: Any, wavelength: Any, film: Any, aperture: Any, active: Any = True) -> Any:
+            fx, fy, cx, cy, near, far, perspective = self.numbers
+            width, height = self.film().crop_size()
+            x, y = (film.x * width - cx) / fx, (cy - film.y * height) / fy
+            local = mi.Vector3f(x, y, -1) if perspective else mi.Vector3f(0, 0, -1)
+            start = mi.Point3f(x * near, y * near, -near) if perspective else mi.Point3f(x, y, -near)
+            pose = mi.Transform4f(self.pose)
+            d = pose @ local
+            length = dr.norm(d)
+            ray = mi.Ray3f(pose @ start, d / length)
+            ray.maxt = min(far - near, 1e30) * length
+            ray.time = time
+            return ray, mi.Color3f(1)
+
+    return PixelCamera
+
+
+def _register(mi: Any) -> None:
+    mi.register_emitter("khr_punctual", _khr_class(mi))
+    mi.register_emitter("sun_disc", _sun_class(mi))
+    mi.register_sensor("pixel_camera", _camera_class(mi))
+
+
+def _transform(mi: Any, matrix: NDArray[np.float64]) -> Any:
+    return mi.ScalarTransform4f(matrix.tolist())
+
+
+def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
+    """One light as a Mitsuba dictionary; `reach` is the scene's size, how far away a sun's disc is put."""
+    strength = light.color * light.intensity
+    match light:
+        case DirectionalLight():
+            return {"type": "directional", "direction": light.direction.tolist(), "irradiance": _rgb(mi, strength)}
+        case SunLight():
+            return {
+                "type": "sun_disc",
+                "to_sun": (-light.direction).tolist(),
+                "strength": strength.tolist(),
+                "cosine": float(np.cos(np.radians(light.angular_diameter) / 2)),
+                "far": reach,
+            }
+        case PointLight() | SpotLight() if light.radius == 0:
+            spot = isinstance(light, SpotLight)
+            if not spot and np.isinf(light.range):
+                return {"type": "point", "position": light.position.tolist(), "intensity": _rgb(mi, strength)}
+            scale, offset = (0.0, 1.0)
+            axis = np.array([0.0, 0.0, 1.0])
+            if isinstance(light, SpotLight):
+                scale, offset = spot_cone(light.inner_cone_angle, light.outer_cone_angle)
+                axis = light.direction
+            return {
+                "type": "khr_punctual",
+                "position": light.position.tolist(),
+                "axis": axis.tolist(),
+                "strength": strength.tolist(),
+                "cone_scale": scale,
+                "cone_offset": offset,
+                "inverse_range": 1.0 / light.range,
+            }
+        case PointLight() if np.isinf(light.range):
+            matrix = np.eye(4)
+            matrix[:3, 3] = light.position
+            return _glowing(mi, "sphere", matrix, (light.radius, light.radius), strength / (np.pi * light.radius**2))
+        case AreaLight():
+            return _glowing(mi, light.shape, light.world_from_light, (light.size[0] / 2, light.size[1] / 2), strength)
+        case _:
+            raise ValueError(f"light {light.name!r}: Mitsuba has nothing like a lamp with a radius and a cone or range")
+
+
+def _glowing(
+    mi: Any, shape: str, matrix: NDArray[np.float64], half: tuple[float, float], radiance: Any
+) -> dict[str, Any]:
+    # Mitsuba's rectangle and disk shine along +Z, ours along -Z: turned about X
+    scaled = matrix @ np.diag([half[0], -half[1] if shape != "sphere" else half[1], -half[0], 1.0])
+    if shape == "sphere":
+        scaled = matrix @ np.diag([half[0]] * 3 + [1.0])
+    return {
+        "type": shape,
+        "to_world": _transform(mi, scaled),
+        "emitter": {"type": "area", "radiance": _rgb(mi, radiance)},
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}},
+    }
+
+
+def sky(mi: Any, environment: Environment) -> dict[str, Any]:
+    """The environment as `constant` or `envmap`, turned into our convention."""
+    if environment.is_constant:
+        return {"type": "constant", "radiance": _rgb(mi, environment.radiance[0, 0] * environment.intensity)}
+    pixels = np.ascontiguousarray(environment.radiance * np.float32(environment.intensity))
+    turn = mi.ScalarTransform4f().rotate([0, 1, 0], 90.0 + environment.rotation)
+    return {"type": "envmap", "bitmap": mi.Bitmap(pixels), "to_world": turn}
+
+
+def mesh(mi: Any, proxy: ProxyMesh, bsdf: dict[str, Any], faces: NDArray[np.int32], glow: Any = None) -> Any:
+    """Some faces of the proxy as a Mitsuba mesh with its own material."""
+    props = mi.Properties()
+    props["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": bsdf})
+    if glow is not None:
+        props["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(mi, glow)})
+    out = mi.Mesh(
+        "proxy",
+        vertex_count=len(proxy.vertices),
+        face_count=len(faces),
+        has_vertex_normals=proxy.normals is not None,
+        has_vertex_texcoords=proxy.uvs is not None,
+        props=props,
+    )
+    if proxy.vertex_colors is not None:
+        out.add_attribute("vertex_color", 3, proxy.vertex_colors.ravel())
+    parameters = mi.traverse(out)
+    parameters["vertex_positions"] = proxy.vertices.ravel()
+    parameters["faces"] = faces.astype(np.uint32).ravel()
+    if proxy.normals is not None:
+        parameters["vertex_normals"] = proxy.normals.ravel()
+    if proxy.uvs is not None:
+        parameters["vertex_texcoords"] = proxy.uvs.ravel()
+    parameters.update()
+    return out
+
+
+def _bsdf(mi: Any, proxy: ProxyMesh, index: int) -> dict[str, Any]:
+    if proxy.albedo is not None:
+        return {"type": "diffuse", "reflectance": _rgb(mi, proxy.albedo)}
+    material = proxy.materials[index]
+    if proxy.vertex_colors is not None:
+        return {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}}
+    if material.base_color_texture is not None:
+        pixels = np.ascontiguousarray(material.base_color_texture * material.base_color.astype(np.float32))
+        bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(pixels), "raw": True, "wrap_mode": "repeat"}
+        return {"type": "diffuse", "reflectance": bitmap}
+    return {"type": "diffuse", "reflectance": _rgb(mi, material.base_color)}
+
+
+def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
+    """The camera: Mitsuba's `perspective` where it can, our plugin elsewhere."""
+    film = {
+        "type": "hdrfilm",
+        "width": camera.width,
+        "height": camera.height,
+        "rfilter": {"type": "box"},
+        "pixel_format": "rgba",
+        "component_format": "float32",
+    }
+    far = min(camera.far, 1e30)
+    if camera.projection == "perspective" and camera.fx == camera.fy:
+        return {
+            "type": "perspective",
+            "fov_axis": "x",
+            "fov": float(np.degrees(2 * np.arctan(camera.width / 2 / camera.fx))),
+            "principal_point_offset_x": 0.5 - camera.cx / camera.width,
+            "principal_point_offset_y": 0.5 - camera.cy / camera.height,
+            "near_clip": camera.near,
+            "far_clip": min(far, 1e6),
+            "to_world": _transform(mi, camera.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0])),
+            "film": film,
+        }
+    return {
+        "type": "pixel_camera",
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "near": camera.near,
+        "far": far,
+        "perspective": 1.0 if camera.projection == "perspective" else 0.0,
+        "pose": _transform(mi, camera.world_from_camera),
+        "film": film,
+    }
+
+
+def scene(mi: Any, proxy: ProxyMesh, lighting: Lighting, camera: Camera) -> Any:
+    """The whole as a Mitsuba scene."""
+    _register(mi)
+    low, high = proxy.bounds
+    reach = float(np.linalg.norm(high - low)) * 4
+    out: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
+    of_face = np.zeros(len(proxy.faces), np.int32) if proxy.face_materials is None else proxy.face_materials
+    for index, material in enumerate(proxy.materials):
+        faces = proxy.faces[of_face == index]
+        if len(faces):
+            glow = material.emissive if np.any(material.emissive > 0) else None
+            out[f"mesh{index}"] = mesh(mi, proxy, _bsdf(mi, proxy, index), faces, glow)
+    for number, light in enumerate(lighting.lights):
+        out[f"light{number}"] = emitter(mi, light, reach)
+    if lighting.environment is not None:
+        out["sky"] = sky(mi, lighting.environment)
+    return mi.load_dict(out)
+
+
+def path_beauty(
+    mi: Any, world: Any, *, spp: int, max_depth: int, seed: int, roulette_from: int = 5
+) -> tuple[F32, F32]:
+    """What Mitsuba's `path` makes of it: ((H, W, 3) premultiplied radiance, (H, W) coverage). `max_depth` is ours."""
+    integrator = mi.load_dict(
+        {"type": "path", "max_depth": max_depth + 1, "rr_depth": roulette_from, "hide_emitters": True}
+    )
+    picture = np.asarray(mi.render(world, integrator=integrator, spp=spp, seed=seed), np.float32)
+    return np.ascontiguousarray(picture[..., :3]), np.ascontiguousarray(picture[..., 3])

@@ -29,8 +29,12 @@ def psnr(mean_squared_error: float) -> float:
 
 
 def relative_squared_error(reference: F32, error: F32) -> F32:
-    """(H, W) mean over channels of error^2 / (reference^2 + 0.01 mean(reference)^2); both (H, W, 3) linear."""
-    floor = _DARK_SHARE * float(reference.mean(dtype=np.float64)) ** 2
+    """(H, W) mean over channels of error^2 / (reference^2 + 0.01 mean^2); both (H, W, 3) linear.
+
+    The mean is that of the reference's values above zero, so that an empty background does not sharpen the figure.
+    """
+    lit = reference[reference > 0]
+    floor = _DARK_SHARE * float(lit.mean(dtype=np.float64)) ** 2 if lit.size else 0.0
     relative = error.astype(np.float64) ** 2 / np.maximum(reference.astype(np.float64) ** 2 + floor, 1e-30)
     return np.asarray(relative.mean(axis=-1), dtype=np.float32)
 

@@ -74,7 +74,7 @@ class Scores:
     delta_e: float  # mean CIEDE2000
     delta_e_p99: float
     max_error: float  # largest difference of a display value
-    rel_mse: float | None = None  # linear pairs: mean of d^2 / (ref^2 + 0.01 mean(ref)^2)
+    rel_mse: float | None = None  # linear pairs: mean of d^2 / (ref^2 + 0.01 mean^2), mean: of ref where above 0
     hdr_flip: float | None = None  # linear pairs
     noise_psnr: float | None = None  # dB that noise and rounding alone would give
     noise_rel_mse: float | None = None  # relMSE that noise alone would give

@@ -1,0 +1,161 @@
+"""What must not depend on the machine: threads, runs, memory, compilations, ways to sort, back ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mirelight.compositor.compositor as front_door
+from mirelight import backend
+from mirelight.compositor import Compositor, composite, order, queue, reference
+from mirelight.compositor.bin import Band, TileLists
+from mirelight.compositor.blend import Source, blend
+from mirelight.compositor.device import open_device
+from mirelight.compositor.memory import cloud_bytes, frame_bytes
+from mirelight.compositor.resolve import Frame
+from mirelight.errors import BackendError, RenderError
+from mirelight.model import Camera, CompositorSettings
+
+from .compositor_clouds import COMPACT, PHYSICAL, VIEW, assert_agrees, cloud, same_bits
+
+LARGER = Camera.look_at((2.8, 0.6, 2.9), (-1, -0.3, -0.6), 320, 200, yfov=60)
+
+
+@pytest.fixture
+def threads() -> Iterator[None]:
+    """Puts the number of worker threads back."""
+    dr, _ = backend.drjit()
+    before = dr.thread_count()
+    yield
+    dr.set_thread_count(before)
+
+
+@pytest.mark.usefixtures("threads")
+def test_same_bits_for_any_number_of_threads_and_on_every_run() -> None:
+    splats = cloud(20000, size=0.05)
+    first = Compositor(splats, threads=1).composite(LARGER)
+    for count in (2, 3, 1, 2, 2):
+        assert same_bits(Compositor(splats, threads=count).composite(LARGER), first)
+
+
+@pytest.mark.parametrize("settings", [PHYSICAL, replace(COMPACT, eight_bit=True)])
+def test_bands_change_nothing(monkeypatch: pytest.MonkeyPatch, settings: CompositorSettings) -> None:
+    compositor = Compositor(cloud(3000), settings)
+    whole = compositor.composite(LARGER)
+    seen: list[Band] = []
+
+    def counted(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
+        seen.append(band)
+        blend(source, lists, band, frame)
+
+    monkeypatch.setattr("mirelight.compositor.compositor.blend", counted)
+    monkeypatch.setattr(front_door, "MOST_TILES", 500)
+    assert same_bits(compositor.composite(LARGER), whole)
+    assert len(seen) > 3 and sum(band.rows for band in seen) == -(-200 // 8)
+
+
+def test_too_little_memory_renders_in_bands_or_is_refused_with_the_size() -> None:
+    splats = cloud(3000)
+    fixed = frame_bytes(len(splats), LARGER, 0)
+    whole = composite(splats, LARGER)
+    tight = replace(PHYSICAL, max_memory=fixed + 1_500_000)
+    assert same_bits(Compositor(splats, tight).composite(LARGER), whole)
+    with pytest.raises(RenderError, match=r"frame of 320 x 200 pixels of 3000 splats needs \d+\.\d+ GiB"):
+        Compositor(splats, replace(PHYSICAL, max_memory=fixed + 10)).composite(LARGER)
+    with pytest.raises(RenderError, match="a cloud of 3000 splats needs"):
+        Compositor(splats, replace(PHYSICAL, max_memory=cloud_bytes(splats) - 1))
+    with pytest.raises(RenderError, match="nothing was allocated"):
+        Compositor(splats).composite(replace(LARGER, width=4_000_000, height=4_000_000))
+
+
+def test_memory_needed_is_not_underestimated() -> None:
+    splats = cloud(1000, degree=2)
+    arrays = (splats.means, splats.quats, splats.scales, splats.opacities, splats.sh)
+    assert cloud_bytes(splats) >= sum(a.nbytes for a in arrays if a is not splats.quats)
+    layer = composite(splats, VIEW)
+    assert frame_bytes(0, VIEW, 0) >= sum(
+        a.nbytes for a in (layer.color, layer.transmittance, layer.depth, layer.median_depth)
+    )
+
+
+def compiled(run: object) -> int:
+    """How many kernels a call compiles."""
+    dr, _ = backend.drjit()
+    dr.set_flag(dr.JitFlag.KernelHistory, True)
+    try:
+        dr.kernel_history_clear()
+        run()  # type: ignore[operator]
+        return sum(1 for k in dr.kernel_history() if "hash" in k and not k["cache_hit"])
+    finally:
+        dr.set_flag(dr.JitFlag.KernelHistory, False)
+
+
+@pytest.mark.parametrize("settings", [PHYSICAL, COMPACT], ids=["physical", "playcanvas"])
+def test_nothing_is_compiled_for_another_camera_count_or_size(settings: CompositorSettings) -> None:
+    splats = cloud(5000, degree=2)
+    Compositor(splats, settings).composite(LARGER)
+    other = replace(Camera.look_at((-2, 1, 1), (0, 0, 0), 257, 131, yfov=95), cx=100.0, near=0.2, far=30.0)
+    assert compiled(lambda: Compositor(splats, settings).composite(LARGER)) == 0
+    assert compiled(lambda: Compositor(splats, settings).composite(other)) == 0
+    assert compiled(lambda: Compositor(cloud(4321, degree=2), settings).composite(other)) == 0
+
+
+@pytest.mark.parametrize("bits", [1, 5, 14, 18])
+def test_the_internal_permutation_is_the_public_one(bits: int) -> None:
+    device = open_device("llvm_ad_rgb", None)
+    values = device.types.UInt32(np.random.default_rng(bits).integers(0, 1 << bits, 50_000, dtype=np.uint32))
+    fast = order.counting_permutation(device, values, bits).numpy()
+    np.testing.assert_array_equal(fast, order.public_permutation(device, values, bits).numpy())
+    np.testing.assert_array_equal(fast, np.argsort(values.numpy(), kind="stable"))
+
+
+def test_the_picture_is_the_same_through_the_public_permutation(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = composite(cloud(3000), LARGER)
+    monkeypatch.setattr(order, "counting_permutation", order.public_permutation)
+    monkeypatch.setattr("mirelight.compositor.bin.counting_permutation", order.public_permutation)
+    assert same_bits(composite(cloud(3000), LARGER), expected)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e7])
+def test_depth_order_of_any_range(far: float) -> None:
+    device = open_device("llvm_ad_rgb", None)
+    r = np.random.default_rng(3)
+    depth = (1e-3 + far * r.random(40_000) ** 8).astype(np.float32)
+    depth[::3] = depth[0]
+    visible = r.random(40_000) < 0.7
+    got = order.depth_order(device, device.types.UInt32(depth.view(np.uint32)), device.types.Bool(visible)).numpy()
+    kept = np.flatnonzero(visible)
+    np.testing.assert_array_equal(got, kept[np.argsort(depth[kept], kind="stable")])
+
+
+def test_every_tile_is_visited_once() -> None:
+    for columns, rows in ((1, 1), (7, 3), (64, 33)):
+        assert sorted(queue.tile_order(Band(columns, rows, 0))) == list(range(columns * rows))
+
+
+@pytest.mark.parametrize("tile", [(4, 4), (8, 4), (2, 8)])
+def test_other_tile_shapes_give_the_same_picture(monkeypatch: pytest.MonkeyPatch, tile: tuple[int, int]) -> None:
+    splats = cloud(1000, degree=0)
+    expected = composite(splats, VIEW)
+    shaped = replace(open_device("llvm_ad_rgb", None), tile_width=tile[0], tile_height=tile[1])
+    monkeypatch.setattr(front_door, "open_device", lambda *_: shaped)
+    assert_agrees(splats, VIEW)
+    np.testing.assert_allclose(composite(splats, VIEW).color, expected.color, atol=2e-6)
+
+
+def test_without_llvm_the_scalar_variant_uses_the_oracle(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*_: object) -> None:
+        raise BackendError("no libLLVM")
+
+    monkeypatch.setattr(front_door, "open_device", missing)
+    splats = cloud(50, degree=0)
+    compositor = Compositor(splats, variant="scalar_rgb")
+    assert same_bits(compositor.composite(VIEW), reference.composite(splats, VIEW, PHYSICAL))
+    layer, values = compositor.composite_with(VIEW, np.ones((50, 1), np.float32))
+    np.testing.assert_allclose(values[..., 0], 1 - layer.transmittance, atol=1e-6)
+    assert compositor.colors(VIEW).shape == (50, 3)
+    with pytest.raises(BackendError):
+        Compositor(splats)

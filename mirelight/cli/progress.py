@@ -18,7 +18,7 @@ class Tally:
         self.total = 0
         self.rendered = 0
         self.skipped = 0
-        self.samples_done = 0  # of the frame in progress, per pixel
+        self.samples_done = 0  # of the frame in progress
         self.samples_total = 0
         self._began = time.monotonic()
 
@@ -101,7 +101,7 @@ class Bar(Tally):
         text = "{task.fields[frame]}", "{task.fields[samples]}", "{task.fields[frames]}", "{task.fields[clock]}"
         name, samples, frames, clock = (TextColumn(part, markup=False) for part in text)
         self._bar = Progress(name, BarColumn(), samples, frames, clock, console=Console(stderr=True), transient=True)
-        self._row = self._bar.add_task("", total=1.0, frame="starting", samples="", frames="", clock="")
+        self._row = self._bar.add_task("", total=1.0, frame="reading the job", samples="", frames="", clock="")
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -128,7 +128,7 @@ class Bar(Tally):
             self._row,
             completed=(self.there + self.begun) / max(self.total, 1),
             frame=task.name,
-            samples=f"{self.samples_done}/{self.samples_total} samples" if self.samples_total else "",
+            samples=samples_of(self.samples_done, self.samples_total),
             frames=f"{self.there}/{self.total} frames",
             clock=duration(self.elapsed) + left,
         )
@@ -139,6 +139,13 @@ def chosen(quiet: bool) -> Tally:
     if quiet:
         return Tally()
     return Bar() if sys.stderr.isatty() else Lines()
+
+
+def samples_of(done: int, total: int) -> str:
+    """Samples of a frame for people: 12/64 samples, 98/157 M samples; empty where none are due."""
+    if total >= 10_000_000:
+        return f"{done / 1e6:.0f}/{total / 1e6:.0f} M samples"
+    return f"{done}/{total} samples" if total else ""
 
 
 def duration(seconds: float) -> str:

@@ -15,26 +15,25 @@ from mirelight.cli import progress
 from mirelight.cli.frames import FrameFiles
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
+from mirelight.model import Job
 
 INTERRUPTED = 130
 
 
 def run_render(args: argparse.Namespace) -> int:
     """The command. Progress goes to stderr, one line at the end to stdout."""
-    work = job.load(args.job, _overrides(args))
-    if args.out is not None:
-        work = replace(work, output=replace(work.output, directory=Path(args.out).absolute()))
-    tasks = pipeline.plan(
-        work,
-        cameras=_named(args.camera, [x.name for x in work.scene.cameras]),
-        lightings=_named(args.lighting, [x.name for x in work.scene.lightings]),
-    )
-    files = FrameFiles(work.output, work.display)
-    files.prepare()
-
     told = progress.chosen(args.quiet)
+    files: FrameFiles | None = None
     try:
         with told:
+            work = _load(args)
+            tasks = pipeline.plan(
+                work,
+                cameras=_named(args.camera, [x.name for x in work.scene.cameras]),
+                lightings=_named(args.lighting, [x.name for x in work.scene.lightings]),
+            )
+            files = FrameFiles(work.output, work.display)
+            files.prepare()
             pipeline.render(work, tasks, is_done=files.exist, sink=files.write, progress=told)
     except KeyboardInterrupt:
         _say_what_is_left(told, files)
@@ -46,6 +45,13 @@ def run_render(args: argparse.Namespace) -> int:
         existed = f", {told.skipped} of them already there" if told.skipped else ""
         print(f"{_frames(told.there)} in {_shown(files.folder)}{existed}; {progress.duration(told.elapsed)}")
     return 0
+
+
+def _load(args: argparse.Namespace) -> Job:
+    work = job.load(args.job, _overrides(args))
+    if args.out is None:
+        return work
+    return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))
 
 
 def _overrides(args: argparse.Namespace) -> list[Override]:
@@ -72,9 +78,12 @@ def _named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | No
     return found
 
 
-def _say_what_is_left(told: progress.Tally, files: FrameFiles) -> None:
-    done = f"{told.there} of {_frames(told.total)} are in {_shown(files.folder)}"
-    print(f"mirelight: interrupted; {done}, and the same command goes on from there", file=sys.stderr)
+def _say_what_is_left(told: progress.Tally, files: FrameFiles | None) -> None:
+    line = "interrupted before the first frame"
+    if files is not None and told.total:
+        done = f"{told.there} of {_frames(told.total)} are in {_shown(files.folder)}"
+        line = f"interrupted; {done}, and the same command goes on from there"
+    print(f"mirelight: {line}", file=sys.stderr)
 
 
 def _frames(count: int) -> str:

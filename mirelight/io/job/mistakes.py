@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -182,7 +183,7 @@ def _without_kind(path: Path, value: Any, outline: Outline, data: dict[str, Any]
 def _other_key(path: Path, data: dict[str, Any], outline: Outline) -> str:
     table, name = path[:-1], str(path[-1])
     if name == "spot" and isinstance(data_at(data, path), dict):
-        return "write inner_cone_angle and outer_cone_angle, in degrees, on the light itself"
+        return _khr_cone(data_at(data, path))
     keys = outline.keys(table, data)
     near = closest(name, keys)
     if near is not None:
@@ -193,6 +194,13 @@ def _other_key(path: Path, data: dict[str, Any], outline: Outline) -> str:
     if homes:
         return f"it belongs in [{homes[0]}]"
     return f"remove it; known here: {', '.join(keys)}" if 0 < len(keys) <= _LONGEST else "remove it"
+
+
+def _khr_cone(spot: dict[str, Any]) -> str:
+    """What KHR_lights_punctual's ``spot = { innerConeAngle, … }``, in radians, is here."""
+    angles = {"inner_cone_angle": spot.get("innerConeAngle"), "outer_cone_angle": spot.get("outerConeAngle")}
+    found = [f"{name} = {math.degrees(a):.6g}" for name, a in angles.items() if isinstance(a, int | float)]
+    return f"write {' and '.join(found or angles)} on the light itself, in degrees"
 
 
 def closest(name: str, known: list[str]) -> str | None:

@@ -2,12 +2,13 @@
 
 ``mapping`` turns physical lights into the engine's and back; ``raster`` and ``shading`` evaluate the engine's light
 model in NumPy; ``engine`` fetches the engine; ``bundle`` writes a page that runs it; ``browser`` runs that page and
-reads its buffers.
+reads its buffers; ``predict`` makes the same frame without the engine.
 """
 
 from __future__ import annotations
 
 from mirelight.realtime.browser import EngineFrames, load_frames, render
 from mirelight.realtime.bundle import Exported, export
+from mirelight.realtime.predict import blended, engine_frame
 
-__all__ = ["EngineFrames", "Exported", "export", "load_frames", "render"]
+__all__ = ["EngineFrames", "Exported", "blended", "engine_frame", "export", "load_frames", "render"]

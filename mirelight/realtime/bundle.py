@@ -65,7 +65,7 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
             "the engine's relighting follows perspective cameras only",
         )
     warnings = [*_camera_warnings(camera), *_settings_warnings(job)]
-    engine_lighting, light_warnings = mapping.to_engine(lighting, _size(scene), shadows=shadows)
+    engine_lighting, light_warnings = mapping.to_engine(lighting, scene_size(scene), shadows=shadows)
     warnings += light_warnings
     if scene.proxy is not None:
         warnings += mapping.distance_warnings(engine_lighting.lights, _distances(engine_lighting.lights, scene.proxy))
@@ -242,7 +242,8 @@ def _bounds(scene: Scene) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     return low, np.max([p.max(axis=0) for p in points], axis=0).astype(np.float64)
 
 
-def _size(scene: Scene) -> float:
+def scene_size(scene: Scene) -> float:
+    """Diagonal of the bounds of splats and proxy, world units."""
     low, high = _bounds(scene)
     return float(np.linalg.norm(high - low))
 

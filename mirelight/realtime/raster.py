@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mirelight.model import F32, F64, Camera, ProxyMesh
 from mirelight.model.arrays import freeze
 
+SUBPIXEL_BITS = 4  # SwiftShader's, on which headless Chromium renders; graphics cards have 8
 _FRAGMENTS = 1 << 20  # candidates tested at once; bounds the memory
 
 
@@ -36,33 +37,30 @@ class Surface:
         freeze(self, "normal", (h, w, 3))
 
 
-def rasterise(proxy: ProxyMesh, camera: Camera) -> Surface:
+def rasterise(proxy: ProxyMesh, camera: Camera, subpixel_bits: int = SUBPIXEL_BITS) -> Surface:
     """The proxy as the engine's relighting camera sees it: back faces culled, no antialiasing.
 
     Args:
         proxy: world space, counter-clockwise front faces.
         camera: any projection; its near and far planes hold.
+        subpixel_bits: of the grid to which the rasteriser snaps vertices.
     """
     view = proxy.vertices.astype(np.float64) @ camera.camera_from_world[:3, :3].T + camera.camera_from_world[:3, 3]
-    homogeneous = _homogeneous_pixels(view, camera)
-    faces = proxy.faces
-    corners = homogeneous[faces]  # (F, 3 corners, 3)
-    determinant = np.linalg.det(corners)
-    front = np.flatnonzero(determinant < -1e-12)  # image rows run downwards, so counter-clockwise is negative
-    boxes = _boxes(corners[front], camera)
-    inverse: F64 = np.asarray(
-        np.linalg.inv(corners[front]), dtype=np.float64
-    )  # b = (x, y, 1) @ inverse; b_i = barycentric_i / w
-    depths = -view[faces[front], 2]
+    corners = _homogeneous_pixels(view, camera)[proxy.faces]  # (F, 3 corners, 3)
+    front = np.flatnonzero(np.linalg.det(corners) < -1e-12)  # rows run downwards: counter-clockwise is negative
+    corners, depths = corners[front], -view[proxy.faces[front], 2]
+    inverse = np.asarray(np.linalg.inv(corners), dtype=np.float64)  # (x, y, 1) @ inverse = barycentric / w
+    edges, inclusive = _edges(corners, inverse, camera, 2.0**subpixel_bits)
 
     nearest = np.full(camera.width * camera.height, np.inf)
     face = np.full(nearest.shape, -1, dtype=np.int32)
     weights = np.zeros((nearest.size, 3))
-    for triangle, x, y in _candidates(boxes):
-        b = _weights(inverse[triangle], x, y)
-        total = b.sum(axis=1)
-        inside = (b >= 0).all(axis=1) & (total > 0)
-        triangle, x, y, b = triangle[inside], x[inside], y[inside], b[inside] / total[inside, None]
+    for triangle, x, y in _candidates(_boxes(corners, camera)):
+        e = _at_centres(edges[triangle], x, y)
+        inside = ((e > 0) | ((e == 0) & inclusive[triangle])).all(axis=1)
+        triangle, x, y = triangle[inside], x[inside], y[inside]
+        b = _at_centres(inverse[triangle], x, y)
+        b = b / b.sum(axis=1, keepdims=True)
         depth = np.einsum("fi,fi->f", b, depths[triangle])
         pixel = y * camera.width + x
         order = np.lexsort((triangle, depth, pixel))
@@ -79,6 +77,27 @@ def _homogeneous_pixels(view: F64, camera: Camera) -> F64:
     x, y, z = view.T
     w = -z if camera.projection == "perspective" else np.ones_like(z)
     return np.stack([camera.cx * w + camera.fx * x, camera.cy * w - camera.fy * y, w], axis=-1)
+
+
+def _edges(corners: F64, inverse: F64, camera: Camera, grid: float) -> tuple[F64, NDArray[np.bool_]]:
+    """Edge functions (F, 3, 3), positive inside, as columns over (x, y, 1); and which edges own their pixels (F, 3).
+
+    Vertices are snapped to the rasteriser's grid, so that a centre on an edge is met exactly; a left edge owns it, and
+    so does a horizontal one with the inside below (the top-left rule). Triangles that reach behind the eye have no such
+    vertices: their edges come from the inverse.
+    """
+    ahead = (corners[..., 2] > 0).all(axis=1)
+    edges = inverse.copy()
+    x, y = np.moveaxis(np.rint(corners[ahead, :, :2] / corners[ahead, :, 2:] * grid) / grid, -1, 0)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        a, b = y[:, j] - y[:, i], x[:, i] - x[:, j]
+        edges[ahead, :, k] = np.stack([a, b, -(a * x[:, i] + b * y[:, i])], axis=-1)
+    inclusive = (edges[:, 0] > 0) | ((edges[:, 0] == 0) & (edges[:, 1] > 0))
+    flat = np.zeros(len(corners), dtype=bool)
+    flat[ahead] = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) >= (y[:, 1] - y[:, 0]) * (x[:, 2] - x[:, 0])
+    edges[flat] = -1.0  # snapped to a line or turned over: covers nothing
+    return edges, inclusive
 
 
 def _boxes(corners: F64, camera: Camera) -> NDArray[np.int64]:
@@ -113,9 +132,9 @@ def _candidates(boxes: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], N
         start = stop
 
 
-def _weights(inverse: F64, x: NDArray[np.int64], y: NDArray[np.int64]) -> F64:
-    """Edge functions (N, 3) of pixel centres."""
-    return np.asarray((x + 0.5)[:, None] * inverse[:, 0] + (y + 0.5)[:, None] * inverse[:, 1] + inverse[:, 2])
+def _at_centres(columns: F64, x: NDArray[np.int64], y: NDArray[np.int64]) -> F64:
+    """(x, y, 1) @ columns (N, 3, 3) at pixel centres: (N, 3)."""
+    return np.asarray((x + 0.5)[:, None] * columns[:, 0] + (y + 0.5)[:, None] * columns[:, 1] + columns[:, 2])
 
 
 def _resolve(proxy: ProxyMesh, camera: Camera, depth: F64, face: NDArray[np.int32], weights: F64) -> Surface:

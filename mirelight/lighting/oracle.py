@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.errors import RenderError
 from mirelight.lighting.lights import spot_cone
 from mirelight.model import (
     F32,
@@ -33,7 +34,7 @@ def _rgb(mi: Any, value: Any) -> dict[str, Any]:
 
 
 def _pointer(mi: Any, emitter: Any) -> Any:
-    return mi.EmitterPtr(emitter) if hasattr(mi, "EmitterPtr") else emitter  # the scalar variant has no arrays of them
+    return emitter if mi.variant().startswith("scalar") else mi.EmitterPtr(emitter)
 
 
 def _khr_class(mi: Any) -> Any:
@@ -119,7 +120,7 @@ def _camera_class(mi: Any) -> Any:
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             self.numbers = [float(props[k]) for k in ("fx", "fy", "cx", "cy", "near", "far", "perspective")]
-            self.pose = props["pose"]
+            self.axes = [mi.ScalarVector3f(props[k]) for k in ("right", "up", "back", "eye")]
             self.m_needs_sample_3 = False
 
         def sample_ray_differential(
@@ -132,12 +133,12 @@ def _camera_class(mi: Any) -> Any:
             fx, fy, cx, cy, near, far, perspective = self.numbers
             width, height = self.film().crop_size()
             x, y = (film.x * width - cx) / fx, (cy - film.y * height) / fy
-            local = mi.Vector3f(x, y, -1) if perspective else mi.Vector3f(0, 0, -1)
-            start = mi.Point3f(x * near, y * near, -near) if perspective else mi.Point3f(x, y, -near)
-            pose = mi.Transform4f(self.pose)
-            d = pose @ local
+            right, up, back, eye = (mi.Vector3f(v) for v in self.axes)
+            across = right * x + up * y
+            d = across * perspective - back
+            start = eye + across * (near if perspective else 1.0) - back * near
             length = dr.norm(d)
-            ray = mi.Ray3f(pose @ start, d / length)
+            ray = mi.Ray3f(mi.Point3f(start), d / length)
             ray.maxt = min(far - near, 1e30) * length
             ray.time = time
             return ray, mi.Color3f(1)
@@ -194,7 +195,7 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
         case AreaLight():
             return _glowing(mi, light.shape, light.world_from_light, (light.size[0] / 2, light.size[1] / 2), strength)
         case _:
-            raise ValueError(f"light {light.name!r}: Mitsuba has nothing like a lamp with a radius and a cone or range")
+            raise RenderError(f"light {light.name!r}: Mitsuba has no lamp with both a radius and a cone or range")
 
 
 def _glowing(
@@ -293,7 +294,7 @@ def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
         "near": camera.near,
         "far": far,
         "perspective": 1.0 if camera.projection == "perspective" else 0.0,
-        "pose": _transform(mi, camera.world_from_camera),
+        **{k: camera.world_from_camera[:3, n].tolist() for n, k in enumerate(("right", "up", "back", "eye"))},
         "film": film,
     }
 
@@ -317,9 +318,7 @@ def scene(mi: Any, proxy: ProxyMesh, lighting: Lighting, camera: Camera) -> Any:
     return mi.load_dict(out)
 
 
-def path_beauty(
-    mi: Any, world: Any, *, spp: int, max_depth: int, seed: int, roulette_from: int = 5
-) -> tuple[F32, F32]:
+def path_beauty(mi: Any, world: Any, *, spp: int, max_depth: int, seed: int, roulette_from: int = 5) -> tuple[F32, F32]:
     """What Mitsuba's `path` makes of it: ((H, W, 3) premultiplied radiance, (H, W) coverage). `max_depth` is ours."""
     integrator = mi.load_dict(
         {"type": "path", "max_depth": max_depth + 1, "rr_depth": roulette_from, "hide_emitters": True}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight.model import AreaLight, DirectionalLight, PointLight, SpotLight, SunLight
+from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
 
 from .lighting_scenes import FLOOR, Array, constant_sky, floor_mean, overhead, render
 
@@ -19,8 +19,8 @@ def khr_window(distance: Array, reach: float) -> Array:
     return np.clip(1 - (distance / reach) ** 4, 0, 1) / distance**2
 
 
-def measured(*lights: object, spp: int = 4) -> NDArray[np.float32]:
-    return render(FLOOR, CAMERA, *lights, spp=spp).beauty  # type: ignore[arg-type]
+def measured(*lights: Light, spp: int = 4) -> NDArray[np.float32]:
+    return render(FLOOR, CAMERA, *lights, spp=spp).beauty
 
 
 def agree(picture: NDArray[np.float32], truth: Array, tolerance: float = 0.003) -> None:
@@ -40,7 +40,7 @@ def lambert(position: Array, points: Array, *, reach: float = np.inf) -> Array:
     """0.5 / pi times the irradiance of one candela there on the floor."""
     to_light = position - points
     d = np.linalg.norm(to_light, axis=-1)
-    return GRAY * khr_window(d, reach) * to_light[..., 1] / d
+    return np.asarray(GRAY * khr_window(d, reach) * to_light[..., 1] / d)
 
 
 @pytest.mark.parametrize("height", [0.5, 2.0, 8.0])
@@ -122,7 +122,7 @@ def test_a_disk_light_overhead() -> None:
 
 @pytest.mark.parametrize("height", [0.05, 0.5, 3.0, 30.0])
 def test_a_rectangle_light_overhead(height: float) -> None:
-    """Below a rectangle's corner, E = L/2 (a/A atan(b/A) + b/B atan(a/B)), A² = 1 + a², a = width / height (Lambert)."""
+    """Below a corner E = L/2 (a/A atan(b/A) + b/B atan(a/B)), A² = 1 + a², a = width / height (Lambert 1760)."""
     camera = overhead(9, 9, extent=0.002)
     light = AreaLight(
         name="panel", shape="rectangle", world_from_light=facing_down(height), size=(3.0, 1.0), intensity=2.0
@@ -135,7 +135,7 @@ def test_a_rectangle_light_overhead(height: float) -> None:
 
 def test_an_area_light_is_dark_behind() -> None:
     for shape in ("rectangle", "disk"):
-        light = AreaLight(name="panel", shape=shape, world_from_light=upward(1.0), size=(2.0, 2.0), intensity=5.0)  # type: ignore[arg-type]
+        light = AreaLight(name="panel", shape=shape, world_from_light=upward(1.0), size=(2.0, 2.0), intensity=5.0)
         assert not measured(light).any()
 
 

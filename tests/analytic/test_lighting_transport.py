@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from mirelight.model import (
     Camera,
     DirectionalLight,
     Environment,
+    Light,
     Lighting,
     Material,
     PointLight,
@@ -29,23 +31,19 @@ VIEW = Camera.look_at([0, 1.5, 4], [0, 0, 0], 48, 32)
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
-def inside(buffer_coverage: Array) -> Array:
-    return np.asarray(buffer_coverage == 1)
-
-
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_convex_white_furnace_is_white(smooth: bool) -> None:
     """Every path off a convex body leaves it: a white one in a uniform sky cannot be told from the sky."""
     proxy = replace(sphere(smooth=smooth, rings=24), albedo=np.ones(3))
     buffer = render(proxy, VIEW, environment=constant_sky(1.0), spp=64, max_depth=8)
-    np.testing.assert_allclose(buffer.beauty[inside(buffer.coverage)], 1.0, rtol=2e-4 if not smooth else 2e-3)
+    np.testing.assert_allclose(buffer.beauty[buffer.coverage == 1], 1.0, rtol=2e-4 if not smooth else 2e-3)
 
 
 def test_a_furnace_with_bounces_is_white() -> None:
     """A ball on a floor, both white, with paths long enough that next to nothing is cut off."""
     proxy = replace(join(sphere(0.5, rings=12), FLOOR, quad([0, 0, -2], [3, 0, 0], [0, 3, 0])), albedo=np.ones(3))
     buffer = render(proxy, VIEW, environment=constant_sky(1.0), spp=64, max_depth=200)
-    assert buffer.beauty[inside(buffer.coverage)].mean() == pytest.approx(1.0, rel=2e-3)
+    assert buffer.beauty[buffer.coverage == 1].mean() == pytest.approx(1.0, rel=2e-3)
 
 
 def test_a_gray_furnace_is_the_geometric_series() -> None:
@@ -104,12 +102,12 @@ def test_a_wall_receives_a_glowing_floors_light(y: float) -> None:
     np.testing.assert_allclose(buffer.beauty.mean(axis=(0, 1)), [truth, 2 * truth, 0], rtol=0.006)
 
 
-def shadow(proxy: ProxyMesh, camera: Camera, *lights: object, spp: int = 64) -> Array:
+def shadow(proxy: ProxyMesh, camera: Camera, *lights: Light, spp: int = 64) -> Array:
     """Direct light on the floor, (H, W), seen from just above it and below any occluder."""
     matrix = camera.world_from_camera.copy()
     matrix[1, 3] = 0.5
     low = replace(camera, world_from_camera=matrix)
-    return render(proxy, low, *lights, spp=spp).beauty[..., 1].astype(np.float64)  # type: ignore[arg-type]
+    return render(proxy, low, *lights, spp=spp).beauty[..., 1].astype(np.float64)
 
 
 CASTER = join(FLOOR, quad([0, 1, 0], [1, 0, 0], [0, 0, 1]))  # a square of side 2 one unit above the floor
@@ -183,7 +181,7 @@ def test_nothing_leaks_through_a_closed_box() -> None:
     assert not buffer.beauty.any()
 
 
-EVERY_KIND = (
+EVERY_KIND: tuple[Light, ...] = (
     DirectionalLight(name="directional", direction=np.array([0.5, -1, 0.2]), intensity=1.0),
     PointLight(name="point", position=np.array([1.0, 1.5, 1.0]), intensity=3.0, range=6.0),
     SpotLight(name="spot", position=np.array([-1.5, 2, 1]), direction=np.array([1, -1.5, -0.5]), intensity=5.0),
@@ -262,7 +260,7 @@ def test_a_noise_target_is_reached_and_reported() -> None:
     floor = 0.01 * truth[buffer.coverage > 0].mean() ** 2
     assert np.sqrt(np.mean(error**2 / (truth[buffer.coverage > 0] ** 2 + floor))) < 0.06
     assert calls[-1][0] == buffer.spp * 48 * 32
-    assert all(a[0] < b[0] for a, b in zip(calls, calls[1:], strict=False))
+    assert all(a[0] < b[0] for a, b in pairwise(calls))
 
 
 def test_an_empty_mesh_no_lights_and_a_camera_inside_the_mesh() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import colour
 from mirelight.errors import InputError
+from mirelight.io.gltf.document import read_document
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
-from mirelight.io.obj import read_obj
+from mirelight.io.obj import obj_neighbours, read_obj
 from mirelight.io.safety import contained, existing, open_binary
 from mirelight.io.surface import filled_normals, transformed_normals
 from mirelight.model import F32, I32, Material, ProxyMesh
 
 SUFFIXES = (".glb", ".gltf", ".ply", ".obj", ".stl")
+
+_MAX_HEADER = 1 << 16  # bytes of a PLY header that are looked at
+_SPLAT_MARKS = (b"f_dc_0", b"packed_position")
 
 Attributes = Mapping[str, Any]
 
@@ -51,6 +56,23 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
     if suffix == ".obj":
         return read_obj(path, textures)
     return _read_with_trimesh(path, suffix, textures)
+
+
+def mesh_files(path: str | Path) -> tuple[Path, ...]:
+    """The file itself and every other that reading it would open: what must be hashed to know that nothing changed.
+
+    Raises:
+        InputError: as :func:`read_mesh`, as far as the file must be read for it.
+    """
+    path = existing(path)
+    suffix = path.suffix.lower()
+    if suffix in (".glb", ".gltf"):
+        return (path, *read_document(path).neighbours())
+    if suffix == ".obj":
+        return (path, *obj_neighbours(path))
+    if suffix == ".ply":
+        return (path, *_ply_texture(path))
+    return (path,)
 
 
 def transform(mesh: ProxyMesh, matrix: ArrayLike) -> ProxyMesh:
@@ -93,10 +115,26 @@ class _Neighbours:
         return data
 
 
+def _ply_texture(path: Path) -> tuple[Path, ...]:
+    """The texture that a PLY's header names, where it exists."""
+    name = re.search(rb"(?im)^comment\s+texturefile\s+(.+?)\s*$", _ply_header(path))
+    if name is None:
+        return ()
+    target = contained(path.parent, name[1].decode("utf-8", "replace").replace("\\", "/"), path, "TextureFile")
+    return (target,) if target.is_file() else ()
+
+
+def _ply_header(path: Path) -> bytes:
+    with open_binary(path) as stream:
+        return stream.read(_MAX_HEADER).partition(b"end_header")[0]
+
+
 def _read_with_trimesh(path: Path, suffix: str, textures: bool) -> ProxyMesh:
     from trimesh.exchange import ply, stl
 
     neighbours = _Neighbours(path)
+    if suffix == ".ply" and any(mark in _ply_header(path) for mark in _SPLAT_MARKS):
+        raise InputError(path, "Gaussian splats, not a mesh", "name it under splats and give a mesh as proxy")
     try:
         with open_binary(path) as stream, np.errstate(all="ignore"):
             if suffix == ".ply":

@@ -72,6 +72,21 @@ def read_obj(path: Path, textures: bool) -> ProxyMesh:
     )
 
 
+def obj_neighbours(path: Path) -> tuple[Path, ...]:
+    """The material libraries that an OBJ file names and the textures that they name, as far as they exist.
+
+    Raises:
+        InputError: a name that leaves the folder.
+    """
+    with open_binary(path) as stream:
+        text = _sorted_statements(stream.read().decode("utf-8", "replace"))
+    found: dict[Path, None] = {}
+    for library in _library_files(path, text.libraries):
+        found[library] = None
+        found |= {x: None for entry in _library_blocks(library).values() if (x := _texture_file(library, entry))}
+    return tuple(x for x in found if x.is_file())
+
+
 def _sorted_statements(text: str) -> _Text:
     out, material = _Text(), ""
     kinds = {"v": out.positions, "vt": out.uvs, "vn": out.normals}
@@ -166,14 +181,18 @@ def _picked_normals(path: Path, text: _Text, rows: NDArray[np.int64], vertices: 
 
 def _libraries(path: Path, libraries: list[tuple[int, str]]) -> dict[str, Material]:
     found: dict[str, Material] = {}
-    for number, name in libraries:
-        target = contained(path.parent, name.replace("\\", "/"), path, f"line {number}")
-        if target.is_file():
-            found |= _read_library(target)
+    for file in _library_files(path, libraries):
+        found |= {name: _material(file, name, entries) for name, entries in _library_blocks(file).items()}
     return found
 
 
-def _read_library(path: Path) -> dict[str, Material]:
+def _library_files(path: Path, libraries: list[tuple[int, str]]) -> list[Path]:
+    targets = [contained(path.parent, name.replace("\\", "/"), path, f"line {n}") for n, name in libraries]
+    return [target for target in targets if target.is_file()]
+
+
+def _library_blocks(path: Path) -> dict[str, dict[str, tuple[int, str]]]:
+    """Statements of each material: kind -> line and text."""
     blocks: dict[str, dict[str, tuple[int, str]]] = {}
     block: dict[str, tuple[int, str]] = {}
     lines = read_bytes(path, _MAX_LIBRARY).decode("utf-8", "replace").splitlines()
@@ -183,16 +202,22 @@ def _read_library(path: Path) -> dict[str, Material]:
             block = blocks.setdefault(rest.strip(), {})
         else:
             block[kind] = (number, rest.strip())
-    return {name: _material(path, name, entries) for name, entries in blocks.items()}
+    return blocks
+
+
+def _texture_file(path: Path, entries: dict[str, tuple[int, str]]) -> Path | None:
+    if "map_Kd" not in entries:
+        return None
+    number, file = entries["map_Kd"]
+    if file.startswith("-"):
+        raise InputError(path, "map_Kd with options", "apply them to the image", field=f"line {number}")
+    return contained(path.parent, file.replace("\\", "/"), path, f"line {number}")
 
 
 def _material(path: Path, name: str, entries: dict[str, tuple[int, str]]) -> Material:
-    texture = None
-    if "map_Kd" in entries:
+    texture, target = None, _texture_file(path, entries)
+    if target is not None:
         number, file = entries["map_Kd"]
-        if file.startswith("-"):
-            raise InputError(path, "map_Kd with options", "apply them to the image", field=f"line {number}")
-        target = contained(path.parent, file.replace("\\", "/"), path, f"line {number}")
         if not target.is_file():
             raise InputError(path, f"the texture {file[:60]!r} is missing", field=f"line {number}")
         with open_binary(target) as stream:

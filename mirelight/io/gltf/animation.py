@@ -164,7 +164,8 @@ def _world_at(document: Document, nodes: dict[int, Node], node: int, tracks: lis
 
 
 def _read_tracks(document: Document) -> list[Track]:
-    tracks = []
+    """The tracks of all animations: exporters split one shot into an animation per object."""
+    tracks: dict[tuple[int, str], Track] = {}
     for animation in document.top.children("animations"):
         samplers = animation.children("samplers")
         for channel in animation.children("channels"):
@@ -175,8 +176,11 @@ def _read_tracks(document: Document) -> list[Track]:
             index = channel.integer("sampler")
             if index >= len(samplers):
                 raise channel.fail("sampler", f"there is no sampler {index}")
-            tracks.append(_read_track(document, samplers[index], node, path))
-    return tracks
+            if (node, path) in tracks:
+                found = f"nodes[{node}].{path} is animated twice"
+                raise channel.fail("target", found, "keep one animation of the camera in the file")
+            tracks[node, path] = _read_track(document, samplers[index], node, path)
+    return list(tracks.values())
 
 
 def _read_track(document: Document, sampler: Fields, node: int, path: str) -> Track:

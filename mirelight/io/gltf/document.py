@@ -42,6 +42,7 @@ HANDLED_EXTENSIONS = frozenset(
         "KHR_materials_emissive_strength",
         "KHR_materials_ior",
         "KHR_materials_iridescence",
+        "KHR_materials_pbrSpecularGlossiness",
         "KHR_materials_sheen",
         "KHR_materials_specular",
         "KHR_materials_transmission",
@@ -130,7 +131,7 @@ class Document:
             InputError: another scheme, a path that leaves the folder, a missing file, bad base64.
         """
         uri = entry.text(name)
-        if uri[:5].lower() == "data:":
+        if _is_data(uri):
             head, comma, body = uri.partition(",")
             if not comma or not head.lower().endswith(";base64"):
                 raise entry.fail(name, "a data URI that is not base64")
@@ -138,8 +139,21 @@ class Document:
                 return np.frombuffer(base64.b64decode(body, validate=True), dtype=np.uint8)
             except (binascii.Error, ValueError):
                 raise entry.fail(name, "base64 that cannot be decoded", "the file is damaged") from None
-        target = contained(self.path.parent, unquote(uri.partition("#")[0]), self.path, entry.at(name))
-        return map_file(target, entry, name)
+        return map_file(self._neighbour(entry, name, uri), entry, name)
+
+    def neighbours(self) -> tuple[Path, ...]:
+        """The other files that the document names: its buffers and images outside itself.
+
+        Raises:
+            InputError: a URI that leaves the folder.
+        """
+        entries = [*self.top.children("buffers"), *self.top.children("images")]
+        uris = [(entry, entry.text("uri")) for entry in entries if "uri" in entry]
+        found = [self._neighbour(entry, "uri", uri) for entry, uri in uris if not _is_data(uri)]
+        return tuple(dict.fromkeys(found))
+
+    def _neighbour(self, entry: Fields, name: str, uri: str) -> Path:
+        return contained(self.path.parent, unquote(uri.partition("#")[0]), self.path, entry.at(name))
 
 
 def read_document(path: str | Path, handled: frozenset[str] = HANDLED_EXTENSIONS) -> Document:
@@ -183,6 +197,10 @@ def map_file(path: Path, entry: Fields | None = None, name: str = "") -> Bytes:
         return np.memmap(path, dtype=np.uint8, mode="r")
     except (OSError, ValueError) as e:
         raise fail(f"cannot be read ({getattr(e, 'strerror', None) or 'bad path'})") from None
+
+
+def _is_data(uri: str) -> bool:
+    return uri[:5].lower() == "data:"
 
 
 def _glb_chunks(path: Path, data: Bytes) -> tuple[Bytes, Bytes | None]:

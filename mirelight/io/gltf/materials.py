@@ -53,13 +53,16 @@ def read_materials(document: Document, used: set[int], textures: bool) -> dict[i
 
 
 def _surface(document: Document, entry: Fields, textures: bool, images: dict[int, F32]) -> Surface:
-    shape = entry.child("pbrMetallicRoughness")
-    factor = shape.vector("baseColorFactor", 4, (1, 1, 1, 1))[:3]
+    shape, names = entry.child("pbrMetallicRoughness"), ("baseColorFactor", "baseColorTexture")
+    glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
+    if glossy is not None:  # archived, but common in older files: its diffuse part is the base colour
+        shape, names = glossy, ("diffuseFactor", "diffuseTexture")
+    factor = shape.vector(names[0], 4, (1, 1, 1, 1))[:3]
     if np.any(factor < 0):
-        raise shape.fail("baseColorFactor", f"{factor.tolist()}", "it must not be negative")
+        raise shape.fail(names[0], f"{factor.tolist()}", "it must not be negative")
     image, uv = None, None
-    if textures and "baseColorTexture" in shape:
-        image, uv = _texture(document, shape.child("baseColorTexture"), images)
+    if textures and names[1] in shape:
+        image, uv = _texture(document, shape.child(names[1]), images)
     material = Material(
         name=entry.text("name", "") or entry.where,
         base_color=factor,

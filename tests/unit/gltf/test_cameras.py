@@ -152,6 +152,12 @@ def test_animation_errors_are_named(glb: Any) -> None:
         sample_cameras(glb.save(), fps=1e9)
     with pytest.raises(ValueError, match="either fps"):
         sample_cameras(glb.save(), fps=1, count=2)
+    animate(glb, node, "translation", np.ones((3, 3)))
+    with pytest.raises(
+        InputError, match=r"animations\[1\]\.channels\[0\]\.target: nodes\[0\]\.translation is animated twice"
+    ):
+        sample_cameras(glb.save(), count=2)
+    del glb.top["animations"][1]
     sampler = glb.top["animations"][0]["samplers"][0]
     sampler["interpolation"] = "CUBICSPLINE"
     with pytest.raises(InputError, match=r"animations\[0\]\.samplers\[0\]\.output"):

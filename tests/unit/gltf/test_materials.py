@@ -162,6 +162,11 @@ def test_factor_and_emission(glb: Any) -> None:
     assert found.emissive.tolist() == [20, 10, 0]
 
 
+def test_the_archived_specular_glossiness_model(glb: Any) -> None:
+    glossy = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.1, 0.2, 0.3, 1]}}
+    assert material(glb, extensions=glossy).base_color.tolist() == [0.1, 0.2, 0.3]
+
+
 def test_a_primitive_without_material_is_white_and_dark(glb: Any) -> None:
     glb.node(mesh=glb.mesh(glb.primitive()))
     found = proxy(glb).materials[0]

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight import colour
 from mirelight.model import (
@@ -27,6 +28,7 @@ from mirelight.model import (
 )
 
 _FULL_COVERAGE = np.float32(0.5)  # playcanvas: the share of a texel from which its one sample counts as a hit
+_FILL_REACH = 0.01  # ratio: share of the picture's longer side up to which the factor is carried past the proxy
 _NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole captured view is black
 
 
@@ -174,7 +176,7 @@ def _engine_tint(lighting: LightingBuffer, settings: RelightSettings, size: tupl
 
 
 def _ratio(new: LightingBuffer, captured: LightingBuffer, settings: RelightSettings) -> F32:
-    """min((L_new + d m) / (L_captured + d m), max) wherever the proxy covers anything; `background` elsewhere.
+    """min((L_new + d m) / (L_captured + d m), max) wherever the proxy covers anything, filled outwards from there.
 
     L is the lit proxy's radiance (premultiplied over coverage), m the mean luminance of L_captured over the proxy. It
     is the ratio of two averages over a pixel, and it is applied in full at partly covered pixels: the splats there are
@@ -187,8 +189,46 @@ def _ratio(new: LightingBuffer, captured: LightingBuffer, settings: RelightSetti
     radiance_new = _divide(new.beauty, new.coverage[..., None])
     radiance_captured = _divide(captured.beauty, captured.coverage[..., None])
     ratio = np.minimum((radiance_new + floor) / (radiance_captured + floor), np.float32(settings.max_ratio))
-    seen = (np.minimum(new.coverage, captured.coverage) > 0)[..., None]
-    return np.asarray(np.where(seen, ratio, np.float32(settings.background)), dtype=np.float32)
+    seen = np.minimum(new.coverage, captured.coverage) > 0
+    return _filled_outwards(ratio, seen, settings.background)
+
+
+def _filled_outwards(ratio: F32, seen: NDArray[np.bool_], background: float) -> F32:
+    """The ratio, continued into gaps of the proxy and past its silhouettes; far from it, `background`.
+
+    Splats reach past the proxy, and there an unchanged colour would stand out as an outline in the captured light.
+    """
+    if seen.all():
+        return ratio
+    weight = seen[..., None].astype(np.float32)
+    reach = _FILL_REACH * max(seen.shape)
+    filled = _pull_push(np.concatenate([ratio * weight, weight], axis=-1), reach)
+    trust = filled[..., 3:]
+    return np.asarray(np.where(seen[..., None], ratio, _mix(np.float32(background), filled[..., :3], trust)))
+
+
+def _pull_push(total: F32, reach: float) -> F32:
+    """Gaps filled by averages over ever larger blocks (Gortler et al. 1996, "The lumigraph", section 3.4.1).
+
+    Args:
+        total: (h, w, 4) sum of the known values of each block, and how many there are.
+        reach: blocks up to which a value is fully trusted; each doubling beyond halves the trust.
+
+    Returns:
+        (h, w, 4) values, and trust from 0 to 1.
+    """
+    known = total[..., 3:] > 0
+    values = _divide(total, total[..., 3:])  # the last channel becomes 1 where something is known, else 0
+    height, width = known.shape[:2]
+    if known.all() or height == width == 1:
+        return values
+    even = np.pad(total, ((0, height % 2), (0, width % 2), (0, 0)))
+    halved = even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]
+    coarse = _pull_push(halved, reach / 2)
+    above = _bilinear(coarse, even.shape[:2])[:height, :width]
+    if reach < 1:
+        above = above * np.array([1, 1, 1, 0.5], dtype=np.float32)
+    return np.asarray(np.where(known, values, above), dtype=np.float32)
 
 
 # --- multiplying -----------------------------------------------------------------------------------------------------
@@ -216,8 +256,8 @@ def _decode_premultiplied(color: F32, alpha: F32, profile: Profile) -> F32:
     return np.asarray(a * colour.decode(_divide(color, a), profile), dtype=np.float32)
 
 
-def _mix(a: np.float32, b: F32, share: float) -> F32:
-    s = np.float32(share)
+def _mix(a: np.float32, b: F32, share: float | F32) -> F32:
+    s = np.asarray(share, dtype=np.float32)
     return np.asarray(a * (1 - s) + b * s, dtype=np.float32)
 
 

@@ -207,12 +207,41 @@ def test_ratio_formula_with_regularisation() -> None:
 
 def test_ratio_is_applied_in_full_at_partly_covered_pixels() -> None:
     coverage = np.full((H, W), 0.03)
-    coverage[:, :4] = 0
-    settings = replace(RATIO, background=0.5)
-    frame = relight.apply(splat_layer(), lit(0.3, coverage), settings, captured=lit(0.6, coverage))
+    frame = relight.apply(splat_layer(), lit(0.3, coverage), RATIO, captured=lit(0.6, coverage))
     assert frame.factor is not None
-    np.testing.assert_allclose(frame.factor[:, 4:], (0.3 + 0.006) / (0.6 + 0.006), rtol=1e-5)
-    np.testing.assert_array_equal(frame.factor[:, :4], np.float32(0.5))
+    np.testing.assert_allclose(frame.factor, (0.3 + 0.006) / (0.6 + 0.006), rtol=1e-5)
+
+
+def wide_frame(radiance: Any, coverage: Any, background: float = 1.0) -> Any:
+    """The factor over 200 x 120 pixels whose captured radiance is 1."""
+    view = camera(200, 120)
+    settings = replace(RATIO, delta=0.0, background=background)
+    layer = splat_layer(camera=view, **sized(120, 200))
+    frame = relight.apply(layer, lit(radiance, coverage, view), settings, captured=lit(1.0, coverage, view))
+    assert frame.factor is not None
+    return frame.factor
+
+
+def test_ratio_is_carried_past_the_proxy_and_fades_to_the_background() -> None:
+    coverage = np.zeros((120, 200))
+    coverage[:, 150:] = 1
+    factor = wide_frame(0.25, coverage, background=3.0)
+    np.testing.assert_allclose(factor[:, 150:], 0.25, rtol=1e-6)
+    trust = (3.0 - factor[60, :150, 0]) / (3.0 - 0.25)
+    assert np.all(np.diff(trust) >= -1e-6)
+    assert trust[149] > 0.8
+    assert 0.1 < trust[140] < 0.6
+    assert trust[0] < 0.1
+
+
+def test_gaps_in_the_proxy_are_filled_from_their_rim() -> None:
+    coverage = np.ones((120, 200))
+    coverage[50:54, 100:103] = 0
+    ramp = np.broadcast_to(np.linspace(0.5, 1.5, 200)[None, :, None], (120, 200, 3))
+    factor = wide_frame(ramp, coverage, background=100.0)
+    np.testing.assert_allclose(factor, ramp, atol=0.02)
+    outside = coverage > 0
+    np.testing.assert_allclose(factor[outside], ramp[outside], rtol=1e-6)
 
 
 def test_ratio_is_clamped_and_shadows_stay_finite() -> None:

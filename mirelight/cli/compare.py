@@ -1,0 +1,115 @@
+"""`mirelight compare`: pairs of pictures scored, with thresholds for CI and a report in one file."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from mirelight.errors import InputError
+
+UNMET = 1  # exit code where a requirement does not hold
+
+
+def add_compare(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "compare",
+        help="score pictures against references, with a report",
+        description="Compare pairs of files, or folders whose files are matched by name. An even number of paths: the "
+        "first half are references, the second half their tests. Exit code 1: a requirement does not hold.",
+    )
+    parser.add_argument("paths", metavar="PATH", nargs="+", help="REFERENCE… TEST…: EXR, PNG, JPEG, WebP, or folders")
+    parser.add_argument("--html", metavar="FILE", help="write a report that opens from disk")
+    parser.add_argument("--json", metavar="FILE", help="write every figure as JSON")
+    parser.add_argument("--csv", metavar="FILE", help="write every figure as CSV")
+    parser.add_argument(
+        "--require",
+        metavar="FIGURE>=NUMBER",
+        action="append",
+        default=[],
+        help="a bound for every pair: psnr>=30, silhouette.flip<=0.1 (may be given again)",
+    )
+    parser.add_argument("--fit-gain", action="store_true", help="fit one factor on the reference's light per pair")
+    parser.add_argument("--exposure", metavar="STOPS", default="0", help="of linear pictures (0)")
+    parser.add_argument(
+        "--tone", choices=("none", "aces", "neutral", "agx"), default="none", help="tone curve of linear pictures"
+    )
+    parser.add_argument(
+        "--transfer",
+        choices=("auto", "srgb", "power"),
+        default="auto",
+        help="display curve; power: the real-time engine's 2.2; auto: as the files say",
+    )
+    parser.add_argument("--background", metavar="R,G,B", default="0,0,0", help="behind transparent pixels (0,0,0)")
+    parser.add_argument("--premultiplied", action="store_true", help="8-bit files hold colour times alpha")
+    parser.add_argument("--mask", metavar="PATH", help="only what is white there counts; a file, or a folder of files")
+    parser.add_argument("--band", metavar="PIXELS", default="4", help="silhouette band on either side (4)")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print no table")
+
+
+def run_compare(args: argparse.Namespace) -> int:
+    """The command. The table goes to stdout; 0 where every requirement holds, else 1."""
+    from mirelight.compare import CompareSettings, compare, find_pairs, parse_requirement, summary
+
+    if len(args.paths) % 2:
+        raise InputError("compare", f"{len(args.paths)} paths", "give as many tests as references")
+    paths = [Path(p) for p in args.paths]
+    half = len(paths) // 2
+    settings = CompareSettings(
+        exposure=_number("--exposure", args.exposure),
+        tone=args.tone,
+        transfer=args.transfer,
+        background=_colour(args.background),
+        premultiplied=args.premultiplied,
+        fit_gain=args.fit_gain,
+        band=_band(args.band),
+    )
+    requirements = [parse_requirement(text) for text in args.require]
+    outcome = compare(
+        find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None),
+        settings,
+        requirements=requirements,
+        html=Path(args.html) if args.html else None,
+        json=Path(args.json) if args.json else None,
+        csv=Path(args.csv) if args.csv else None,
+        progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
+    )
+    if not args.quiet:
+        print(summary(outcome))
+    elif outcome.failures:
+        print("\n".join(outcome.failures))
+    return UNMET if outcome.failures else 0
+
+
+def _counter() -> Callable[[int, int], None]:
+    def show(done: int, total: int) -> None:
+        end = "\r" if done < total else "\r\033[K"
+        print(f"pair {min(done + 1, total)} of {total}", end=end, file=sys.stderr, flush=True)
+
+    return show
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(name, f"{text!r} is not a number", "write one such as 1.5")
+    return value
+
+
+def _colour(text: str) -> tuple[float, float, float]:
+    values = tuple(_number("--background", part) for part in text.split(","))
+    if len(values) != 3:
+        raise InputError("--background", repr(text), "write three display values such as 0.5,0.5,0.5")
+    return values
+
+
+def _band(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 1000:
+        raise InputError("--band", repr(text), "write a whole number of pixels from 1 to 1000")
+    return int(text)

@@ -1,0 +1,65 @@
+"""The command as a person types it, without the process around it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mirelight.cli.compare import add_compare, run_compare
+from mirelight.errors import InputError
+
+
+def run(*words: Any) -> int:
+    parser = argparse.ArgumentParser()
+    add_compare(parser.add_subparsers(dest="command"))
+    return run_compare(parser.parse_args(["compare", *map(str, words)]))
+
+
+@pytest.fixture
+def files(made: Any, save: Any, lighter: Any) -> tuple[Path, Path]:
+    return save(made(), "a/f.exr"), save(lighter(made(), 1.5), "b/f.png")
+
+
+def test_files_are_written_and_the_table_printed(
+    files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outputs = {kind: tmp_path / f"r.{kind}" for kind in ("html", "json", "csv")}
+    words = [word for kind, path in outputs.items() for word in (f"--{kind}", path)]
+    assert run(*files, *words, "--fit-gain") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[0] == "f"
+    assert "1.5" in lines[1].split()
+    assert all(path.stat().st_size > 100 for path in outputs.values())
+
+
+def test_an_unmet_requirement_is_exit_code_1(files: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*files, "--require", "psnr>=5", "-q") == 0
+    assert capsys.readouterr().out == ""
+    assert run(*files, "--require", "psnr>=5", "--require", "psnr>=60", "-q") == 1
+    assert "all.psnr>=60 is not met" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--exposure", "bright"),
+        ("--exposure", "nan"),
+        ("--background", "1,2"),
+        ("--band", "0"),
+        ("--band", "2.5"),
+        ("--require", "nonsense"),
+        ("--mask", "gone.png"),
+    ],
+)
+def test_bad_options_are_one_line(files: Any, words: tuple[str, str]) -> None:
+    with pytest.raises(InputError) as caught:
+        run(*files, *words)
+    assert "\n" not in str(caught.value)
+
+
+def test_paths_come_in_pairs(files: Any) -> None:
+    with pytest.raises(InputError, match="give as many tests as references"):
+        run(*files, files[0])

@@ -30,22 +30,28 @@ def task(name: str) -> FrameTask:
     return FrameTask(camera=camera, lighting=None, name=name, fingerprint="0")
 
 
+def state(tally: Tally) -> tuple[int, float, float | None]:
+    """Frames there, share of the one in progress, seconds left."""
+    return tally.there, tally.begun, tally.left
+
+
 def test_time_left_counts_what_was_made_and_not_what_was_found(clock: Clock) -> None:
     tally = Tally()
     frames = [task(f"f{i}") for i in range(5)]
     tally.started(frames)
     tally.finished(frames[0], True)
-    assert tally.left is None
+    assert state(tally) == (1, 0.0, None)
     clock.now += 10
     tally.samples(frames[1], 32, 64)
-    assert (tally.begun, tally.left) == (0.5, 70)  # half a frame in 10 s: 3.5 frames are left
+    assert state(tally) == (1, 0.5, 70.0)  # half a frame in 10 s: 3.5 frames are left
     clock.now += 10
     tally.finished(frames[1], False)
-    assert (tally.begun, tally.left, tally.there) == (0, 60, 2)
+    assert state(tally) == (2, 0.0, 60.0)
     clock.now += 60
     for frame in frames[2:]:
         tally.finished(frame, False)
-    assert (tally.left, tally.there, tally.rendered, tally.skipped) == (0, 5, 4, 1)
+    assert state(tally) == (5, 0.0, 0.0)
+    assert (tally.rendered, tally.skipped) == (4, 1)
 
 
 def test_lines_for_logs(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from mirelight.io.job.fields import PROXY
-from mirelight.io.job.mistakes import Mistake, closest
+from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
+from mirelight.io.job.words import closest, shown
 
 _LIT = ("lights", "lights_from", "environment")
 
@@ -54,7 +55,7 @@ def _captured(data: dict[str, Any]) -> Iterator[Mistake]:
         near = closest(name, [n for n in names if isinstance(n, str)])
         remedy = f'did you mean "{near}"?' if near else "name one of the lightings, or give a table with lights"
         path: Path = ("captured", "lighting") if isinstance(captured, dict) else ("captured",)
-        yield Mistake(path, f"no lighting is named {name!r}", remedy)
+        yield Mistake(path, f"no lighting is named {shown(name)}", remedy)
 
 
 def _doubles(data: dict[str, Any], key: str, around: Path = ()) -> Iterator[Mistake]:
@@ -62,7 +63,7 @@ def _doubles(data: dict[str, Any], key: str, around: Path = ()) -> Iterator[Mist
     for i, table in enumerate(_entries(data, key)):
         name = table.get("name") if isinstance(table, dict) else None
         if isinstance(name, str) and name in first:
-            found = f"{name!r} is the name of {key}[{first[name]}] too"
+            found = f"{shown(name)} is the name of {key}[{first[name]}] too"
             yield Mistake((*around, key, i, "name"), found, "give each its own name")
         elif isinstance(name, str):
             first[name] = i

@@ -13,6 +13,8 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 from pydantic_core import PydanticCustomError
 
+from mirelight.io.job.words import shown, shown_path
+
 LARGEST = 1e9  # no length, position or intensity of a job is larger; keeps float32 arithmetic far from overflow
 
 
@@ -95,7 +97,7 @@ ColorOrGray: TypeAlias = Annotated[Color, BeforeValidator(_gray, json_schema_inp
 
 def _file_name(name: str) -> str:
     if name[0] == "." or any(c in '/\\:*?"<>|' or not c.isprintable() for c in name):
-        raise wrong(f"{name!r} cannot be part of a file name", "use letters, digits, spaces, '-', '_' and '.'")
+        raise wrong(f"{shown(name)} cannot be part of a file name", "use letters, digits, spaces, '-', '_' and '.'")
     return name
 
 
@@ -106,18 +108,18 @@ LightName: TypeAlias = Annotated[str, Field(min_length=1, max_length=100)]
 def _existing(value: str, info: ValidationInfo) -> str:
     """Checks the path against the job's folder, so that a missing file is reported with the job's other mistakes."""
     if "://" in value:
-        raise wrong(f"{value!r} is an address", "fetch the file and name its path")
+        raise wrong(f"{shown_path(value)} is an address", "fetch the file and name its path")
     base = (info.context or {}).get("base")
     try:
         missing = base is not None and not (base / value).exists()
     except OSError as e:
         raise wrong(
-            f"{value!r} cannot be reached ({e.strerror})", "check the path and its folders' permissions"
+            f"{shown_path(value)} cannot be reached ({e.strerror})", "check the path and its folders' permissions"
         ) from None
     except ValueError:
-        raise wrong(f"{value!r} cannot be a path", "name a file, relative to the job file") from None
+        raise wrong(f"{shown_path(value)} cannot be a path", "name a file, relative to the job file") from None
     if missing:
-        raise wrong(f"there is no file {value!r}", f"paths are relative to the job file's folder, {base}")
+        raise wrong(f"there is no file {shown_path(value)}", f"paths are relative to the job file's folder, {base}")
     return value
 
 

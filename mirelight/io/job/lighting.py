@@ -21,10 +21,11 @@ from mirelight.io.job.light_tables import (
     SpotTable,
     SunTable,
 )
-from mirelight.io.job.mistakes import Mistake, closest
+from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.placing import environment_rotation, matrix, placed_light
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import EnvironmentTable
+from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import (
     F32,
     AreaLight,
@@ -85,7 +86,7 @@ def choose(
     """Indices of the wanted names (None: of all); one that does not exist is added to `wrong`."""
     if wanted is None:
         if not names:
-            wrong.append(Mistake(at, f"{file!r} holds no {what}", "name a file that does, or leave it out"))
+            wrong.append(Mistake(at, f"{shown_path(file)} holds no {what}", "name a file that does, or leave it out"))
         yield from range(len(names))
         return
     for i, name in enumerate(wanted):
@@ -95,7 +96,7 @@ def choose(
         near = closest(name, names)
         listed = f"it has {', '.join(names[:10])}" if names else "it has none"
         remedy = f'did you mean "{near}"?' if near else listed
-        wrong.append(Mistake((*at, "names", i), f"no {what} {name!r} in {file!r}", remedy))
+        wrong.append(Mistake((*at, "names", i), f"no {what} {shown(name)} in {shown_path(file)}", remedy))
 
 
 def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[Mistake]) -> list[Light]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -13,36 +12,9 @@ from pydantic_core import ErrorDetails
 
 from mirelight.io.job.outline import Outline
 from mirelight.io.job.positions import Path
+from mirelight.io.job.words import closest, shown
 
-_SHOWN, _LONGEST = 40, 12  # characters of a value, and keys, that a message shows
-
-# Names for the same thing in glTF, PlayCanvas, Blender and Mitsuba, where spelling alone does not lead to ours.
-_ELSEWHERE = {
-    "fov": "yfov",
-    "angle": "angular_diameter",
-    "omni": "point",
-    "rectangle": "area",
-    "sphere": "area",
-    "file": "path",
-    "filename": "path",
-    "equirect": "path",
-    "rotation": "rotation_euler",
-    "euler_angles": "rotation_euler",
-    "quaternion": "rotation_quaternion",
-    "samples": "spp",
-    "sample_count": "spp",
-    "bounces": "max_depth",
-    "strength": "intensity",
-    "power": "intensity",
-    "energy": "intensity",
-    "colour": "color",
-    "ortho_height": "ymag",
-    "lights_punctual": "lights",
-    "env": "environment",
-    "skybox": "environment",
-    "tone_mapping": "tone",
-    "perspective_camera": "perspective",
-}
+_LONGEST = 12  # keys that a message lists
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +25,6 @@ class Mistake:
     found: str
     remedy: str
     at_key: bool = False  # the key itself is wrong, not its value
-
-
-def label(path: Path) -> str:
-    """The path as a person writes it: ``lights[2].range``."""
-    out = ""
-    for part in path:
-        if isinstance(part, int):
-            out += f"[{part}]"
-        else:
-            name = part if re.fullmatch(r"[\w-]+", part) else repr(part)
-            out += f".{name}" if out else name
-    return out
 
 
 def locate(location: tuple[str | int, ...], data: Any) -> Path:
@@ -139,23 +99,6 @@ def _plain(kind: str, context: dict[str, Any]) -> str:
     return kinds.get(kind, f"give another value ({kind.replace('_', ' ')})")
 
 
-def shown(value: Any) -> str:
-    """A value as a message shows it."""
-    match value:
-        case bool():
-            return str(value).lower()
-        case int() | float():
-            return f"{value:g}" if isinstance(value, float) else str(value)
-        case str():
-            return repr(value) if len(value) <= _SHOWN else repr(value[:_SHOWN] + "…")
-        case list():
-            return f"a list of {len(value)}"
-        case dict():
-            return "a table"
-        case _:
-            return f"a {type(value).__name__}"
-
-
 def _count(length: int) -> str:
     return "an empty list" if length == 0 else f"{length} value{'s' if length > 1 else ''}"
 
@@ -199,19 +142,10 @@ def _other_key(path: Path, data: dict[str, Any], outline: Outline) -> str:
 def _khr_cone(spot: dict[str, Any]) -> str:
     """What KHR_lights_punctual's ``spot = { innerConeAngle, … }``, in radians, is here."""
     angles = {"inner_cone_angle": spot.get("innerConeAngle"), "outer_cone_angle": spot.get("outerConeAngle")}
-    found = [f"{name} = {math.degrees(a):.6g}" for name, a in angles.items() if isinstance(a, int | float)]
+    found = [
+        f"{name} = {math.degrees(a):.6g}" for name, a in angles.items() if isinstance(a, int | float) and abs(a) < 7
+    ]
     return f"write {' and '.join(found or angles)} on the light itself, in degrees"
-
-
-def closest(name: str, known: list[str]) -> str | None:
-    """The known name that was most likely meant; None where nothing is close."""
-    snake = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().replace("-", "_")
-    if snake in known:
-        return snake
-    if _ELSEWHERE.get(snake) in known:
-        return _ELSEWHERE[snake]
-    near = difflib.get_close_matches(snake, known, n=1, cutoff=0.6)
-    return near[0] if near else None
 
 
 def data_at(data: Any, path: Path) -> Any:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from mirelight.errors import InputError
-from mirelight.io.job.mistakes import label
 from mirelight.io.job.positions import Path
+from mirelight.io.job.words import label, shown
 
 _SEGMENT = re.compile(r"""(?P<bare>[A-Za-z0-9_-]+)|"(?P<basic>[^"\\]*)"|'(?P<literal>[^']*)'""")
 _INDEX = re.compile(r"\[(\d{1,6})\]")
@@ -51,7 +51,7 @@ def _path(key: str, source: str) -> Path:
         elif segment:
             path, at = (*path, str(segment[segment.lastgroup or 0])), segment.end()
         else:
-            raise InputError(source, f"{key!r} is not a key", "write it as render.spp or lights[0].intensity")
+            raise InputError(source, f"{shown(key)} is not a key", "write it as render.spp or lights[0].intensity")
     if not path:
         raise InputError(source, "no key before '='", "write key=value, e.g. render.spp=256")
     return path
@@ -67,7 +67,7 @@ def _value(text: str, source: str) -> Any:
     if _WORD.fullmatch(text):
         return text
     raise InputError(
-        source, f"{text[:40]!r} is not a TOML value", "write numbers plain, strings in quotes, lists in [ ]"
+        source, f"{shown(text)} is not a TOML value", "write numbers plain, strings in quotes, lists in [ ]"
     )
 
 

@@ -22,6 +22,7 @@ from mirelight.io.job.fields import (
     paths_as_tables,
     wrong,
 )
+from mirelight.io.job.words import shown
 
 
 class Transform(Table):
@@ -75,13 +76,13 @@ class SplatsTable(Table):
 def _albedo(value: Any) -> Any:
     if isinstance(value, str):
         if value != "file":
-            raise wrong(repr(value), 'give a number, [r, g, b] or "file"')
+            raise wrong(shown(value), 'give a number, [r, g, b] or "file"')
         return value
     values = value if isinstance(value, list) else [value] * 3
     if len(values) != 3 or any(isinstance(v, bool) or not isinstance(v, int | float) for v in values):
-        raise wrong(repr(value), 'give a number, [r, g, b] or "file"')
+        raise wrong(shown(value), 'give a number, [r, g, b] or "file"')
     if not all(0 <= v <= 1 for v in values):
-        raise wrong(f"an albedo of {value}", "give values from 0 to 1")
+        raise wrong(f"an albedo of {shown(value)}", "give values from 0 to 1")
     return [float(v) for v in values]
 
 

@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +14,27 @@ from mirelight.errors import InputError, ManyInputsError
 from mirelight.io import safety
 from mirelight.io.job import overrides as overriding
 from mirelight.io.job import positions
-from mirelight.io.job.mistakes import Mistake, label, locate
+from mirelight.io.job.mistakes import Mistake, locate
 from mirelight.io.job.overrides import Override
+from mirelight.io.job.words import label
 
 _MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Source:
     """The job file and what was laid over it."""
 
     path: Path  # absolute
     shown: str  # the path as the user wrote it
-    data: dict[str, Any]
-    places: positions.Positions
+    text: str
+    data: dict[str, Any]  # of the text, with the overrides laid over it
     overrides: tuple[Override, ...] = ()
+
+    @cached_property
+    def places(self) -> positions.Positions:
+        """Where everything stands in the text; worked out when the first mistake asks for it."""
+        return positions.index(self.text)
 
     @property
     def folder(self) -> Path:
@@ -86,8 +93,8 @@ def read(path: str | Path, overrides: Sequence[str | Override] = ()) -> Source:
     return Source(
         path=Path(path).absolute(),
         shown=str(path),
+        text=text,
         data=overriding.apply(data, over),
-        places=positions.index(text),
         overrides=over,
     )
 

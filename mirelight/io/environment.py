@@ -58,7 +58,7 @@ def write_environment(path: str | Path, radiance: F32) -> None:
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
-        exr.write_exr(path, {name: radiance[..., i] for i, name in enumerate("RGB")})
+        exr.write_exr(path, {"": radiance})
     elif suffix == ".hdr":
         hdr.write_hdr(path, radiance)
     else:

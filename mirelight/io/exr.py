@@ -52,17 +52,18 @@ class ExrImage:
 
 def write_exr(
     path: str | Path,
-    channels: Mapping[str, NDArray[Any]],
+    images: Mapping[str, NDArray[Any]],
     metadata: Metadata | None = None,
     half: Collection[str] = (),
 ) -> None:
-    """Write one part with all channels, ZIP compressed.
+    """Write one part with all images, ZIP compressed. C-contiguous float32 arrays are not copied.
 
     Args:
         path: the file to write.
-        channels: full name -> (h, w) of one size.
+        images: by the name of a layer ("" for none) its colour (h, w, 3) RGB or (h, w, 4) RGBA; by the full name of a
+            channel, e.g. "depth.Z", that channel (h, w). All of one size.
         metadata: header attributes besides the necessary ones.
-        half: channels to store as 16-bit floats, clamped to 65504; the others are 32-bit.
+        half: names of images to store as 16-bit floats, clamped to 65504; the others are 32-bit.
 
     Raises:
         OutputError: the file cannot be written; nothing half-written is left.
@@ -75,7 +76,7 @@ def write_exr(
         "chromaticities": _REC709,
         **(metadata or {}),
     }
-    planes = {name: _plane(values, name in half) for name, values in channels.items()}
+    planes = {name or "RGBA"[: values.shape[2]]: _plane(values, name in half) for name, values in images.items()}
     with atomic_path(path) as temporary:
         try:
             with OpenEXR.File(header, planes) as file:
@@ -136,7 +137,7 @@ def read_header(path: str | Path) -> list[dict[str, Any]]:
 
 
 def _plane(values: NDArray[Any], half: bool) -> NDArray[Any]:
-    """A C-contiguous copy in the stored type: the package writes any other layout wrong without an error."""
+    """The array in the stored type, C-contiguous: the package writes any other layout wrong without an error."""
     if half:
         return np.ascontiguousarray(np.clip(values, -_MAX_HALF, _MAX_HALF), dtype=np.float16)
     return np.ascontiguousarray(values, dtype=np.float32)

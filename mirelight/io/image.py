@@ -47,8 +47,8 @@ def write(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        channels = _channels(frame, output)
-        write_exr(path, channels, _metadata(frame), half=_colours(channels) if output.half else ())
+        images = _images(frame, output)
+        write_exr(path, images, _metadata(frame), half=_colours(images) if output.half else ())
     elif suffix == ".png":
         profile = frame.splats.profile if frame.splats is not None else "physical"
         write_png(path, encode_display(frame.rgba, display, profile), _texts(frame))
@@ -88,30 +88,28 @@ def layer_names(names: tuple[str, ...]) -> tuple[str, ...]:
 # --- OpenEXR ---------------------------------------------------------------------------------------------------------
 
 
-def _channels(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
-    """Every channel by its full name. The relit picture has no layer name, so that simple readers show it."""
-    out = _split("", frame.rgba, "RGBA")
+def _images(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
+    """Every layer or channel by its name. The relit picture has no layer name, so that simple readers show it."""
+    out: dict[str, NDArray[Any]] = {"": frame.rgba}
     if frame.unlit is not None:
-        out |= _split("unlit", frame.unlit, "RGBA")
+        out["unlit"] = frame.unlit
     if frame.factor is not None:
-        out |= _split("factor", frame.factor, "RGB")
+        out["factor"] = frame.factor
     if frame.noise is not None and output.aovs:
-        out |= _split("noise", frame.noise, "RGB")
-    if frame.noise is not None and output.aovs:
-        out |= _split("noise", frame.noise, "RGB")
+        out["noise"] = frame.noise
     if frame.splats is not None and output.aovs:
-        out |= _splat_channels(frame.splats)
+        out |= _splat_images(frame.splats)
     if frame.lighting is not None:
-        out |= _lighting_channels(frame.lighting, output)
+        out |= _lighting_images(frame.lighting, output)
     return out
 
 
-def _colours(channels: Mapping[str, NDArray[Any]]) -> frozenset[str]:
-    """Channels that hold colour or alpha; noise and its square can be too small for 16 bits."""
-    return frozenset(name for name in channels if name[-1] in "RGBA" and not name.startswith(("noise.", "variance.")))
+def _colours(images: Mapping[str, NDArray[Any]]) -> frozenset[str]:
+    """Names of colours; noise and its square can be too small for 16 bits."""
+    return frozenset(name for name, x in images.items() if x.ndim == 3 and name not in ("noise", "variance"))
 
 
-def _splat_channels(splats: SplatLayer) -> dict[str, NDArray[Any]]:
+def _splat_images(splats: SplatLayer) -> dict[str, NDArray[Any]]:
     return {
         "transmittance.Y": splats.transmittance,
         "splat_depth.Z": splats.depth,
@@ -119,26 +117,24 @@ def _splat_channels(splats: SplatLayer) -> dict[str, NDArray[Any]]:
     }
 
 
-def _lighting_channels(lighting: LightingBuffer, output: OutputSettings) -> dict[str, NDArray[Any]]:
-    out = _split("lighting", lighting.beauty, "RGB") | {"lighting.A": lighting.coverage}
+def _lighting_images(lighting: LightingBuffer, output: OutputSettings) -> dict[str, NDArray[Any]]:
+    out: dict[str, NDArray[Any]] = {"lighting": np.dstack([lighting.beauty, lighting.coverage])}
     if output.layers:
         names = layer_names(tuple(layer.name for layer in lighting.layers))
         for name, layer in zip(names, lighting.layers, strict=True):
-            out |= _split(f"{name}_direct", layer.direct, "RGB") | _split(f"{name}_indirect", layer.indirect, "RGB")
+            out |= {f"{name}_direct": layer.direct, f"{name}_indirect": layer.indirect}
     if output.aovs:
-        out |= {"depth.Z": lighting.depth}
-        out |= _split("position", lighting.position, "XYZ")
-        out |= _split("normal", lighting.normal, "XYZ")
-        out |= _split("geometric_normal", lighting.geometric_normal, "XYZ")
-        out |= _split("albedo", lighting.albedo, "RGB")
+        out |= {"depth.Z": lighting.depth, "albedo": lighting.albedo}
+        out |= _xyz("position", lighting.position)
+        out |= _xyz("normal", lighting.normal)
+        out |= _xyz("geometric_normal", lighting.geometric_normal)
         if lighting.variance is not None:
-            out |= _split("variance", lighting.variance, "RGB")
+            out["variance"] = lighting.variance
     return out
 
 
-def _split(layer: str, values: NDArray[Any], names: str) -> dict[str, NDArray[Any]]:
-    prefix = f"{layer}." if layer else ""
-    return {prefix + name: values[..., i] for i, name in enumerate(names)}
+def _xyz(layer: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    return {f"{layer}.{name}": values[..., i] for i, name in enumerate("XYZ")}
 
 
 def _metadata(frame: Frame) -> Metadata:

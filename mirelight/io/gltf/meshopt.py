@@ -31,7 +31,7 @@ def decompress(packed: Fields, data: Bytes, length: int) -> Bytes:
     if stride * count > length or stride * count > _MOST_EXPANSION * len(data):
         raise packed.fail("count", f"{count} elements of {stride} bytes do not fit", "the file is damaged")
     try:
-        import meshopt  # type: ignore[import-untyped,import-not-found,unused-ignore]
+        import meshopt
     except ImportError:
         raise packed.fail("", "meshopt compression", _REMEDY) from None
     try:

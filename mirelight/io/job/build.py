@@ -145,7 +145,8 @@ def _lightings(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[L
     if table.lights or table.lights_from or table.environment:
         return (lighting.lighting("lighting", table, (), assets, wrong),)
     lights: tuple[Light, ...] = ()
-    if table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
+    is_silent = not {"lights", "lights_from", "environment", "lightings"} & table.model_fields_set
+    if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
         found, m = assets.gltf_lights(PROXY)
         lights = lighting.unique([placing.placed_light(light, m) for light in found])
     return (Lighting(name="lighting", lights=lights),) if lights else ()

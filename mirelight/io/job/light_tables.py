@@ -188,6 +188,11 @@ class LightingTable(Lit):
 
     name: Name = Field(description="Part of the frames' file names.")
 
+    @model_validator(mode="after")
+    def _check(self) -> LightingTable:
+        _lit(self)
+        return self
+
 
 class CapturedTable(Lit):
     """The lighting under which the splats were captured: given here, or one of the job's lightings."""
@@ -198,9 +203,16 @@ class CapturedTable(Lit):
 
     @model_validator(mode="after")
     def _check(self) -> CapturedTable:
-        if self.lighting is not None and (self.lights or self.lights_from or self.environment):
+        if self.lighting is None:
+            _lit(self)
+        elif self.lights or self.lights_from or self.environment:
             raise wrong("a lighting's name and lights", "keep one of them", at="lighting")
         return self
+
+
+def _lit(table: Lit) -> None:
+    if not (table.lights or table.lights_from or table.environment):
+        raise wrong("no light in it", "add lights, lights_from or environment")
 
 
 def _name_as_table(value: Any) -> Any:

@@ -371,6 +371,10 @@ def test_captured_as_a_table(write_job: WriteJob) -> None:
     assert captured is not None and captured.layer_names == ("sun",)
 
 
+def test_an_empty_list_of_lights_is_no_light(write_job: WriteJob) -> None:
+    assert job.load(write_job(SCENE + "lights = []\n")).scene.lightings == ()
+
+
 def test_splats_alone_are_shown_as_captured(write_job: WriteJob) -> None:
     scene = job.load(write_job('splats = "splats.ply"')).scene
     assert scene.lightings == () and scene.proxy is None and len(scene.cameras) == 1

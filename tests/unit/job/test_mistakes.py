@@ -56,7 +56,7 @@ CASES = {
 
 
 def test_the_cases_were_found() -> None:
-    assert len(CASES) == 43
+    assert len(CASES) == 46
 
 
 @pytest.mark.parametrize("name", CASES)

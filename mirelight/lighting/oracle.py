@@ -217,9 +217,20 @@ def sky(mi: Any, environment: Environment) -> dict[str, Any]:
     """The environment as `constant` or `envmap`, turned into our convention."""
     if environment.is_constant:
         return {"type": "constant", "radiance": _rgb(mi, environment.radiance[0, 0] * environment.intensity)}
-    pixels = np.ascontiguousarray(environment.radiance * np.float32(environment.intensity))
+    pixels = _rows_on_poles(environment.radiance * np.float32(environment.intensity))
     turn = mi.ScalarTransform4f().rotate([0, 1, 0], 90.0 + environment.rotation)
     return {"type": "envmap", "bitmap": mi.Bitmap(pixels), "to_world": turn}
+
+
+def _rows_on_poles(pixels: F32) -> F32:
+    """The map with rows at equal steps from pole to pole, as Mitsuba's `envmap` takes them; others put pixel centres
+    half a row away from the poles. Four times as many rows keep what lies between them."""
+    h = len(pixels)
+    at = np.clip(np.linspace(0, 1, 4 * h) * h - 0.5, 0, h - 1)
+    low = np.minimum(at.astype(np.int64), h - 2) if h > 1 else np.zeros(4 * h, np.int64)
+    share = (at - low)[:, None, None]
+    resampled = pixels[low] * (1 - share) + pixels[np.minimum(low + 1, h - 1)] * share
+    return np.ascontiguousarray(resampled, dtype=np.float32)
 
 
 def mesh(mi: Any, proxy: ProxyMesh, bsdf: dict[str, Any], faces: NDArray[np.int32], glow: Any = None) -> Any:
@@ -318,10 +329,12 @@ def scene(mi: Any, proxy: ProxyMesh, lighting: Lighting, camera: Camera) -> Any:
     return mi.load_dict(out)
 
 
-def path_beauty(mi: Any, world: Any, *, spp: int, max_depth: int, seed: int, roulette_from: int = 5) -> tuple[F32, F32]:
-    """What Mitsuba's `path` makes of it: ((H, W, 3) premultiplied radiance, (H, W) coverage). `max_depth` is ours."""
-    integrator = mi.load_dict(
-        {"type": "path", "max_depth": max_depth + 1, "rr_depth": roulette_from, "hide_emitters": True}
-    )
+def path_beauty(
+    mi: Any, world: Any, *, spp: int, max_depth: int, seed: int, hide_lights: bool = True
+) -> tuple[F32, F32]:
+    """What Mitsuba's `path` makes of it: ((H, W, 3) premultiplied radiance, (H, W) coverage). `max_depth` is ours.
+
+    `hide_lights` keeps the sky and glowing shapes out of what the camera sees directly."""
+    integrator = mi.load_dict({"type": "path", "max_depth": max_depth + 1, "rr_depth": 5, "hide_emitters": hide_lights})
     picture = np.asarray(mi.render(world, integrator=integrator, spp=spp, seed=seed), np.float32)
     return np.ascontiguousarray(picture[..., :3]), np.ascontiguousarray(picture[..., 3])

@@ -19,6 +19,8 @@ def trace_scalar(
 ) -> LightingBuffer:
     """As `Tracer.trace`, by `path`: each layer twice, with and without bounces, exactly `spp` samples each.
 
+    Unlike there, surfaces glow from their front alone and area lights block light.
+
     Raises:
         RenderError: a light that Mitsuba has no equal of (a lamp with both a radius and a cone or range).
     """
@@ -27,8 +29,12 @@ def trace_scalar(
     made: list[LightLayer] = []
     for name, body, source in _sources(proxy, dull, lighting, layers):
         world = oracle.scene(mi, body, source, camera)
-        direct, _ = oracle.path_beauty(mi, world, spp=settings.spp, max_depth=1, seed=settings.seed)
-        total, _ = oracle.path_beauty(mi, world, spp=settings.spp, max_depth=settings.max_depth, seed=settings.seed)
+        direct, total = (
+            oracle.path_beauty(
+                mi, world, spp=settings.spp, max_depth=depth, seed=settings.seed, hide_lights=body is dull
+            )[0]
+            for depth in (1, settings.max_depth)
+        )
         made.append(LightLayer(name=name, direct=direct, indirect=total - direct))
     coverage, position, normal, facing, albedo = _surface(mi, oracle.scene(mi, dull, Lighting(), camera), settings)
     to_viewer = _to_viewer(camera, position)

@@ -124,14 +124,14 @@ def _triangles(path: Path, text: _Text, vertices: int) -> tuple[I32, NDArray[np.
     """(F, 3) faces, (V, 3) position, uv and normal index of each of their vertices (-1: none), F material names."""
     plain = not any("/" in corners for _, corners, _ in text.faces)
     known: dict[tuple[int, int, int], int] = {}
+    seen: dict[str, int] = {}  # corners as written -> vertex; most are written about six times
     faces: list[tuple[int, int, int]] = []
     materials: list[str] = []
     for (number, corners, material), counts in zip(text.faces, text.counts, strict=True):
         try:
-            keys = [_corner(corner, counts) for corner in corners.split()]
+            ids = [seen[c] if c in seen else _vertex(c, counts, known, seen, plain) for c in corners.split()]
         except (ValueError, IndexError):
             raise InputError(path, f"a face {corners[:40]!r}", "the file is damaged", field=f"line {number}") from None
-        ids = [key[0] for key in keys] if plain else [known.setdefault(key, len(known)) for key in keys]
         fan = [(ids[0], ids[i], ids[i + 1]) for i in range(1, len(ids) - 1)]
         faces += fan
         materials += [material] * len(fan)
@@ -142,6 +142,17 @@ def _triangles(path: Path, text: _Text, vertices: int) -> tuple[I32, NDArray[np.
         every[:, 0] = np.arange(vertices)
         return np.array(faces, dtype=np.int32), every, materials
     return np.array(faces, dtype=np.int32), np.array(list(known), dtype=np.int64), materials
+
+
+def _vertex(
+    text: str, counts: tuple[int, int, int], known: dict[tuple[int, int, int], int], seen: dict[str, int], plain: bool
+) -> int:
+    """The vertex of a corner met for the first time: its position's index, or a new number for a new combination."""
+    key = _corner(text, counts)
+    vertex = key[0] if plain else known.setdefault(key, len(known))
+    if "-" not in text:  # counting back means something else on every line
+        seen[text] = vertex
+    return vertex
 
 
 def _corner(text: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:

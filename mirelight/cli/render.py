@@ -11,13 +11,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mirelight import pipeline
-from mirelight.cli import progress
+from mirelight.cli import INTERRUPTED, progress
 from mirelight.cli.frames import FrameFiles
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job
-
-INTERRUPTED = 130
 
 
 def run_render(args: argparse.Namespace) -> int:

@@ -32,7 +32,12 @@ class _Text:
     normals: list[str] = field(default_factory=list)
     faces: list[tuple[int, str, str]] = field(default_factory=list)  # line, corners, material
     libraries: list[tuple[int, str]] = field(default_factory=list)
-    counts: list[tuple[int, int, int]] = field(default_factory=list)  # v, vt, vn before each face
+    before: dict[int, tuple[int, int, int]] = field(default_factory=dict)  # v, vt, vn before lines that count back
+
+    @property
+    def totals(self) -> tuple[int, int, int]:
+        """How many v, vt and vn there are so far."""
+        return len(self.positions), len(self.uvs), len(self.normals)
 
 
 def read_obj(path: Path, textures: bool) -> ProxyMesh:
@@ -60,7 +65,8 @@ def read_obj(path: Path, textures: bool) -> ProxyMesh:
     vertices = positions[rows, :3]
     found = _libraries(path, text.libraries) if textures else {}
     names = list(dict.fromkeys(materials))
-    owners = np.array([names.index(name) for name in materials], dtype=np.int32)
+    number = {name: i for i, name in enumerate(names)}
+    owners = np.array([number[name] for name in materials], dtype=np.int32)
     return ProxyMesh(
         vertices=vertices,
         faces=faces,
@@ -91,12 +97,13 @@ def _sorted_statements(text: str) -> _Text:
     out, material = _Text(), ""
     kinds = {"v": out.positions, "vt": out.uvs, "vn": out.normals}
     for number, line in enumerate(text.replace("\\\n", " ").splitlines(), start=1):
-        kind, _, rest = line.strip().partition(" ")
-        if kind in kinds:
-            kinds[kind].append(rest)
-        elif kind == "f":
+        kind, _, rest = line.lstrip().partition(" ")
+        if kind == "f":
             out.faces.append((number, rest, material))
-            out.counts.append((len(out.positions), len(out.uvs), len(out.normals)))
+            if "-" in rest:
+                out.before[number] = out.totals
+        elif kind in kinds:
+            kinds[kind].append(rest)
         elif kind == "usemtl":
             material = rest.strip()
         elif kind == "mtllib":
@@ -125,29 +132,34 @@ def _triangles(path: Path, text: _Text, vertices: int) -> tuple[I32, NDArray[np.
     plain = not any("/" in corners for _, corners, _ in text.faces)
     known: dict[tuple[int, int, int], int] = {}
     seen: dict[str, int] = {}  # corners as written -> vertex; most are written about six times
-    faces: list[tuple[int, int, int]] = []
+    faces: list[int] = []
     materials: list[str] = []
-    for (number, corners, material), counts in zip(text.faces, text.counts, strict=True):
+    totals = text.totals
+    for number, corners, material in text.faces:
         try:
-            ids = [seen[c] if c in seen else _vertex(c, counts, known, seen, plain) for c in corners.split()]
+            ids = [seen.get(c, -1) for c in corners.split()]
+            if -1 in ids:
+                counts = text.before.get(number, totals)
+                ids = [_vertex(c, counts, known, seen, plain) for c in corners.split()]
         except (ValueError, IndexError):
             raise InputError(path, f"a face {corners[:40]!r}", "the file is damaged", field=f"line {number}") from None
-        fan = [(ids[0], ids[i], ids[i + 1]) for i in range(1, len(ids) - 1)]
-        faces += fan
-        materials += [material] * len(fan)
+        for i in range(1, len(ids) - 1):
+            faces += (ids[0], ids[i], ids[i + 1])
+            materials.append(material)
     if not faces:
         raise InputError(path, "no triangles (faces of fewer than three corners)", "give a mesh")
+    triangles = np.array(faces, dtype=np.int32).reshape(-1, 3)
     if plain:
         every = np.full((vertices, 3), -1, dtype=np.int64)
         every[:, 0] = np.arange(vertices)
-        return np.array(faces, dtype=np.int32), every, materials
-    return np.array(faces, dtype=np.int32), np.array(list(known), dtype=np.int64), materials
+        return triangles, every, materials
+    return triangles, np.array(list(known), dtype=np.int64), materials
 
 
 def _vertex(
     text: str, counts: tuple[int, int, int], known: dict[tuple[int, int, int], int], seen: dict[str, int], plain: bool
 ) -> int:
-    """The vertex of a corner met for the first time: its position's index, or a new number for a new combination."""
+    """The vertex of a corner: its position's index, or a number for each different combination."""
     key = _corner(text, counts)
     vertex = key[0] if plain else known.setdefault(key, len(known))
     if "-" not in text:  # counting back means something else on every line

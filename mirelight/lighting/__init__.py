@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from mirelight.lighting.trace import Progress, Tracer, trace
+from mirelight.lighting.trace import Interrupted, Progress, Tracer, trace
 
-__all__ = ["Progress", "Tracer", "trace"]
+__all__ = ["Interrupted", "Progress", "Tracer", "trace"]

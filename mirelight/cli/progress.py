@@ -47,6 +47,9 @@ class Tally:
         else:
             self.rendered += 1
 
+    def stopping(self) -> None:
+        """The run was told to stop and will, at the end of the step it is in."""
+
     @property
     def there(self) -> int:
         """Frames that exist: made now, or found."""
@@ -121,6 +124,10 @@ class Bar(Tally):
         """A frame is there."""
         super().finished(task, skipped)
         self._show(task)
+
+    def stopping(self) -> None:
+        """Says so in place of the frame's name."""
+        self._bar.update(self._row, frame="stopping")
 
     def _show(self, task: FrameTask) -> None:
         left = f", {duration(self.left)} left" if self.left is not None else ""

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mirelight import pipeline
-from mirelight.cli import INTERRUPTED, progress
+from mirelight.cli import progress, stop
 from mirelight.cli.frames import FrameFiles
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
@@ -32,13 +32,14 @@ def run_render(args: argparse.Namespace) -> int:
             )
             files = FrameFiles(work.output, work.display)
             files.prepare()
-            pipeline.render(work, tasks, is_done=files.exist, sink=files.write, progress=told)
-    except KeyboardInterrupt:
+            with stop.Watched(told) as watched:
+                pipeline.render(work, tasks, is_done=files.exist, sink=files.write, progress=watched)
+    except BaseException as e:
+        code = stop.exit_code(e)
+        if code is None:
+            raise
         _say_what_is_left(told, files)
-        return INTERRUPTED
-    except SystemExit:
-        _say_what_is_left(told, files)
-        raise
+        return code
     if not args.quiet:
         existed = f", {told.skipped} of them already there" if told.skipped else ""
         print(f"{_frames(told.there)} in {_shown(files.folder)}{existed}; {progress.duration(told.elapsed)}")

@@ -156,7 +156,8 @@ def test_a_terminal_sees_a_live_line(folder: Path) -> None:
     stdout, _ = process.communicate(timeout=120)
     assert process.returncode == 0
     assert stdout.startswith(b"2 frames in out; ")
-    assert b"front.day" in shown and b"/2 frames" in shown and b" left" in shown
+    assert b"reading the job" in shown and b"front.night" in shown
+    assert b"2/2 frames" in shown and b" left" in shown
 
 
 # --- what cannot be written ------------------------------------------------------------------------------------------

@@ -1,0 +1,75 @@
+"""Ends a render in order: a signal is noted, and raised where Python is between two steps of the work.
+
+An exception in the middle of a step would reach Dr.Jit while it records a kernel, which turns it into another error.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Sequence
+from types import FrameType, TracebackType
+from typing import Self
+
+from mirelight.cli import INTERRUPTED, TERMINATED
+from mirelight.cli.progress import Tally
+from mirelight.pipeline import FrameTask
+
+
+class Watched:
+    """A `mirelight.pipeline.Progress` that passes everything on and raises a noted signal after it.
+
+    The first SIGINT or SIGTERM waits for the next call; a second one is raised at once.
+    """
+
+    def __init__(self, told: Tally) -> None:
+        self._told = told
+        self._noted: int | None = None
+
+    def __enter__(self) -> Self:
+        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def started(self, tasks: Sequence[FrameTask]) -> None:
+        """Before the first frame."""
+        self._told.started(tasks)
+        self._raise_noted()
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        """Samples of the frame in progress."""
+        self._told.samples(task, done, total)
+        self._raise_noted()
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        """A frame is there."""
+        self._told.finished(task, skipped)
+        self._raise_noted()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        again, self._noted = self._noted is not None, number
+        if again:
+            self._raise_noted()
+        self._told.stopping()
+
+    def _raise_noted(self) -> None:
+        if self._noted == signal.SIGINT:
+            raise KeyboardInterrupt
+        if self._noted is not None:
+            raise SystemExit(TERMINATED)
+
+
+def exit_code(error: BaseException) -> int | None:
+    """The exit code of an interruption, also where another error came of it; None of any other error."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, KeyboardInterrupt):
+            return INTERRUPTED
+        if isinstance(cause, SystemExit):
+            return TERMINATED
+        cause = cause.__cause__ or cause.__context__
+    return None

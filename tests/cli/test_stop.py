@@ -1,0 +1,58 @@
+"""Signals wait for the end of a step, unless they come twice; what came of one is known as one."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from mirelight.cli.progress import Tally
+from mirelight.cli.stop import Watched, exit_code
+
+
+class Noted(Tally):
+    """Remembers that it was told to stop."""
+
+    told = False
+
+    def stopping(self) -> None:
+        self.told = True
+
+
+@pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
+def test_the_first_signal_waits_for_the_next_call(number: signal.Signals, error: type[BaseException]) -> None:
+    tally = Noted()
+    before = signal.getsignal(number)
+    reached = False
+    with pytest.raises(error), Watched(tally) as watched:
+        watched.started([])
+        os.kill(os.getpid(), number)
+        reached = True
+        watched.started([])
+    assert reached and tally.told
+    assert signal.getsignal(number) is before
+
+
+def test_the_second_signal_does_not_wait() -> None:
+    reached = False
+    with pytest.raises(KeyboardInterrupt), Watched(Tally()):
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        reached = True
+    assert not reached
+
+
+def test_an_interrupt_behind_another_error_is_one() -> None:
+    def wrapped(first: BaseException) -> BaseException:
+        try:
+            try:
+                raise first
+            except BaseException as e:
+                raise RuntimeError("the kernel could not be recorded") from e
+        except RuntimeError as e:
+            return e
+
+    assert exit_code(wrapped(KeyboardInterrupt())) == 130
+    assert exit_code(wrapped(SystemExit(143))) == 143
+    assert exit_code(wrapped(ValueError())) is None

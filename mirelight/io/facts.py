@@ -231,7 +231,7 @@ def light_facts(light: Light) -> LightFacts:
             return LightFacts(type="area", position=numbers(pose[:3, 3]), **facts)
 
 
-def _reach(light: PointLight | SpotLight) -> dict[str, float | None]:
+def _reach(light: PointLight | SpotLight) -> dict[str, Any]:
     return {
         "range": rounded(light.range) if math.isfinite(light.range) else None,
         "radius": rounded(light.radius) if light.radius else None,

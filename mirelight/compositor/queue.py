@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +16,42 @@ NO_TILE = 0xFFFFFFFF
 PACKET = 16  # floats written at a time
 
 Pixels: TypeAlias = list[list[Array]]
-Splat = TypeVar("Splat")
-Read = TypeVar("Read", contravariant=True)
+Splat: TypeAlias = list[Array]
 
 
-class PixelProgram(Protocol[Read]):
+class SplatSource(Protocol):
+    """Where splats come from. A splat is a list of arrays, one splat a lane."""
+
+    @property
+    def slots(self) -> int:
+        """Arrays of a splat."""
+        ...
+
+    def load(self, rank: Array, ok: Array) -> Splat:
+        """The splats at `rank`; where not `ok`, one that nothing is seen of."""
+        ...
+
+    def hidden(self, splat: Splat, where: Array) -> Splat:
+        """The splat with nothing to be seen of it in some lanes."""
+        ...
+
+    def exponents(self, splat: Splat, x0: Array, y0: Array) -> list[Array]:
+        """The exponent at each pixel of the tile whose first pixel centre is (x0, y0)."""
+        ...
+
+
+class PixelProgram(Protocol):
     """What happens in one pixel. Its state is a list of floats."""
 
     def fresh(self) -> list[float]:
         """The state of a pixel that nothing was blended into."""
         ...
 
-    def running(self, pixel: list[Array]) -> Array:
-        """Whether more fragments can change the pixel."""
+    def finished(self, tile: Pixels) -> Array:
+        """Whether no further fragment can change any of the pixels."""
         ...
 
-    def fragment(self, splat: Read, exponent: Array, pixel: list[Array]) -> list[Array]:
+    def fragment(self, splat: Splat, exponent: Array, pixel: list[Array]) -> list[Array]:
         """The state after one more splat."""
         ...
 
@@ -53,22 +72,12 @@ def row_of(device: Device, tile: Array, columns: Array) -> Array:
     return types.UInt32((types.Float(tile) + 0.5) / types.Float(columns))
 
 
-def for_each_tile(
-    device: Device,
-    lists: TileLists,
-    band: Band,
-    load: Callable[[Array, Array], Splat],
-    exponents: Callable[[Splat, Array, Array], list[Array]],
-    program: PixelProgram[Splat],
-) -> Array:
+def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSource, program: PixelProgram) -> Array:
     """Run `program` over every tile's list of splats.
 
-    One symbolic loop holds the state of whole tiles. Which lane gets which tile depends on timing, what it computes
-    there does not: the result is the same bits for any number of threads.
-
-    Args:
-        load: (ranks, mask) -> the lanes' splats.
-        exponents: (splat, x, y) -> exponent of each pixel of the tile whose first pixel centre is (x, y).
+    One symbolic loop holds the state of whole tiles and the next splats, which are loaded while those before them are
+    blended. Which lane gets which tile depends on timing, what it computes there does not: the result is the same bits
+    for any number of threads.
 
     Returns:
         the final states, (tiles * pixels of a tile * slots of a state,).
@@ -103,35 +112,35 @@ def for_each_tile(
         return dr.select(more, tile, NO_TILE), position, end, x, y, fresh
 
     def step(
-        running: Array, tile: Array, position: Array, end: Array, x: Array, y: Array, state: Pixels
-    ) -> tuple[Array, Array, Array, Array, Array, Array, Pixels]:
-        open_pixels = program.running(state[0])
-        for pixel in state[1:]:
-            open_pixels |= program.running(pixel)
+        running: Array, tile: Array, position: Array, end: Array, x: Array, y: Array, held: list[Splat], state: Pixels
+    ) -> tuple[Array, Array, Array, Array, Array, Array, list[Splat], Pixels]:
+        done = program.finished(state) | (position >= end + UNROLL)  # `held` lies before `position`
         tile, position, end, x, y, state = dr.if_stmt(
-            (tile, position, end, x, y, state), ~open_pixels | (position >= end), switch, lambda *same: same
+            (tile, position, end, x, y, state), done, switch, lambda *same: same
         )
-        splats = []
+        coming = []
         for i in range(UNROLL):
             ok = position + i < end
-            splats.append(load(dr.gather(UInt32, ranks, position + i, ok), ok))
-        for splat in splats:
-            state = [program.fragment(splat, e, p) for e, p in zip(exponents(splat, x, y), state, strict=True)]
-        return tile != NO_TILE, tile, position + UNROLL, end, x, y, state
+            coming.append(source.load(dr.gather(UInt32, ranks, position + i, ok), ok))
+        for splat in held:
+            splat = source.hidden(splat, done)  # of the tile before
+            at = source.exponents(splat, x, y)
+            state = [program.fragment(splat, e, pixel) for e, pixel in zip(at, state, strict=True)]
+        return tile != NO_TILE, tile, position + UNROLL, end, x, y, coming, state
 
     def lanes_of(dtype: Array, value: float) -> Array:
         return dr.full(dtype, value, lanes)
 
-    dr.while_loop(
-        (
-            lanes_of(Bool, True),
-            lanes_of(UInt32, NO_TILE),
-            *(lanes_of(UInt32, 0) for _ in range(2)),
-            *(lanes_of(Float, 0) for _ in range(2)),
-            [[lanes_of(Float, v) for v in program.fresh()] for _ in range(pixels)],
-        ),
-        lambda running, *_: running,
-        step,
+    start = (
+        lanes_of(Bool, True),
+        lanes_of(UInt32, NO_TILE),
+        lanes_of(UInt32, UNROLL),  # position and end of a list that is done
+        lanes_of(UInt32, 0),
+        lanes_of(Float, 0),
+        lanes_of(Float, 0),
+        [[lanes_of(Float, 0) for _ in range(source.slots)] for _ in range(UNROLL)],
+        [[lanes_of(Float, v) for v in program.fresh()] for _ in range(pixels)],
     )
+    dr.while_loop(start, lambda running, *_: running, step)
     dr.eval(out)
     return out

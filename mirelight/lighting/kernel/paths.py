@@ -15,6 +15,7 @@ import mitsuba as mi
 from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END
+from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.samples import mix, number, pair
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.surface import Surface
@@ -27,11 +28,11 @@ class LightSet:
     """The light table and its strata in device memory (see `mirelight.lighting.lights`)."""
 
     def __init__(self, table: Any, first: Any, later: Any, layer_of_light: Any) -> None:
-        self.table = mi.Float(table.ravel())
+        self.table = floats(table)
         self.first_picks = dr.opaque(mi.UInt32, len(first) - 1)
         self.later_picks = dr.opaque(mi.UInt32, len(later) - 1)
-        self.strata = mi.UInt32([*first.tolist(), *later.tolist()])
-        self.layer_of_light = mi.UInt32(layer_of_light)
+        self.strata = integers([*first, *later])
+        self.layer_of_light = integers(layer_of_light)
 
 
 class Pass(NamedTuple):
@@ -97,7 +98,7 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
             while light < end:  # a weighted reservoir of one over the stratum
                 own = mix(salt, light + 16)
                 w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, pair(sample, own))
-                w = dr.mean(w_irradiance)
+                w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
                 total += w
                 take = number(sample, own) * total < w
                 chosen = dr.select(take, light, chosen)

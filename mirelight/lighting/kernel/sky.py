@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mirelight.lighting.environment import PreparedEnvironment
+from mirelight.lighting.kernel.memory import floats, integers
 
 
 class Sky:
@@ -18,9 +19,9 @@ class Sky:
         h, w = prepared.texels.shape[:2]
         rows, columns = prepared.density.shape
         sampled = len(prepared.slots) > 2
-        self.texels = mi.Float(prepared.texels.ravel())
-        self.slots = mi.UInt32(prepared.slots)
-        self.density = mi.Float(prepared.density.ravel())
+        self.texels = floats(prepared.texels)
+        self.slots = integers(prepared.slots)
+        self.density = floats(prepared.density)
         self.size = dr.opaque(mi.UInt32, w), dr.opaque(mi.UInt32, h)
         self.cells = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
         self.slot_count = dr.opaque(mi.UInt32, len(prepared.slots))

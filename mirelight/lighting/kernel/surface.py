@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.materials import Atlas, is_emissive, pack_glow, pack_materials
 from mirelight.model import ProxyMesh
 
@@ -32,7 +33,7 @@ class Surface:
 
     def __init__(self, proxy: ProxyMesh) -> None:
         self.scene = _scene(proxy)
-        self.faces = mi.UInt32(np.append(proxy.faces.astype(np.uint32).ravel(), np.zeros(6, np.uint32)))
+        self.faces = integers(np.append(proxy.faces.ravel(), np.zeros(6, np.int32)))
         self.vertices = _vectors(proxy.vertices)
         self.normals = None if proxy.normals is None else _vectors(proxy.normals)
         from_file = proxy.albedo is None
@@ -42,17 +43,17 @@ class Surface:
         self.atlas: Atlas | None = None
         if (from_file and _needs_materials(proxy)) or self.emissive:
             self.atlas = pack_materials(proxy)
-            self.materials = mi.Float(self.atlas.rows.ravel())
-            self.material_of_face = mi.UInt32(self.atlas.of_face)
+            self.materials = floats(self.atlas.rows)
+            self.material_of_face = integers(self.atlas.of_face)
         if self.emissive:
             glow = pack_glow(proxy)
-            self.glow_slots, self.glow_density = mi.UInt32(glow.slots), mi.Float(glow.density)
+            self.glow_slots, self.glow_density = integers(glow.slots), floats(glow.density)
             self.glow_count = dr.opaque(mi.UInt32, len(glow.slots))
         self.colored = from_file and self.atlas is not None
         self.textured = self.colored and self.atlas is not None and self.atlas.texels is not None
         if self.textured and self.atlas is not None and proxy.uvs is not None:
-            self.texels = mi.Float(self.atlas.texels)
-            self.uvs = mi.Float(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
+            self.texels = floats(self.atlas.texels)
+            self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
 
     # --- rays ---
 
@@ -165,7 +166,7 @@ def _vectors(rows: Any) -> Any:
     """(n, 3) as a flat buffer of n + 2 groups of four, which one packet gather reads."""
     padded = np.zeros((len(rows) + 2, 4), np.float32)
     padded[: len(rows), :3] = rows
-    return mi.Float(padded.ravel())
+    return floats(padded)
 
 
 def _scene(proxy: ProxyMesh) -> Any:

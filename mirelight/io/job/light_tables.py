@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
@@ -75,6 +76,32 @@ class PointTable(LightTable):
     radius: NotNegative = Field(default=0.0, description=_RADIUS)
 
 
+class KhrConeTable(Table):
+    """A spot's cone as KHR_lights_punctual writes it, in radians; for lights pasted from a glTF file."""
+
+    innerConeAngle: float = Field(  # noqa: N815 (the extension's own name)
+        default=0.0,
+        ge=0,
+        lt=math.pi / 2,
+        allow_inf_nan=False,
+        description="Half angle in radians at which the light starts to fade.",
+    )
+    outerConeAngle: float = Field(  # noqa: N815
+        default=math.pi / 4,
+        gt=0,
+        le=math.pi / 2,
+        allow_inf_nan=False,
+        description="Half angle in radians at which it is gone; above the inner.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> KhrConeTable:
+        if self.innerConeAngle >= self.outerConeAngle:
+            found = f"{self.innerConeAngle:g}, and outerConeAngle is {self.outerConeAngle:g}"
+            raise wrong(found, "make the inner angle the smaller one", at="innerConeAngle")
+        return self
+
+
 class SpotTable(LightTable):
     """Light from one place into a cone (KHR spot)."""
 
@@ -98,15 +125,29 @@ class SpotTable(LightTable):
         allow_inf_nan=False,
         description="Half angle in degrees at which it is gone; above the inner.",
     )
+    spot: KhrConeTable | None = Field(
+        default=None,
+        description="KHR's spelling of both angles, in radians: { innerConeAngle, outerConeAngle }; instead of them.",
+    )
     radius: NotNegative = Field(default=0.0, description=_RADIUS)
 
     @model_validator(mode="after")
     def _check(self) -> SpotTable:
         _aimed(self, self.position, self.target)
+        for key in ("inner_cone_angle", "outer_cone_angle"):
+            if self.spot is not None and key in self.model_fields_set:
+                raise wrong(f"both {key} and spot are given", f"keep one of them ({key} or spot)", at="spot")
         if self.inner_cone_angle >= self.outer_cone_angle:
             found = f"{self.inner_cone_angle:g}, and outer_cone_angle is {self.outer_cone_angle:g}"
             raise wrong(found, "make the inner angle the smaller one", at="inner_cone_angle")
         return self
+
+    @property
+    def cone(self) -> tuple[float, float]:
+        """Inner and outer half angle in radians."""
+        if self.spot is not None:
+            return self.spot.innerConeAngle, self.spot.outerConeAngle
+        return math.radians(self.inner_cone_angle), math.radians(self.outer_cone_angle)
 
 
 class AreaTable(LightTable):

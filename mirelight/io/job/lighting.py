@@ -140,8 +140,8 @@ def _light(table: AnyLight) -> Light:
                 position=np.asarray(table.position),
                 direction=_direction(table),
                 range=table.range or math.inf,
-                inner_cone_angle=math.radians(table.inner_cone_angle),
-                outer_cone_angle=math.radians(table.outer_cone_angle),
+                inner_cone_angle=table.cone[0],
+                outer_cone_angle=table.cone[1],
                 radius=table.radius,
             )
         case AreaTable():

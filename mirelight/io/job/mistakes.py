@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -125,8 +124,6 @@ def _without_kind(path: Path, value: Any, outline: Outline, data: dict[str, Any]
 
 def _other_key(path: Path, data: dict[str, Any], outline: Outline) -> str:
     table, name = path[:-1], str(path[-1])
-    if name == "spot" and isinstance(data_at(data, path), dict):
-        return _khr_cone(data_at(data, path))
     keys = outline.keys(table, data)
     near = closest(name, keys)
     if near is not None:
@@ -137,15 +134,6 @@ def _other_key(path: Path, data: dict[str, Any], outline: Outline) -> str:
     if homes:
         return f"it belongs in [{homes[0]}]"
     return f"remove it; known here: {', '.join(keys)}" if 0 < len(keys) <= _LONGEST else "remove it"
-
-
-def _khr_cone(spot: dict[str, Any]) -> str:
-    """What KHR_lights_punctual's ``spot = { innerConeAngle, … }``, in radians, is here."""
-    angles = {"inner_cone_angle": spot.get("innerConeAngle"), "outer_cone_angle": spot.get("outerConeAngle")}
-    found = [
-        f"{name} = {math.degrees(a):.6g}" for name, a in angles.items() if isinstance(a, int | float) and abs(a) < 7
-    ]
-    return f"write {' and '.join(found or angles)} on the light itself, in degrees"
 
 
 def data_at(data: Any, path: Path) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -77,6 +78,8 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("spot", "radius", "{}", NOT_NEGATIVE),
     ("spot", "outer_cone_angle", "{}", (None, 90)),
     ("spot wide", "inner_cone_angle", "{}", (0, None)),
+    ("spot", "spot", "{{ outerConeAngle = {} }}", (None, math.pi / 2)),
+    ("spot", "spot", "{{ innerConeAngle = {} }}", (0, None)),
     ("area", "intensity", "{}", NOT_NEGATIVE),
     ("area", "size", "{}", POSITIVE),
     ("area", "size", "[1, {}]", POSITIVE),

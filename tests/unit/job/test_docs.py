@@ -27,6 +27,7 @@ SECTIONS = {
     "lights of type sun": "SunTable",
     "lights of type point": "PointTable",
     "lights of type spot": "SpotTable",
+    "a spot's cone as in KHR": "KhrConeTable",
     "lights of type area": "AreaTable",
     "lights_from": "LightsFromTable",
     "lightings": "LightingTable",

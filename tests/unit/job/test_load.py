@@ -246,6 +246,12 @@ target = [0, 0, 0]
 inner_cone_angle = 10
 outer_cone_angle = 30
 [[lights]]
+type = "spot"
+name = "pasted"
+position = [0, 3, 0]
+direction = [0, -1, 0]
+spot = { innerConeAngle = 0.25, outerConeAngle = 0.5 }
+[[lights]]
 type = "area"
 position = [0, 4, 0]
 direction = [0, -1, 0]
@@ -263,7 +269,7 @@ position = [0, 0, 0]
 """
         )
     )
-    directional, sun, point, spot, area, sphere, second = lights
+    directional, sun, point, spot, pasted, area, sphere, second = lights
     assert isinstance(directional, DirectionalLight)
     assert (directional.name, directional.direction.tolist(), directional.intensity) == ("directional", [0, -1, 0], 3)
     assert isinstance(sun, SunLight)
@@ -275,6 +281,8 @@ position = [0, 0, 0]
     assert (spot.direction.tolist(), spot.range) == ([0, -1, 0], math.inf)
     assert spot.inner_cone_angle == pytest.approx(math.radians(10))
     assert spot.outer_cone_angle == pytest.approx(math.radians(30))
+    assert isinstance(pasted, SpotLight)
+    assert (pasted.inner_cone_angle, pasted.outer_cone_angle) == (0.25, 0.5)
     assert isinstance(area, AreaLight)
     assert (area.shape, area.size, area.intensity) == ("rectangle", (2, 1), 50)
     pose = area.world_from_light

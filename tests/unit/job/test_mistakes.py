@@ -56,7 +56,7 @@ CASES = {
 
 
 def test_the_cases_were_found() -> None:
-    assert len(CASES) == 46
+    assert len(CASES) == 47
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mirelight.model import F32, Environment
 
 SLOTS = 1 << 19  # a draw picks one of so many equal shares of the light; a cell's probability is a whole number of them
-MAX_CELLS = 1 << 21  # larger maps share a cell between pixels
+MAX_CELLS = 1 << 20  # larger maps share a cell between pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,25 +27,35 @@ class PreparedEnvironment:
     density: F32  # (rows, columns) probability of a cell times the number of cells: density over the unit square
 
 
-def _blur(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _blur(weights: F32) -> F32:
     """Mean of the bilinear interpolation over each pixel: [1 6 1] / 8 along both axes, columns wrap, rows do not."""
     rows = np.pad(weights, ((1, 1), (0, 0)), mode="edge")
-    weights = (rows[:-2] + 6 * weights + rows[2:]) / 8
-    return np.asarray((np.roll(weights, 1, 1) + 6 * weights + np.roll(weights, -1, 1)) / 8)
+    out: F32 = np.float32(6) * rows[1:-1]
+    out += rows[:-2]
+    out += rows[2:]
+    columns = np.pad(out, ((0, 0), (1, 1)), mode="wrap")
+    out *= np.float32(6)
+    out += columns[:, :-2]
+    out += columns[:, 2:]
+    out /= np.float32(64)
+    return out
 
 
-def _cells(radiance: F32) -> NDArray[np.float64]:
+def _cells(radiance: F32) -> F32:
     """Mean brightness per cell of the sampling grid, (rows, columns); a cell is a block of pixels of a large map."""
-    brightness = _blur(np.maximum(radiance.mean(axis=2, dtype=np.float64), 0))
+    brightness: F32 = radiance[..., 0] + radiance[..., 1]
+    brightness += radiance[..., 2]
+    np.maximum(brightness, np.float32(0), out=brightness)
     h, w = brightness.shape
     block = 1
-    while (h // block) * (w // block) > MAX_CELLS or max(h, w) // block > 65535:
+    while -(-h // block) * -(-w // block) > MAX_CELLS or max(h, w) // block > 65535:
         block += 1
     if block > 1:
-        edges_y, edges_x = np.arange(0, h, block), np.arange(0, w, block)
-        total = np.add.reduceat(np.add.reduceat(brightness, edges_y, 0), edges_x, 1)
-        brightness = total / np.outer(np.diff(np.append(edges_y, h)), np.diff(np.append(edges_x, w)))
-    return brightness
+        y, x = np.arange(0, h, block), np.arange(0, w, block)
+        total = np.add.reduceat(np.add.reduceat(brightness, y, axis=0), x, axis=1)
+        areas = np.outer(np.diff(np.append(y, h)), np.diff(np.append(x, w)))
+        brightness = np.divide(total, areas, dtype=np.float32)
+    return _blur(brightness)
 
 
 def _solid_angles(rows: int) -> NDArray[np.float64]:
@@ -66,17 +76,18 @@ def prepare(environment: Environment | None) -> PreparedEnvironment:
         texels = np.tile(texels, (2, 2, 1))
     rotation = float(np.radians(environment.rotation))
 
-    brightness = _cells(texels[..., :3])
+    brightness = _cells(texels)
     rows, columns = brightness.shape
-    share = _solid_angles(rows)
-    above = np.maximum(brightness - np.sum(brightness * share) / columns, 0) * share
-    total = above.sum()
-    if not total > 1e-6 * np.sum(brightness * share):
+    share = _solid_angles(rows).astype(np.float32)
+    everywhere = float(np.sum(brightness * share, dtype=np.float64))
+    above: F32 = np.maximum(brightness - np.float32(everywhere / columns), np.float32(0)) * share
+    ends = np.cumsum(above, dtype=np.float64)
+    if not ends[-1] > 1e-6 * everywhere:
         return PreparedEnvironment(texels, rotation, none, np.zeros((2, 2), np.float32))
-    ends = np.floor(np.cumsum(above.ravel()) / total * SLOTS + 0.5).astype(np.int64)
-    ends[-1] = SLOTS
-    counts = np.diff(ends, prepend=0)
-    index = np.arange(rows * columns, dtype=np.uint32)
-    place = (index // np.uint32(columns)) << np.uint32(16) | (index % np.uint32(columns))
+    ends *= SLOTS / ends[-1]
+    whole = np.rint(ends).astype(np.int64)
+    counts = np.append(whole[:1], whole[1:] - whole[:-1])
+    index = np.repeat(np.arange(rows * columns), counts)
+    slots = (index // columns << 16 | index % columns).astype(np.uint32)
     density = (counts * (rows * columns / SLOTS)).astype(np.float32).reshape(rows, columns)
-    return PreparedEnvironment(texels, rotation, np.repeat(place, counts), density)
+    return PreparedEnvironment(texels, rotation, slots, density)

@@ -13,9 +13,10 @@ from mirelight.lighting import lights as table
 from mirelight.lighting.develop import dark, develop, refuse_if_too_large, relative_noise
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
-from mirelight.model import Camera, Lighting, LightingBuffer, ProxyMesh, RenderSettings
+from mirelight.model import Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
+    from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.surface import Surface
 
 Progress: TypeAlias = Callable[[int, int], None]
@@ -51,6 +52,7 @@ class Tracer:
         self._proxy = proxy
         self._emissive = is_emissive(proxy)
         self._surface: Surface | None = None
+        self._sky: tuple[Environment | None, Sky] | None = None  # the last frame's, as many frames share one
         backend.mitsuba(settings.variant, settings.threads)
         if settings.variant != "scalar_rgb" and len(proxy.faces):
             from mirelight.lighting.kernel.surface import Surface
@@ -82,7 +84,7 @@ class Tracer:
             from mirelight.lighting.scalar import trace_scalar
 
             return trace_scalar(self._proxy, lighting, camera, self.settings, layers)
-        frame = _Frame(self._surface, lighting, camera, layers, self.settings)
+        frame = _Frame(self._surface, self._sky_of(lighting.environment), lighting, camera, layers, self.settings)
         try:
             _sample(frame, self.settings, progress or _ignore)
         except KeyboardInterrupt:
@@ -93,6 +95,14 @@ class Tracer:
 
             return denoise(buffer)
         return buffer
+
+    def _sky_of(self, environment: Environment | None) -> Sky:
+        """The environment on the device, prepared when it changes."""
+        from mirelight.lighting.kernel.sky import Sky
+
+        if self._sky is None or self._sky[0] is not environment:
+            self._sky = environment, Sky(maps.prepare(environment), present=environment is not None)
+        return self._sky[1]
 
 
 def _ignore(done: int, total: int) -> None:
@@ -123,21 +133,19 @@ class _Frame:
     """One frame on the device, and how many samples each pixel has."""
 
     def __init__(
-        self, surface: Surface, lighting: Lighting, camera: Camera, layers: Layers, settings: RenderSettings
+        self, surface: Surface, sky: Sky, lighting: Lighting, camera: Camera, layers: Layers, settings: RenderSettings
     ) -> None:
         import drjit as dr
         import mitsuba as mi
 
         from mirelight.lighting.kernel.film import Film
         from mirelight.lighting.kernel.paths import LightSet
-        from mirelight.lighting.kernel.sky import Sky
         from mirelight.lighting.kernel.view import View
 
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
-        self._surface, self._view = surface, View(camera)
+        self._surface, self._sky, self._view = surface, sky, View(camera)
         self._film = Film(len(self.samples), layers)
-        self._sky = Sky(maps.prepare(lighting.environment), present=lighting.environment is not None)
         first, later = table.strata_of(len(lighting.lights))
         self._lights = LightSet(table.pack(lighting.lights), first, later, layers.of_light)
         self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)

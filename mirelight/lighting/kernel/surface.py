@@ -51,7 +51,7 @@ class Surface:
             self.glow_count = dr.opaque(mi.UInt32, len(glow.slots))
         self.colored = from_file and self.atlas is not None
         self.textured = self.colored and self.atlas is not None and self.atlas.texels is not None
-        if self.textured and self.atlas is not None and proxy.uvs is not None:
+        if self.atlas is not None and self.atlas.texels is not None and proxy.uvs is not None:
             self.texels = floats(self.atlas.texels)
             self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
 

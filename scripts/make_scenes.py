@@ -3,7 +3,7 @@
     python scripts/make_scenes.py courtyard
     python scripts/make_scenes.py courtyard --truth --lighting night --camera front -o night.png
 
-Needs the development tools scipy, scikit-image, numba, pyoidn and fast-simplification (the first form alone).
+Needs the development tools scipy, scikit-image, numba, pyoidn and pyfqmr (the first form alone).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from scenegen.recipe import Recipe  # noqa: E402
 from scenegen.truth import Looks, Truth  # noqa: E402
 
 SCENES = ("courtyard", "stage")
-TRUTH_SPP = 256
+TRUTH_SPP = 160
 BAKE_SPP = 16  # a first guess; the photographs decide
 PHOTOGRAPH, PHOTOGRAPH_SPP = (800, 450), 12  # denoised
 
@@ -66,7 +66,7 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
 
 def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
     """Write a scene's files (or some of them) into its folder."""
-    from scenegen.proxy import reconstruct
+    from scenegen.proxy import proxy_of
 
     start = time.monotonic()
     folder.mkdir(parents=True, exist_ok=True)
@@ -74,15 +74,16 @@ def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
         for lighting in (recipe.captured, *recipe.lightings):
             writing.write_lighting(lighting, folder)
         writing.write_job(recipe, folder)
+    if only == ["job"]:
+        return
     looks = recipe.looks()
-    captured = Truth(looks, recipe.captured)
     say(f"{sum(len(s.positions) for s in looks.soups)} true triangles", start)
     if "proxy" in only:
-        mesh = reconstruct(recipe, looks, captured)
+        mesh = proxy_of(recipe, looks)
         writing.write_proxy(mesh, recipe, folder)
         say(f"proxy of {len(mesh.faces)} triangles", start)
     if "splats" in only:
-        make_splats(recipe, looks, captured, folder, start)
+        make_splats(recipe, looks, Truth(looks, recipe.captured), folder, start)
         say("done", start)
 
 

@@ -60,7 +60,7 @@ def _night() -> Lighting:
     )
     warm = np.array([1.0, 0.56, 0.22])
     lamps = [
-        PointLight(name=f"lantern {k + 1}", position=np.array(at), color=warm, intensity=strength)
+        PointLight(name=f"lantern {k + 1}", position=np.array(at) - [0, 0.06, 0], color=warm, intensity=strength)
         for k, (at, strength) in enumerate(zip(LANTERNS, (3.0, 3.0, 2.6, 2.6), strict=True))
     ]
     gallery = PointLight(
@@ -114,6 +114,6 @@ def recipe() -> Recipe:
         orbit=(front, fountain, *orbit),
         pixels_per_splat=2.25,
         spacing=(0.010, 0.055),
-        cell=0.034,
-        proxy_faces=60_000,
+        proxy_faces=48_000,
+        proxy_error=0.008,
     )

@@ -107,6 +107,7 @@ def lanterns() -> list[Part]:
             "brass",
             8,
             closed=True,
+            solid=False,
         )
         neck = tube(
             np.stack([0.112 * np.sin(ring), 0 * ring + 0.13, 0.112 * np.cos(ring)], axis=1),
@@ -114,6 +115,7 @@ def lanterns() -> list[Part]:
             "brass",
             8,
             closed=True,
+            solid=False,
         )
         turn = np.arange(6) / 6 * 2 * np.pi
         posts = [
@@ -122,6 +124,7 @@ def lanterns() -> list[Part]:
                 0.006,
                 "iron",
                 6,
+                solid=False,
             )
             for a in turn
         ]

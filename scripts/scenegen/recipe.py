@@ -22,6 +22,6 @@ class Recipe:
     orbit: tuple[Camera, ...]  # from where the capture is made: what they see becomes splats
     pixels_per_splat: float  # wanted distance of neighbouring splats in the nearest of the orbit's pictures
     spacing: tuple[float, float]  # metres, limits of that distance
-    cell: float  # metres, grid of the proxy's reconstruction
     proxy_faces: int  # triangles kept in the proxy
+    proxy_error: float  # metres, by how much its vertices are off
     spp: int = 64  # of the job's lighting pass

@@ -100,6 +100,6 @@ def recipe() -> Recipe:
         orbit=(front, low, *orbit),
         pixels_per_splat=2.2,
         spacing=(0.005, 0.04),
-        cell=0.022,
-        proxy_faces=60_000,
+        proxy_faces=48_000,
+        proxy_error=0.004,
     )

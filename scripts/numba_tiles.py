@@ -37,7 +37,7 @@ def prepare(splats: SplatCloud) -> Prepared:
     return Prepared(np.array(splats.means), covariances, np.array(opacities), np.array(splats.sh))
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
 def _preprocess(
     means: F32, covariances: F32, opacities: F32, view: F32, numbers: F32, across: int, down: int
 ) -> tuple[F32, NDArray[np.int32]]:
@@ -77,7 +77,7 @@ def _preprocess(
     return out, rectangles
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
 def _keys(records: F32, rectangles: NDArray[np.int32], across: int) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
     total = 0
     for i in range(len(records)):
@@ -94,7 +94,7 @@ def _keys(records: F32, rectangles: NDArray[np.int32], across: int) -> tuple[NDA
     return keys, owners
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
 def _render(
     records: F32, colors: F32, owners: NDArray[np.uint32], starts: NDArray[np.int64], width: int, height: int
 ) -> tuple[F32, int]:

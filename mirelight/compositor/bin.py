@@ -38,6 +38,7 @@ class TileLists:
     ranks: Array  # (P,) uint32 into the sorted records
     start: Array  # (tiles,) uint32
     end: Array  # (tiles,) uint32
+    filled: Array  # (tiles,) bool, whether there are any
     pairs: int
 
 
@@ -163,14 +164,16 @@ def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileL
     bound = _lower_bounds(device, sorted_tile, tiles + 1)
     wanted = dr.arange(UInt32, tiles)
     start, end = dr.gather(UInt32, bound, wanted), dr.gather(UInt32, bound, wanted + 1)
-    dr.eval(start, end)
-    return TileLists(ranks, start, end, pairs)
+    filled = start < end
+    dr.eval(start, end, filled)
+    return TileLists(ranks, start, end, filled, pairs)
 
 
 def _no_lists(device: Device, tiles: int) -> TileLists:
     """Lists of a band that no splat meets."""
-    dr, UInt32 = device.dr, device.types.UInt32
-    return TileLists(dr.zeros(UInt32, 1), dr.zeros(UInt32, tiles), dr.zeros(UInt32, tiles), 0)
+    dr, types = device.dr, device.types
+    none = dr.zeros(types.UInt32, tiles)
+    return TileLists(dr.zeros(types.UInt32, 1), none, none, dr.zeros(types.Bool, tiles), 0)
 
 
 def _lower_bounds(device: Device, ascending: Array, count: int) -> Array:

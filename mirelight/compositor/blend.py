@@ -174,11 +174,11 @@ def blend(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
         images["values"] = range(4, values)
     if source.depth:
         images |= {"depth": range(values, values + 1), "median": range(values + 1, values + 2)}
-    untile(source.device, states, len(over.fresh()), band, frame, images)
+    untile(source.device, states, over.fresh(), lists, band, frame, images)
 
 
 def blend_eight_bit(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
     """Blend a band's colours as the engine's RGBA8 target does. The records run back to front."""
     program = _EightBit(source)
     states = for_each_tile(source.device, lists, band, source, program)
-    untile(source.device, states, len(program.fresh()), band, frame, {"color": range(3)})
+    untile(source.device, states, program.fresh(), lists, band, frame, {"color": range(3)})

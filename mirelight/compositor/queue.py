@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -56,9 +57,10 @@ class PixelProgram(Protocol):
         ...
 
 
-def tile_order(band: Band) -> NDArray[np.uint32]:
-    """Tiles of a band along a Morton curve: what is blended at the same time shares splats, hence cache lines."""
-    row, column = np.divmod(np.arange(band.rows * band.columns, dtype=np.uint64), np.uint64(band.columns))
+@lru_cache(maxsize=16)
+def tile_order(columns: int, rows: int) -> NDArray[np.uint32]:
+    """Tiles along a Morton curve: what is blended at the same time shares splats, hence cache lines."""
+    row, column = np.divmod(np.arange(columns * rows, dtype=np.uint64), np.uint64(columns))
     code = np.zeros(len(row), dtype=np.uint64)
     for bit in range(16):
         for axis, cell in enumerate((column, row)):
@@ -80,19 +82,22 @@ def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSou
     for any number of threads.
 
     Returns:
-        the final states, (tiles * pixels of a tile * slots of a state,).
+        the final states, (tiles * pixels of a tile * slots of a state,); undefined where a tile's list is empty.
     """
     dr, types = device.dr, device.types
     Float, UInt32, Bool = types.Float, types.UInt32, types.Bool
     pixels = device.tile_width * device.tile_height
     lanes = device.persistent_lanes
-    order = UInt32(tile_order(band))
-    queue = dr.zeros(UInt32, 1)
-    tiles, columns = dr.opaque(UInt32, band.tiles), dr.opaque(UInt32, band.columns)
-    first_row = dr.opaque(UInt32, band.first_row)
-    ranks, starts, ends = lists.ranks, lists.start, lists.end
     packets = pixels * len(program.fresh()) // PACKET  # one large packet costs far less than several small ones
     out = dr.empty(Float, band.tiles * packets * PACKET)
+    queue = dr.zeros(UInt32, 1)
+    if lists.pairs == 0:
+        return out
+    order = UInt32(tile_order(band.columns, band.rows))
+    order = dr.gather(UInt32, order, dr.compress(dr.gather(Bool, lists.filled, order)))
+    tiles, columns = dr.opaque(UInt32, len(order)), dr.opaque(UInt32, band.columns)
+    first_row = dr.opaque(UInt32, band.first_row)
+    ranks, starts, ends = lists.ranks, lists.start, lists.end
 
     def switch(
         tile: Array, position: Array, end: Array, x: Array, y: Array, state: Pixels

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.compositor.bin import Band
+from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.queue import row_of
 from mirelight.model import F32, Camera, CompositorSettings, SplatLayer
@@ -45,11 +45,20 @@ def new_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Fram
     )
 
 
-def untile(device: Device, states: Array, slots: int, band: Band, frame: Frame, images: dict[str, range]) -> None:
+def untile(
+    device: Device,
+    states: Array,
+    fresh: list[float],
+    lists: TileLists,
+    band: Band,
+    frame: Frame,
+    images: dict[str, range],
+) -> None:
     """Write a band's pixel states, tile by tile, into the frame's images.
 
     Args:
-        states: (tiles * tile height * tile width * slots,).
+        states: (tiles * tile height * tile width * slots,); not read where a tile's list is empty.
+        fresh: the state of a pixel that nothing was blended into.
         images: the slots that each image of the frame takes. Of transmittances only the size counts.
     """
     dr, types = device.dr, device.types
@@ -60,10 +69,16 @@ def untile(device: Device, states: Array, slots: int, band: Band, frame: Frame, 
     row = row_of(device, tile, columns)
     first = dr.opaque(types.UInt32, band.first_row * height)
     place = (row * height + (line - tile * height) + first) * columns + (tile - row * columns)
-    read = dr.gather(types.ArrayXf, states, line, shape=(width * slots, band.tiles * height))
+    slots = len(fresh)
+    filled = dr.gather(types.Bool, lists.filled, tile)
+    read = dr.gather(types.ArrayXf, states, line, filled, shape=(width * slots, band.tiles * height))
     targets = []
     for name, taken in images.items():
-        values = [read[x * slots + s] for x in range(width) for s in taken]
+        values = [
+            dr.select(filled, read[x * slots + s], fresh[s]) if fresh[s] else read[x * slots + s]
+            for x in range(width)
+            for s in taken
+        ]
         targets.append(getattr(frame, name))
         dr.scatter(
             targets[-1], types.ArrayXf([dr.abs(v) for v in values] if name == "transmittance" else values), place

@@ -133,7 +133,7 @@ def test_depth_order_of_any_range(far: float) -> None:
 
 def test_every_tile_is_visited_once() -> None:
     for columns, rows in ((1, 1), (7, 3), (64, 33)):
-        assert sorted(queue.tile_order(Band(columns, rows, 0))) == list(range(columns * rows))
+        assert sorted(queue.tile_order(columns, rows)) == list(range(columns * rows))
 
 
 @pytest.mark.parametrize("tile", [(4, 4), (8, 4), (2, 8)])

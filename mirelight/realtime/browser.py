@@ -204,10 +204,9 @@ class _Handler(SimpleHTTPRequestHandler):
         if not known and name not in (*_IMAGES, *_BUFFERS):
             self.send_error(404)
             return
-        body = self.rfile.read(length)
+        self.inbox.put((name, self.rfile.read(length)))  # before the answer, or "done" could overtake a buffer
         self.send_response(204)
         self.end_headers()
-        self.inbox.put((name, body))
 
     def log_message(self, format: str, *args: Any) -> None:
         """Quiet: a missing file shows as the page's own error."""

@@ -20,7 +20,7 @@ from mirelight.compositor.bin import (
 from mirelight.compositor.blend import Source, blend, blend_eight_bit
 from mirelight.compositor.device import Array, Device, open_device
 from mirelight.compositor.kernel import splat_kernel
-from mirelight.compositor.memory import allowance, cloud_bytes, frame_bytes, too_large
+from mirelight.compositor.memory import allowance, check_indices, check_pixels, cloud_bytes, frame_bytes, too_large
 from mirelight.compositor.order import depth_order
 from mirelight.compositor.project import VALUE_ROW, Projected, project, splat_colors, tone_records, upload, view_of
 from mirelight.compositor.resolve import Frame, empty_frame, layer_of, new_frame, values_of
@@ -57,6 +57,7 @@ class Compositor:
         self.settings = settings
         self._device = _device(variant, threads)
         if self._device is not None:
+            check_indices(splats)
             allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
             self._cloud = upload(self._device, splats, settings) if len(splats) else None
 
@@ -114,6 +115,7 @@ class Compositor:
         settings, kernel = self.settings, splat_kernel(self.settings, camera)
         channels = 0 if values is None else values.shape[1]
         what = f"a frame of {camera.width} x {camera.height} pixels of {len(self.splats)} splats"
+        check_pixels(camera)
         needed = frame_bytes(len(self.splats), camera, channels)
         memory = allowance(device, needed, settings.max_memory, what)
 

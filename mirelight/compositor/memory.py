@@ -11,6 +11,7 @@ from mirelight.errors import RenderError
 from mirelight.model import Camera, SplatCloud
 
 _GIB = 1 << 30
+_INDICES = 1 << 32  # array elements that the kernels' 32-bit indices reach
 
 
 def cloud_bytes(splats: SplatCloud) -> int:
@@ -21,6 +22,22 @@ def cloud_bytes(splats: SplatCloud) -> int:
 def frame_bytes(count: int, camera: Camera, channels: int) -> int:
     """Bytes of one frame without its tile lists: records twice, keys and orders, images."""
     return count * (2 * 4 * RECORD + 24) + camera.width * camera.height * 4 * (6 + channels) * 2
+
+
+def check_indices(splats: SplatCloud) -> None:
+    """Raises RenderError where a cloud has more numbers than 32-bit indices reach."""
+    row = max(RECORD, PADDED[splats.sh.shape[1]])
+    if len(splats) * row >= _INDICES:
+        raise RenderError(f"a cloud of {len(splats)} splats is too large; {_INDICES // row - 1} are possible: split it")
+
+
+def check_pixels(camera: Camera) -> None:
+    """Raises RenderError where an image has more numbers than 32-bit indices reach."""
+    if camera.width * camera.height * 4 >= _INDICES:
+        raise RenderError(
+            f"a frame of {camera.width} x {camera.height} pixels is too large; {_INDICES // 4 - 1} are possible: "
+            "render it in parts by moving cx and cy"
+        )
 
 
 def _limit_of_control_group() -> int | None:

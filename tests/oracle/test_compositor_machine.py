@@ -14,7 +14,7 @@ from mirelight.compositor import Compositor, composite, order, queue, reference
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.blend import Source, blend
 from mirelight.compositor.device import open_device
-from mirelight.compositor.memory import cloud_bytes, frame_bytes
+from mirelight.compositor.memory import check_indices, cloud_bytes, frame_bytes
 from mirelight.compositor.resolve import Frame
 from mirelight.errors import BackendError, RenderError
 from mirelight.model import Camera, CompositorSettings
@@ -67,8 +67,19 @@ def test_too_little_memory_renders_in_bands_or_is_refused_with_the_size() -> Non
         Compositor(splats, replace(PHYSICAL, max_memory=fixed + 10)).composite(LARGER)
     with pytest.raises(RenderError, match="a cloud of 3000 splats needs"):
         Compositor(splats, replace(PHYSICAL, max_memory=cloud_bytes(splats) - 1))
-    with pytest.raises(RenderError, match="nothing was allocated"):
+    with pytest.raises(RenderError, match="4000000 x 4000000 pixels is too large"):
         Compositor(splats).composite(replace(LARGER, width=4_000_000, height=4_000_000))
+
+
+def test_a_cloud_beyond_32_bit_indices_is_refused() -> None:
+    class Huge:
+        sh = np.broadcast_to(np.float32(0.5), (90_000_000, 16, 3))
+
+        def __len__(self) -> int:
+            return len(self.sh)
+
+    with pytest.raises(RenderError, match="90000000 splats is too large"):
+        check_indices(Huge())  # type: ignore[arg-type]
 
 
 def test_memory_needed_is_not_underestimated() -> None:

@@ -134,14 +134,3 @@ def pack(lights: tuple[Light, ...]) -> F32:
     while len(rows) < 2:
         rows.append(_row(Kind.DIRECTIONAL, position=np.array([0.0, 1.0, 0.0]), strength=np.zeros(3)))
     return np.asarray(rows, dtype=np.float32)
-
-
-def strata_of(count: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """How `count` lights are cut into runs, of which one light each is sampled: at the first hit, and at later ones."""
-    few = count <= ALL_LIGHTS
-    return _strata(count, min(count, ALL_LIGHTS)), _strata(count, count if few else 1)
-
-
-def _strata(count: int, picks: int) -> NDArray[np.uint32]:
-    """Boundaries that cut `count` lights into `picks` runs of nearly equal length, (picks + 1,)."""
-    return np.asarray([count * k // max(picks, 1) for k in range(picks + 1)], dtype=np.uint32)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mirelight import backend
 from mirelight.lighting import environment as maps
+from mirelight.lighting import grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.develop import dark, develop, refuse_if_too_large, relative_noise
 from mirelight.lighting.layers import Layers
@@ -146,8 +147,8 @@ class _Frame:
         self.samples = np.zeros(camera.width * camera.height, np.int64)
         self._surface, self._sky, self._view = surface, sky, View(camera)
         self._film = Film(len(self.samples), layers)
-        first, later = table.strata_of(len(lighting.lights))
-        self._lights = LightSet(table.pack(lighting.lights), first, later, layers.of_light)
+        lists = grid.build(lighting.lights, surface.bounds)
+        self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light)
         self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
 

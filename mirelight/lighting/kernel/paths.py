@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from mirelight.lighting.grid import LightGrid
 from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END
@@ -19,20 +21,31 @@ from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.samples import mix, number, pair
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.surface import Surface
-from mirelight.lighting.kernel.view import View, bounded_ray
+from mirelight.lighting.kernel.view import View, bounded_ray, vector
 
 ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
 
 
 class LightSet:
-    """The light table and its strata in device memory (see `mirelight.lighting.lights`)."""
+    """The light table and the lists of who reaches where (`mirelight.lighting.lights`, `grid`) in device memory."""
 
-    def __init__(self, table: Any, first: Any, later: Any, layer_of_light: Any) -> None:
+    def __init__(self, table: Any, grid: LightGrid, layer_of_light: Any) -> None:
         self.table = floats(table)
-        self.first_picks = dr.opaque(mi.UInt32, len(first) - 1)
-        self.later_picks = dr.opaque(mi.UInt32, len(later) - 1)
-        self.strata = integers([*first, *later])
         self.layer_of_light = integers(layer_of_light)
+        self.starts = integers(grid.starts)
+        self.items = integers(np.append(grid.lights, np.zeros(2, np.uint32)))
+        self.low, self.cells_per_unit = vector(grid.low), vector(grid.cells_per_unit)
+        self.resolution = [dr.opaque(mi.UInt32, n) for n in grid.resolution]
+        self.first_picks = dr.opaque(mi.UInt32, grid.first_picks)
+        self.later_picks = dr.opaque(mi.UInt32, grid.later_picks)
+
+    def list_at(self, p: Any, active: Any) -> tuple[Any, Any]:
+        """(start, count) of the list for a point: entries of `items`."""
+        place = (mi.Vector3f(p) - self.low) * self.cells_per_unit
+        x, y, z = (dr.minimum(mi.UInt32(dr.maximum(q, 0)), n - 1) for q, n in zip(place, self.resolution, strict=True))
+        cell = (x * self.resolution[1] + y) * self.resolution[2] + z
+        start = dr.gather(mi.UInt32, self.starts, cell, active)
+        return start, dr.gather(mi.UInt32, self.starts, cell + 1, active) - start
 
 
 class Pass(NamedTuple):
@@ -86,16 +99,16 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
             radiance += value
             active &= depth < max_depth
 
-        # the lights of the table
-        picks = dr.select(indirect, lights.later_picks, lights.first_picks)
-        boundary = dr.select(indirect, lights.first_picks + 1, 0)
-        pick = mi.UInt32(0)
+        # the lights of the table that reach here, in as many runs as there are picks
+        start, count = lights.list_at(at.p, active)
+        picks = dr.minimum(count, dr.select(indirect, lights.later_picks, lights.first_picks))
+        pick, entry = mi.UInt32(0), mi.UInt32(start)
         while active & (pick < picks):
-            light = dr.gather(mi.UInt32, lights.strata, boundary + pick, active)
-            end = dr.gather(mi.UInt32, lights.strata, boundary + pick + 1, active)
+            last = start + mi.UInt32(mi.Float((pick + 1) * count) / mi.Float(picks))
             chosen, chosen_weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
             wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
-            while light < end:  # a weighted reservoir of one over the stratum
+            while entry < last:  # a weighted reservoir of one over the run
+                light = dr.gather(mi.UInt32, lights.items, entry)
                 own = mix(salt, light + 16)
                 w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, pair(sample, own))
                 w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
@@ -106,7 +119,7 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
                 wi = dr.select(take, w_wi, wi)
                 length = dr.select(take, w_length, length)
                 irradiance = dr.select(take, w_irradiance, irradiance)
-                light += 1
+                entry += 1
             lit = active & (chosen_weight > 0)
             lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit)
             value = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)

@@ -32,6 +32,7 @@ class Surface:
     """The mesh in device memory and Mitsuba's scene over it. The kinds of data it has are compiled in, not values."""
 
     def __init__(self, proxy: ProxyMesh) -> None:
+        self.bounds = proxy.bounds
         self.scene = _scene(proxy)
         self.faces = integers(np.append(proxy.faces.ravel(), np.zeros(6, np.int32)))
         self.vertices = _vectors(proxy.vertices)

@@ -21,7 +21,7 @@ class View:
 
     def __init__(self, camera: Camera) -> None:
         m = camera.world_from_camera
-        self.right, self.up, self.back, self.eye = (_vector(m[:3, k]) for k in range(4))
+        self.right, self.up, self.back, self.eye = (vector(m[:3, k]) for k in range(4))
         self.scale = _number(1 / camera.fx), _number(1 / camera.fy)
         self.centre = _number(camera.cx), _number(camera.cy)
         self.width = dr.opaque(mi.UInt32, camera.width)
@@ -51,5 +51,6 @@ def _number(value: float) -> Any:
     return dr.opaque(mi.Float, value)
 
 
-def _vector(value: Any) -> Any:
+def vector(value: Any) -> Any:
+    """Three numbers as an opaque Vector3f."""
     return mi.Vector3f(*(_number(float(x)) for x in value))

@@ -1,0 +1,88 @@
+"""Which surface points see which lights: one shadow ray each, without any shading."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import backend
+from mirelight.model import F64, ProxyMesh, Variant
+
+if TYPE_CHECKING:
+    from mirelight.lighting.kernel.surface import Surface
+
+Bool = NDArray[np.bool_]
+
+
+class ShadowRays:
+    """A proxy made ready for shadow rays.
+
+    Args:
+        proxy: world space.
+        variant: one that holds arrays (not `scalar_rgb`).
+        threads: as for tracing.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+    """
+
+    def __init__(self, proxy: ProxyMesh, variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> None:
+        backend.mitsuba(variant, threads)
+        from mirelight.lighting.kernel.surface import Surface
+
+        self._proxy = proxy
+        self._surface: Surface = Surface(proxy)
+
+    def visible(self, face: NDArray[np.int32], position: F64, eye: F64, light: F64) -> Bool:
+        """(N,) True where nothing of the proxy lies between a point and a light.
+
+        Rays start where the tracer's do, off the surface on the viewer's side.
+
+        Args:
+            face: (N,) triangle of each point.
+            position: (N, 3) points on them, world space.
+            eye: (3,) the viewer's position, which tells the side.
+            light: (4,) homogeneous: a position and 1, or the way towards a light at infinity and 0.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        from mirelight.lighting.kernel.lights import SHADOW_END
+        from mirelight.lighting.kernel.memory import integers
+        from mirelight.lighting.kernel.view import bounded_ray
+
+        active = mi.Bool(True)
+        uv = _barycentric(self._proxy, face, position)
+        at = self._surface.at(
+            integers(face), mi.Point2f(*_columns(uv)), dr.normalize(_vector(position - eye, mi)), active
+        )
+        if light[3] == 0:
+            way, length = _vector(np.broadcast_to(light[:3], position.shape), mi), mi.Float(dr.inf)
+        else:
+            to_light = _vector(light[:3] - position, mi)
+            length = dr.norm(to_light)
+            way, length = to_light / length, length * SHADOW_END
+        blocked = self._surface.blocked(bounded_ray(at.start, way, length), active)
+        return np.asarray(~np.asarray(blocked.numpy(), dtype=bool))
+
+
+def _vector(rows: F64, mi: Any) -> Any:
+    return mi.Vector3f(*_columns(rows))
+
+
+def _columns(rows: F64) -> list[Any]:
+    from mirelight.lighting.kernel.memory import floats
+
+    return [floats(column) for column in np.moveaxis(rows, -1, 0)]
+
+
+def _barycentric(proxy: ProxyMesh, face: NDArray[np.int32], position: F64) -> F64:
+    """(N, 2) weights of each triangle's second and third corner (Ericson 2004, section 3.4)."""
+    a, b, c = np.moveaxis(proxy.vertices[proxy.faces[face]].astype(np.float64), 1, 0)
+    e1, e2, p = b - a, c - a, position - a
+    d11, d12, d22 = (np.einsum("ni,ni->n", x, y) for x, y in ((e1, e1), (e1, e2), (e2, e2)))
+    d1, d2 = np.einsum("ni,ni->n", p, e1), np.einsum("ni,ni->n", p, e2)
+    area = np.maximum(d11 * d22 - d12 * d12, 1e-300)
+    return np.stack([(d22 * d1 - d12 * d2) / area, (d11 * d2 - d12 * d1) / area], axis=-1)

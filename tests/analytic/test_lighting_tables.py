@@ -1,0 +1,202 @@
+"""The tables behind the kernel: densities integrate to one, light lists leave nothing out, denoising adds up."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mirelight.errors import BackendError
+from mirelight.lighting import environment, grid, lights, materials
+from mirelight.lighting.denoise import denoise
+from mirelight.model import (
+    F32,
+    Camera,
+    DirectionalLight,
+    Environment,
+    Light,
+    LightingBuffer,
+    LightLayer,
+    Material,
+    PointLight,
+    ProxyMesh,
+    SpotLight,
+)
+
+RNG = np.random.default_rng(4)
+
+
+def sky(h: int, w: int, peak: float = 500.0) -> Environment:
+    radiance = RNG.random((h, w, 3)).astype(np.float32)
+    radiance[h // 3, w // 4] = peak
+    return Environment(radiance=radiance)
+
+
+@pytest.mark.parametrize(("h", "w"), [(4, 8), (33, 65), (256, 512), (1100, 2200)])
+def test_an_environments_samples_follow_its_light_above_the_mean(h: int, w: int) -> None:
+    prepared = environment.prepare(sky(h, w))
+    rows, columns = prepared.density.shape
+    assert len(prepared.slots) == environment.SLOTS
+    assert prepared.density.mean() == pytest.approx(1.0, rel=1e-5)  # over the unit square
+    row, column = prepared.slots >> 16, prepared.slots & 0xFFFF
+    counts = np.zeros((rows, columns))
+    np.add.at(counts, (row, column), 1)
+    np.testing.assert_allclose(prepared.density, counts * rows * columns / environment.SLOTS, rtol=1e-6)
+    peak = np.unravel_index(np.argmax(prepared.density), prepared.density.shape)
+    np.testing.assert_allclose(
+        (np.array(peak) + 0.5) / [rows, columns], [(h // 3 + 0.5) / h, (w // 4 + 0.5) / w], atol=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    "flat",
+    [
+        None,
+        Environment(radiance=np.ones((1, 1, 3), np.float32)),
+        Environment(radiance=np.zeros((8, 16, 3), np.float32)),
+    ],
+)
+def test_an_even_sky_is_left_to_reflection(flat: Environment | None) -> None:
+    prepared = environment.prepare(flat)
+    assert len(prepared.slots) == 2 and not prepared.density.any()
+    assert min(prepared.texels.shape[:2]) >= 2  # a single texel would be compiled in
+
+
+def test_light_lists_leave_no_light_out() -> None:
+    crowd: list[Light] = [
+        PointLight(name=f"p{k}", position=RNG.uniform(-6, 6, 3), range=float(RNG.uniform(0.3, 2.5))) for k in range(150)
+    ]
+    crowd += [SpotLight(name="s", position=np.zeros(3), direction=np.array([1.0, 0, 0]), range=2.0)]
+    crowd += [
+        DirectionalLight(name="d", direction=np.array([0, -1.0, 0])),
+        PointLight(name="far", position=np.ones(3) * 90),
+    ]
+    low, high = np.array([-5, -1, -5], np.float32), np.array([5, 3, 5], np.float32)
+    made = grid.build(tuple(crowd), (low, high))
+    assert np.prod(made.resolution) > 8 and made.later_picks == 1
+    for p in RNG.uniform(low, high, (2000, 3)):
+        x, y, z = np.minimum(((p - made.low) * made.cells_per_unit).astype(int), np.array(made.resolution) - 1)
+        cell = (x * made.resolution[1] + y) * made.resolution[2] + z
+        listed = set(made.lights[made.starts[cell] : made.starts[cell + 1]].tolist())
+        for number, light in enumerate(crowd):
+            reach = getattr(light, "range", np.inf)
+            if np.isinf(reach) or np.linalg.norm(np.asarray(light.position) - p) < reach:  # type: ignore[union-attr]
+                assert number in listed
+    assert np.diff(made.starts.astype(int)).mean() < 30
+
+
+def test_few_lights_are_all_sampled_everywhere() -> None:
+    few = tuple(PointLight(name=str(k), position=np.zeros(3), range=0.1) for k in range(12))
+    made = grid.build(few, (np.zeros(3, np.float32), np.ones(3, np.float32)))
+    assert made.resolution == (1, 1, 1) and made.lights.tolist() == list(range(12))
+    assert made.first_picks == made.later_picks == 12
+    none = grid.build((), (np.zeros(3, np.float32), np.zeros(3, np.float32)))
+    assert none.starts.tolist() == [0, 0] and np.all(np.isfinite(none.cells_per_unit))
+
+
+def test_the_light_table_is_finite_and_never_a_single_row() -> None:
+    assert lights.pack(()).shape == (2, lights.ROW)
+    table = lights.pack((PointLight(name="p", position=np.zeros(3)),))
+    assert np.all(np.isfinite(table)) and not table[1, 8:11].any()
+
+
+def test_glowing_faces_are_drawn_by_their_power() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [3, 0, 0], [0, 3, 0]], np.float32)
+    proxy = ProxyMesh(
+        vertices=vertices,
+        faces=np.array([[0, 1, 2], [0, 3, 4], [0, 1, 2]], np.int32),
+        materials=(Material(emissive=np.ones(3)), Material()),
+        face_materials=np.array([0, 0, 1], np.int32),
+    )
+    glow = materials.pack_glow(proxy)
+    share = np.bincount(glow.slots, minlength=3) / len(glow.slots)
+    np.testing.assert_allclose(share, [0.1, 0.9, 0.0], atol=1e-5)
+    areas = np.array([0.5, 4.5, 0.5])
+    np.testing.assert_allclose(glow.density[:3] * areas, share, rtol=1e-5)
+
+
+# --- denoising, with a stand-in for the library ----------------------------------------------------------------------
+
+
+class _Filter:
+    """Averages each channel over the picture: enough to see what was asked of it."""
+
+    asked: list[dict[str, Any]] = []  # noqa: RUF012  (collected by the test)
+
+    def __init__(self, device: object, kind: str) -> None:
+        self.images: dict[str, Any] = {}
+        self.flags: dict[str, bool] = {}
+        assert kind == "RT"
+
+    def __enter__(self) -> _Filter:
+        return self
+
+    def __exit__(self, *nothing: object) -> None:
+        self.asked.append({**self.flags, "images": set(self.images)})
+
+    def set_image(self, name: str, image: Any, layout: int) -> None:
+        assert image.dtype == np.float32 and image.flags.c_contiguous and image.flags.writeable and layout == 3
+        self.images[name] = image
+
+    def set_bool(self, name: str, value: bool) -> None:
+        self.flags[name] = value
+
+    def commit(self) -> None: ...
+
+    def execute(self) -> None:
+        source = self.images.get("color", next(iter(self.images.values())))
+        self.images["output"][:] = source.mean(axis=(0, 1))
+
+
+class _Device:
+    def __enter__(self) -> _Device:
+        return self
+
+    def __exit__(self, *nothing: object) -> None: ...
+
+    def commit(self) -> None: ...
+
+    def get_error(self) -> None: ...
+
+
+def image() -> F32:
+    return RNG.random((4, 6, 3)).astype(np.float32)
+
+
+def noisy() -> LightingBuffer:
+    camera = Camera.look_at([0, 0, 1], [0, 0, 0], 6, 4)
+    names = ("a", "b")
+    return LightingBuffer(
+        camera=camera,
+        coverage=np.ones((4, 6), np.float32),
+        layers=tuple(LightLayer(name=n, direct=image(), indirect=image()) for n in names),
+        depth=np.ones((4, 6), np.float32),
+        position=image(),
+        normal=image(),
+        geometric_normal=image(),
+        albedo=image(),
+        variance=image(),
+        spp=4,
+    )
+
+
+def test_denoised_layers_add_up_to_the_denoised_beauty(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", SimpleNamespace(Device=_Device, Filter=_Filter, OIDN_FORMAT_FLOAT3=3))
+    _Filter.asked.clear()
+    before = noisy()
+    after = denoise(before)
+    np.testing.assert_allclose(after.beauty, np.broadcast_to(before.beauty.mean(axis=(0, 1)), (4, 6, 3)), rtol=1e-5)
+    assert after.variance is None and before.variance is not None
+    assert [x.name for x in after.layers] == ["a", "b"]
+    colors = [x for x in _Filter.asked if "color" in x["images"]]
+    assert len(colors) == 5  # the beauty, and two layers' direct and indirect light
+    assert all(x["images"] == {"color", "albedo", "normal", "output"} and x["hdr"] and x["cleanAux"] for x in colors)
+
+
+def test_denoising_without_the_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    with pytest.raises(BackendError, match="pip install pyoidn"):
+        denoise(noisy())

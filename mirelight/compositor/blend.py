@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,20 +78,18 @@ class Source:
         x, y, s11, s12, s22, reach, *rest = splat
         return [x, y, s11, s12, s22, self.device.dr.select(where, 0, reach), *rest]
 
-    def exponents(self, splat: list[Array], x0: Array, y0: Array) -> list[Array]:
+    def exponents(self, splat: list[Array], x0: Array, y0: Array) -> Iterator[Array]:
         """e of every pixel of the tile whose first pixel centre is (x0, y0), row by row."""
         dr = self.device.dr
         x, y, s11, s12, s22, reach, *_ = splat
         along = [s11 * (x0 - x + float(i)) for i in range(self.device.tile_width)]
-        out = []
         for j in range(self.device.tile_height):
             dy = y0 - y + float(j)
             v, skew = s22 * dy, s12 * dy
             room = dr.fma(-v, v, reach)
             for a in along:
                 u = a + skew
-                out.append(dr.fma(-u, u, room))
-        return out
+                yield dr.fma(-u, u, room)
 
     def alpha(self, splat: list[Array], exponent: Array) -> Array:
         """Alpha where the exponent is positive."""

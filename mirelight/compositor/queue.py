@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Protocol, TypeAlias
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 
-UNROLL = 2  # splats an iteration, so that a pixel's state is loaded and stored half as often
+UNROLL = 3  # splats an iteration, so that a pixel's state is loaded and stored a third as often
 NO_TILE = 0xFFFFFFFF
 
 PACKET = 16  # floats written at a time
@@ -36,8 +37,8 @@ class SplatSource(Protocol):
         """The splat with nothing to be seen of it in some lanes."""
         ...
 
-    def exponents(self, splat: Splat, x0: Array, y0: Array) -> list[Array]:
-        """The exponent at each pixel of the tile whose first pixel centre is (x0, y0)."""
+    def exponents(self, splat: Splat, x0: Array, y0: Array) -> Iterator[Array]:
+        """The exponent at each pixel of the tile whose first pixel centre is (x0, y0), row by row."""
         ...
 
 
@@ -127,11 +128,14 @@ def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSou
         for i in range(UNROLL):
             ok = position + i < end
             coming.append(source.load(dr.gather(UInt32, ranks, position + i, ok), ok))
-        for splat in held:
-            splat = source.hidden(splat, done)  # of the tile before
-            at = source.exponents(splat, x, y)
-            state = [program.fragment(splat, e, pixel) for e, pixel in zip(at, state, strict=True)]
-        return tile != NO_TILE, tile, position + UNROLL, end, x, y, coming, state
+        shown = [source.hidden(splat, done) for splat in held]  # those of the tile before are not for this one
+        exponents = [source.exponents(splat, x, y) for splat in shown]
+        blended = []
+        for pixel in state:  # pixel by pixel, so that its state stays in registers from splat to splat
+            for splat, of_pixel in zip(shown, exponents, strict=True):
+                pixel = program.fragment(splat, next(of_pixel), pixel)
+            blended.append(pixel)
+        return tile != NO_TILE, tile, position + UNROLL, end, x, y, coming, blended
 
     def lanes_of(dtype: Array, value: float) -> Array:
         return dr.full(dtype, value, lanes)

@@ -67,11 +67,14 @@ def dark(camera: Camera, layers: Layers, spp: int) -> LightingBuffer:
 def relative_noise(buffer: LightingBuffer) -> float:
     """Predicted root mean square error over covered pixels, relative to each pixel.
 
-    sqrt(mean(variance / (beauty² + 0.01 mean²))): the second term keeps dark pixels from deciding. 0 without coverage.
+    sqrt(mean(variance / (beauty² + 0.01 mean²))): the second term keeps dark pixels from deciding. 0 without coverage,
+    infinite where one sample says nothing of its spread.
     """
     covered = buffer.coverage > 0
-    if buffer.variance is None or not covered.any():
+    if not covered.any():
         return 0.0
+    if buffer.variance is None:
+        return float("inf")
     beauty = buffer.beauty[covered].astype(np.float64)
     floor = 0.01 * float(beauty.mean()) ** 2
     if floor == 0:

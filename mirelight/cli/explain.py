@@ -1,0 +1,82 @@
+"""`mirelight explain`: where the difference between the real-time frame and the physical one comes from."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.errors import BackendError, InputError
+
+if TYPE_CHECKING:
+    from mirelight.model import Camera, Job, Lighting
+
+
+def add_explain(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "explain",
+        help="say where the difference from real time comes from",
+        description="Turn the real-time engine's frame of a job into the physical one, one cause at a time, and write "
+        "each step as a picture and numbers that add up. One frame: the job's first camera and lighting, or others by "
+        "name.",
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+    parser.add_argument(
+        "-o", "--out", metavar="DIR", required=True, help="write explain.html, explain.json and the pictures there"
+    )
+    parser.add_argument("--camera", metavar="NAME", help="the camera (the job's first)")
+    parser.add_argument("--lighting", metavar="NAME", help="the lighting (the job's first)")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
+    )
+    parser.add_argument(
+        "--no-engine", action="store_true", help="start from mirelight's prediction instead of the engine's own frame"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="print no table")
+
+
+def run_explain(args: argparse.Namespace) -> int:
+    """The command. The table goes to stdout, progress and what could not be done to stderr."""
+    from mirelight.compare.explain import summary
+    from mirelight.compare.explain_engine import EngineRun, run_engine
+    from mirelight.compare.explain_ladder import explain, require
+    from mirelight.compare.explain_report import write_ladder
+    from mirelight.io import job
+    from mirelight.io.job.overrides import parse
+
+    def say(line: str) -> None:
+        if not args.quiet:
+            print(f"mirelight: {line}", file=sys.stderr, flush=True)
+
+    work = job.load(args.job, [parse(text) for text in args.set])
+    name, camera, lighting = _frame(work, args.camera, args.lighting)
+    require(work, camera)
+    folder = Path(args.out)
+    run: EngineRun | None = None
+    if not args.no_engine:
+        say("rendering with the real engine")
+        try:
+            run = run_engine(work, camera, lighting, folder / "engine")
+        except BackendError as error:
+            print(f"mirelight: {error}", file=sys.stderr)
+            print("mirelight: the ladder starts from mirelight's prediction of the engine instead", file=sys.stderr)
+    ladder = replace(explain(work, camera, lighting, run, say), name=name)
+    write_ladder(folder, ladder)
+    if not args.quiet:
+        print(summary(ladder))
+        print(f"{folder / 'explain.html'} shows each step")
+    return 0
+
+
+def _frame(work: Job, camera: str | None, lighting: str | None) -> tuple[str, Camera, Lighting]:
+    """The name, camera and lighting of the frame that is meant."""
+    from mirelight import pipeline
+
+    tasks = pipeline.plan(work, None if camera is None else [camera], None if lighting is None else [lighting])
+    task = tasks[0]
+    if task.lighting is None:
+        raise InputError(work.source, "no light", "a ladder needs splats, a proxy and light", field="lights")
+    return task.name, task.camera, task.lighting

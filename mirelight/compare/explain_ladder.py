@@ -1,0 +1,364 @@
+"""Building the ladder: the engine's frame, then one setting of the renderer after another turned physical."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mirelight import colour, relight
+from mirelight.compare.explain import CAUSES, Ladder, Rung
+from mirelight.compare.explain_engine import (
+    EngineRun,
+    engine_compositor,
+    engine_tone,
+    physical_display,
+    physical_settings,
+)
+from mirelight.compare.explain_light import LitSurface, shadows, texture
+from mirelight.compositor import Compositor
+from mirelight.errors import InputError, RenderError
+from mirelight.lighting import Tracer
+from mirelight.lighting.layers import Layers
+from mirelight.lighting.visibility import ShadowRays
+from mirelight.model import (
+    F32,
+    Camera,
+    CompositorSettings,
+    DisplaySettings,
+    Job,
+    Lighting,
+    LightingBuffer,
+    ProxyMesh,
+    RelightSettings,
+    SplatCloud,
+    SplatLayer,
+)
+from mirelight.realtime.bundle import scene_size
+from mirelight.realtime.engine import VERSION
+from mirelight.realtime.mapping import EngineLighting, to_engine
+from mirelight.realtime.raster import rasterise
+
+_ALBEDO_SPP = 16  # samples a pixel of a proxy's own colours
+
+Say = Callable[[str], None]
+
+
+def explain(
+    job: Job, camera: Camera, lighting: Lighting, engine: EngineRun | None = None, say: Say = lambda line: None
+) -> Ladder:
+    """The ladder of one frame.
+
+    The first rung is the engine's frame, the last what `mirelight render` shows of the job in the profile physical
+    with a lighting texture of full size, in floating point.
+
+    Args:
+        job: scene and settings.
+        camera: perspective.
+        lighting: physical units.
+        engine: from :func:`run_engine`; None: mirelight's own prediction of the engine, with ideal shadow maps.
+        say: is told what is being made.
+
+    Raises:
+        InputError: there are no splats or no proxy, an orthographic camera, or the variant `scalar_rgb`.
+        RenderError: the engine's texture has an unexpected size.
+        BackendError: the variant cannot be used on this machine.
+    """
+    splats, proxy = require(job, camera)
+    return _Builder(job, splats, proxy, camera, lighting, engine, say).build()
+
+
+def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
+    """The job's splats and proxy.
+
+    Raises:
+        InputError: a ladder of this job and camera cannot be made; see :func:`explain`.
+    """
+    scene = job.scene
+    if scene.splats is None or scene.proxy is None:
+        missing = "splats" if scene.splats is None else "proxy"
+        raise InputError(job.source, f"no {missing}", "a ladder needs splats, a proxy and light", field=missing)
+    if camera.projection != "perspective":
+        raise InputError(
+            job.source, f"camera {camera.name} is orthographic", "the engine relights perspective cameras only"
+        )
+    if job.render.variant == "scalar_rgb":
+        raise InputError(job.source, "the variant scalar_rgb", "use llvm_ad_rgb or cuda_ad_rgb", field="render.variant")
+    if job.relight.mode == "ratio" and scene.captured is None:
+        raise InputError(job.source, "mode 'ratio' without captured lighting", "name it, or set mode to 'tint'")
+    return scene.splats, scene.proxy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Recipe:
+    """Everything that decides a modelled frame; a rung replaces one part."""
+
+    splats: SplatLayer
+    light: LightingBuffer
+    settings: RelightSettings
+    display: DisplaySettings
+    engine_blending: bool = True  # linear pipeline: tone curve and encoding follow the blending over the background
+    captured: LightingBuffer | None = None
+
+
+@dataclass(eq=False)
+class _Builder:
+    job: Job
+    splats: SplatCloud
+    proxy: ProxyMesh
+    camera: Camera
+    lighting: Lighting
+    engine: EngineRun | None
+    say: Say
+    rungs: list[Rung] = field(default_factory=list)
+    absent: list[tuple[str, str]] = field(default_factory=list)
+
+    def build(self) -> Ladder:
+        self.say("tracing")
+        lights, warnings = to_engine(self.lighting, scene_size(self.job.scene))
+        tracer = Tracer(self.proxy, self.job.render)
+        traced = tracer.trace(self.lighting, self.camera)
+        self.say("real-time frame")
+        recipe = self._engine_side(lights)
+        self.say("lighting")
+        recipe = self._punctual(recipe, lights)
+        recipe = self._traced(recipe, traced)
+        self.say("splats")
+        recipe = self._splat_side(recipe)
+        self._relight_mode(recipe, traced, tracer)
+        really = self.engine is not None
+        return Ladder(
+            name=f"{self.camera.name}.{self.lighting.name}",
+            rungs=tuple(self.rungs),
+            absent=tuple(self.absent),
+            engine=f"PlayCanvas {VERSION}" if really else f"mirelight's prediction of PlayCanvas {VERSION}",
+            really_rendered=really,
+            warnings=self.engine.frames.warnings if self.engine is not None else warnings,
+        )
+
+    # --- from the engine's frame to mirelight's model of it ---
+
+    def _engine_side(self, lights: EngineLighting) -> _Recipe:
+        job = self.job
+        self.small = self._lit_surface(relight.lighting_camera(self.camera, self._settings))
+        self.parts = (self.small.engine_lights(lights, shadows=True), self.small.engine_environment(lights))
+        ideal = self.small.buffer(self.parts[0] + self.parts[1])
+        recipe = _Recipe(
+            splats=self._composite(engine_compositor(job)),
+            light=ideal if self.engine is None else self._engine_texture(self.engine, lights),
+            settings=self._settings,
+            display=DisplaySettings(background=job.display.background),
+        )
+        title = "Real-time frame"
+        if self.engine is None:
+            rough = replace(engine_compositor(job), eight_bit=not recipe.splats.linear)
+            eight = np.rint(self._shown(replace(recipe, splats=self._composite(rough))) * np.float32(255)) / 255
+            self.rungs.append(Rung("engine", title, "mirelight's prediction: the engine did not run.", _f32(eight)))
+            self._add("float", recipe)
+            self.absent.append(("model", "the engine did not run"))
+            self.absent.append(("shadows", "the engine did not run, and its shadow maps are not modelled"))
+        else:
+            frames = self.engine.frames
+            self.rungs.append(
+                Rung("engine", title, f"Rendered by PlayCanvas {VERSION}.", _f32(frames.frame[..., :3] / 255))
+            )
+            shown = frames.frame_f32[..., :3]
+            if recipe.splats.linear:
+                shown = self._engine_tone(shown)
+            self._append("float", _f32(np.clip(shown, 0, 1)))
+            self._add("model", recipe)
+        if engine_compositor(job).work_buffer == "compact":
+            recipe = replace(recipe, splats=self._composite(replace(engine_compositor(job), work_buffer="large")))
+            self._add("buffer", recipe)
+        else:
+            self.absent.append(("buffer", "the job asks for half floats"))
+        if self.engine is not None and lights.lights:
+            recipe = replace(recipe, light=ideal)
+            self._add("shadows", recipe)
+        elif self.engine is not None:
+            self.absent.append(("shadows", "no light casts any"))
+        return recipe
+
+    def _engine_texture(self, run: EngineRun, lights: EngineLighting) -> LightingBuffer:
+        """The engine's texture, less what the model of its light without shadows misses."""
+        expected = self.small.albedo.shape[:2]
+        if run.frames.relight.shape[:2] != expected:
+            raise RenderError(f"the engine's lighting texture is {run.frames.relight.shape[:2]}, expected {expected}")
+        predicted = self.small.engine_lights(lights, shadows=False) + self.parts[1]
+        real, without = run.frames.relight, run.unshadowed
+        known = (real[..., 3] > 0.5) & (without[..., 3] > 0.5) & self.small.surface.coverage
+        corrected = np.maximum(real[..., :3] + predicted - without[..., :3], 0)
+        return texture(
+            self.small.camera,
+            np.where(known[..., None], corrected, real[..., :3]),
+            (real[..., 3] > 0.5).astype(np.float32),
+        )
+
+    # --- light ---
+
+    def _punctual(self, recipe: _Recipe, lights: EngineLighting) -> _Recipe:
+        """Causes that one light sample a pixel shows: texture scale, falloffs, prefiltering."""
+        settings = replace(self._settings, texture_scale=1.0)
+        self.full = self.small
+        if self.small.camera is not self.camera:
+            self.full = self._lit_surface(self.camera)
+            self.parts = (self.full.engine_lights(lights, shadows=True), self.full.engine_environment(lights))
+            recipe = replace(recipe, light=self._sum(), settings=settings)
+            self._add("scale", recipe)
+        else:
+            self.absent.append(("scale", "the lighting texture is as large as the frame"))
+        if self.lighting.lights:
+            self.parts = (self.full.lights(self.lighting.lights), self.parts[1])
+            recipe = replace(recipe, light=self._sum())
+            self._add("units", recipe)
+        else:
+            self.absent.append(("units", "there are no lights but the environment"))
+        if self.lighting.environment is not None:
+            self.parts = (self.parts[0], self.full.environment(self.lighting.environment))
+            recipe = replace(recipe, light=self._sum())
+            self._add("prefilter", recipe)
+        else:
+            self.absent += [("prefilter", "there is no environment"), ("occlusion", "there is no environment")]
+        return recipe
+
+    def _traced(self, recipe: _Recipe, traced: LightingBuffer) -> _Recipe:
+        """Causes that only paths show: blocked sky, light sizes, indirect light, covered shares of pixels."""
+        layers = Layers.of(self.lighting, emissive=False)
+        environment = layers.environment if self.lighting.environment is not None else -1
+        count = 1 if self.lighting.lights and layers.of_light.max() == 0 else len(self.lighting.lights)
+        direct = [x.direct for x in traced.layers]
+        if environment >= 0:
+            self.parts = (self.parts[0], self._own(direct[environment], traced, self.parts[1]))
+            recipe = replace(recipe, light=self._sum())
+            self._add("occlusion", recipe)
+        if self.lighting.lights:
+            lit = np.asarray(np.sum(direct[:count], axis=0), dtype=np.float32)
+            self.parts = (self._own(lit, traced, self.parts[0]), self.parts[1])
+            recipe = replace(recipe, light=self._sum())
+            self._add("size", recipe)
+        else:
+            self.absent.append(("size", "there are no lights but the environment"))
+        everything = self._own(traced.beauty, traced, self.parts[0] + self.parts[1])
+        recipe = replace(recipe, light=self.full.buffer(everything))
+        self._add("indirect", recipe)
+        recipe = replace(recipe, light=traced, settings=replace(recipe.settings, profile="physical"))
+        self._add("coverage", recipe)
+        return recipe
+
+    def _sum(self) -> LightingBuffer:
+        return self.full.buffer(self.parts[0] + self.parts[1])
+
+    def _own(self, premultiplied: F32, traced: LightingBuffer, otherwise: F32) -> F32:
+        """The light of the covered part of each pixel; `otherwise` where no path met the proxy."""
+        cover = traced.coverage[..., None]
+        return np.where(cover > 0, premultiplied / np.where(cover > 0, cover, 1), otherwise).astype(np.float32)
+
+    def _lit_surface(self, camera: Camera) -> LitSurface:
+        surface = rasterise(self.proxy, camera)
+        render = self.job.render
+        rays = ShadowRays(self.proxy, render.variant, render.threads)
+        if self.proxy.albedo is not None:
+            albedo = np.broadcast_to(self.proxy.albedo, (*surface.coverage.shape, 3)).astype(np.float32)
+        else:
+            settings = replace(render, spp=_ALBEDO_SPP, noise=None, denoise=False, max_depth=1)
+            albedo = Tracer(self.proxy, settings).trace(Lighting(), camera).albedo
+        return LitSurface(camera, surface, albedo, shadows(rays, surface, camera, self.lighting))
+
+    # --- splats and colour ---
+
+    def _splat_side(self, recipe: _Recipe) -> _Recipe:
+        job = self.job
+        curve, _ = engine_tone(job)
+        per_splat = replace(engine_compositor(job), work_buffer="large")
+        space = physical_settings(job).space
+        if per_splat.linear:
+            per_splat = replace(per_splat, linear=False, tone="none", exposure=1.0)
+            recipe = replace(
+                recipe,
+                splats=replace(self._composite(per_splat), profile="physical"),
+                settings=replace(recipe.settings, space=space),
+                display=physical_display(job),
+                engine_blending=False,
+            )
+            self._add("blending", recipe)
+            self.absent.append(("tint", "the linear pipeline tints in linear light"))
+        else:
+            self.absent.append(("blending", "the gamma pipeline blends display values"))
+            recipe = replace(
+                recipe,
+                splats=replace(recipe.splats, profile="physical"),
+                settings=replace(recipe.settings, space=space),
+                engine_blending=False,
+            )
+            if space == "linear":
+                self._add("tint", recipe)
+            else:
+                self.absent.append(("tint", "the job asks for display space"))
+        if not per_splat.linear and recipe.display != physical_display(job):
+            per_splat = replace(per_splat, tone="none", exposure=1.0)
+            plain = replace(self._composite(per_splat), profile="physical")
+            recipe = replace(recipe, splats=plain, display=physical_display(job))
+            self._add("tone", recipe)
+        else:
+            where = "tone maps the finished frame too" if curve != "none" else "and the job have no tone curve"
+            self.absent.append(("tone", f"the engine {where}"))
+        recipe = replace(recipe, splats=self._composite(replace(job.compositor, profile="physical")))
+        self._add("kernel", recipe)
+        return recipe
+
+    def _relight_mode(self, recipe: _Recipe, traced: LightingBuffer, tracer: Tracer) -> None:
+        """Ratio instead of tint, where the job asks for it."""
+        captured = self.job.scene.captured
+        if self.job.relight.mode != "ratio" or captured is None:
+            self.absent.append(("ratio", "the job's mode is tint"))
+            return
+        old = tracer.trace(captured, self.camera)
+        self._add("ratio", replace(recipe, settings=replace(recipe.settings, mode="ratio"), captured=old))
+
+    # --- frames ---
+
+    @property
+    def _settings(self) -> RelightSettings:
+        return replace(self.job.relight, profile="playcanvas", mode="tint", space="display")
+
+    def _composite(self, settings: CompositorSettings) -> SplatLayer:
+        """A composite. A bare exposure of the engine is applied here: the compositor has it within curves only."""
+        render = self.job.render
+        layer = Compositor(self.splats, settings, variant=render.variant, threads=render.threads).composite(
+            self.camera, depth=False
+        )
+        if settings.profile != "playcanvas" or settings.linear or settings.tone != "none" or settings.exposure == 1:
+            return layer
+        gain = np.float32(settings.exposure ** (1 / colour.ENGINE_GAMMA))
+        return replace(layer, color=layer.color * gain)
+
+    def _shown(self, recipe: _Recipe) -> F32:
+        """(H, W, 3) display values 0..1 of a recipe."""
+        frame = relight.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured)
+        background = np.asarray(recipe.display.background, dtype=np.float32)
+        alpha = frame.rgba[..., 3:]
+        if recipe.engine_blending and recipe.splats.linear:
+            behind = colour.power_decode(background)
+            shown = self._engine_tone(frame.rgba[..., :3] + behind * (1 - alpha))
+        else:
+            profile = recipe.splats.profile
+            own = frame.rgba[..., :3] / np.where(alpha > 0, alpha, np.float32(1))
+            light = colour.tone_map(own * np.float32(2.0**recipe.display.exposure), recipe.display.tone)
+            shown = colour.encode(light, profile) * alpha + background * (1 - alpha)
+        return _f32(np.clip(np.nan_to_num(shown, nan=0.0, posinf=1.0, neginf=0.0), 0, 1))
+
+    def _engine_tone(self, linear: F32) -> F32:
+        """Linear pipeline: what follows blending."""
+        curve, exposure = engine_tone(self.job)
+        return colour.power_encode(colour.tone_map(linear * np.float32(exposure), curve))
+
+    def _add(self, name: str, recipe: _Recipe) -> None:
+        self._append(name, self._shown(recipe))
+
+    def _append(self, name: str, frame: F32) -> None:
+        self.rungs.append(Rung(name, CAUSES[name].title, CAUSES[name].change, frame))
+
+
+def _f32(values: object) -> F32:
+    return np.asarray(values, dtype=np.float32)

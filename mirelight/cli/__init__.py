@@ -67,6 +67,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.report import run_inspect
 
             return run_inspect(args.file, args.json)
+        case "explain":
+            from mirelight.cli.explain import run_explain
+
+            return run_explain(args)
         case "schema":
             import json
 
@@ -120,6 +124,9 @@ def _parser() -> argparse.ArgumentParser:
     inspect.add_argument("file", metavar="FILE", help="the file")
     inspect.add_argument("--json", action="store_true", help="as JSON")
 
+    from mirelight.cli.explain import add_explain
+
+    add_explain(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

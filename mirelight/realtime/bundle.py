@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.colour import ENGINE_GAMMA
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
@@ -113,13 +114,15 @@ def _describe(job: Job, camera: Camera, lighting: mapping.EngineLighting) -> dic
         curve = "linear"  # the engine exposes within its tone curves only
     else:
         curve = _TONE_CURVES[tone]
-    background = list(job.display.background)
+    linear = playcanvas and job.compositor.linear
+    behind = np.asarray(job.display.background)
+    background = (behind**ENGINE_GAMMA if linear else behind).tolist()  # the linear pipeline clears in linear light
     out: dict[str, Any] = {
         "width": camera.width,
         "height": camera.height,
         "camera": _camera(camera, scene),
         "clearColor": [*background, 1.0 if any(background) else 0.0],
-        "pipeline": "linear" if playcanvas and job.compositor.linear else "gamma",
+        "pipeline": "linear" if linear else "gamma",
         "toneMapping": curve,
         "exposure": exposure,
         "relighting": {

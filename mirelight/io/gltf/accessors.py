@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.io.gltf.document import Bytes, Document
-from mirelight.io.gltf.fields import Fields
+from mirelight.io.gltf.document import Document
+from mirelight.io.gltf.fields import Bytes, Fields
 
 _TYPES: dict[int, type[np.generic]] = {
     5120: np.int8,

@@ -16,13 +16,10 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirelight.errors import InputError
-from mirelight.io.gltf.fields import Fields
+from mirelight.io.gltf.fields import Bytes, Fields
 from mirelight.io.safety import contained
-
-Bytes = NDArray[np.uint8]
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _MAX_JSON = 256 << 20  # bytes; the largest real scenes' JSON has some tens of MB

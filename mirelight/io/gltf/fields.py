@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from mirelight.errors import InputError
 
+Bytes = NDArray[np.uint8]  # (n,) raw contents of a buffer or view
+
 _KINDS = {dict: "an object", list: "an array", str: "a string", bool: "true or false", type(None): "null"}
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.io.gltf.document import Bytes, Document
-from mirelight.io.gltf.fields import Fields
+from mirelight.io.gltf.document import Document
+from mirelight.io.gltf.fields import Bytes, Fields
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.model import F32, F64, Material
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.io.gltf.document import Bytes
-from mirelight.io.gltf.fields import Fields
+from mirelight.io.gltf.fields import Bytes, Fields
 
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 _FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")

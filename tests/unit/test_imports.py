@@ -14,13 +14,12 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
 
-BASE = {"errors", "constants", "conventions", "model"}
+BASE = {"errors", "conventions", "model"}
 TOOLS = {"colour", "sh"}
 # Each unit of the package and the units that it may import beside itself; "*": any.
 MAY_IMPORT: dict[str, set[str]] = {
     "": set(),  # mirelight/__init__.py: the five calls are looked up lazily, see LAZY_HOMES
     "errors": BASE,
-    "constants": BASE,
     "conventions": BASE,
     "model": BASE,
     "colour": BASE,

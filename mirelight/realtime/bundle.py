@@ -26,6 +26,7 @@ from mirelight.realtime.mapping import EngineLight
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
 _FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
+_SHADOW_PIXELS, _SHADOW_BIAS, _NORMAL_OFFSET_BIAS = 2048, 0.3, 0.05  # no acne on proxies of some metres
 _CONSTANT_MAP = (16, 32)  # pixels of the map that stands for a constant environment
 
 
@@ -132,7 +133,7 @@ def _describe(job: Job, camera: Camera, lighting: mapping.EngineLighting) -> dic
             "textureScale": relight.texture_scale,
         },
         "gsplat": _gsplat(job.compositor),
-        "lights": [_light(light) for light in lighting.lights],
+        "lights": [_light(light, _furthest(camera, scene)) for light in lighting.lights],
         "ambient": lighting.ambient.tolist(),
     }
     if scene.splats is not None:
@@ -152,8 +153,6 @@ def _describe(job: Job, camera: Camera, lighting: mapping.EngineLighting) -> dic
 
 def _camera(camera: Camera, scene: Scene) -> dict[str, Any]:
     low, high = _bounds(scene)
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    furthest = float(np.linalg.norm(corners - camera.position, axis=1).max())
     forward = -camera.world_from_camera[:3, 2]
     ahead = float((0.5 * (low + high) - camera.position) @ forward)
     return {
@@ -162,8 +161,14 @@ def _camera(camera: Camera, scene: Scene) -> dict[str, Any]:
         "up": camera.world_from_camera[:3, 1].tolist(),
         "fov": math.degrees(2 * math.atan(camera.height / (2 * camera.fy))),
         "near": camera.near,
-        "far": min(camera.far, max(_FAR_FACTOR * furthest, 2 * camera.near)),
+        "far": min(camera.far, max(_FAR_FACTOR * _furthest(camera, scene), 2 * camera.near)),
     }
+
+
+def _furthest(camera: Camera, scene: Scene) -> float:
+    """Distance from the eye to the furthest corner of the scene's bounds."""
+    corners = np.array(np.meshgrid(*zip(*_bounds(scene), strict=True))).reshape(3, -1).T
+    return float(np.linalg.norm(corners - camera.position, axis=1).max())
 
 
 def _gsplat(settings: CompositorSettings) -> dict[str, Any]:
@@ -177,7 +182,7 @@ def _gsplat(settings: CompositorSettings) -> dict[str, Any]:
     }
 
 
-def _light(light: EngineLight) -> dict[str, Any]:
+def _light(light: EngineLight, shadow_distance: float) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": light.name,
         "type": light.kind,
@@ -186,7 +191,15 @@ def _light(light: EngineLight) -> dict[str, Any]:
         "castShadows": light.cast_shadows,
     }
     if light.cast_shadows:
-        out |= {"shadowType": "SHADOW_PCSS_32F" if light.soft_shadows else "SHADOW_PCF3_32F", "shadowResolution": 2048}
+        out |= {
+            "shadowType": "SHADOW_PCSS_32F" if light.penumbra > 0 else "SHADOW_PCF3_32F",
+            "shadowResolution": _SHADOW_PIXELS,
+            "shadowDistance": shadow_distance,
+            "shadowBias": _SHADOW_BIAS,
+            "normalOffsetBias": _NORMAL_OFFSET_BIAS,
+        }
+    if light.penumbra > 0:
+        out["penumbraSize"] = light.penumbra
     if light.kind != "omni":
         out["direction"] = light.direction.tolist()
     if light.kind != "directional":

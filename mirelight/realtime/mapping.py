@@ -67,7 +67,9 @@ class EngineLight:
     inner_cone_angle: float = 40.0  # degrees, half angle
     outer_cone_angle: float = 45.0  # degrees, half angle
     cast_shadows: bool = False
-    soft_shadows: bool = False  # PCSS instead of PCF
+    penumbra: float = (
+        0.0  # rad, angular diameter of the light seen from the proxy; above 0: PCSS instead of PCF shadows
+    )
 
     def __post_init__(self) -> None:
         for name in ("color", "position", "direction"):
@@ -155,7 +157,6 @@ def to_engine(lighting: Lighting, scene_size: float, *, shadows: bool = True) ->
 def _engine_light(light: Light, scene_size: float, shadows: bool, warnings: list[str]) -> EngineLight:
     if isinstance(light, AreaLight):
         light = _without_area(light, warnings)
-    soft = shadows and (isinstance(light, SunLight) or (isinstance(light, SpotLight) and light.radius > 0))
     if isinstance(light, DirectionalLight | SunLight):
         color, intensity = engine_color(light.color * light.intensity / math.pi)
         return EngineLight(
@@ -165,7 +166,7 @@ def _engine_light(light: Light, scene_size: float, shadows: bool, warnings: list
             intensity=intensity,
             direction=light.direction,
             cast_shadows=shadows,
-            soft_shadows=soft,
+            penumbra=math.radians(light.angular_diameter) if isinstance(light, SunLight) else 0.0,
         )
     if light.radius > 0:
         warnings.append(f"{light.name}: the engine has no radius for this light; its shadow edges differ")
@@ -195,7 +196,6 @@ def _engine_light(light: Light, scene_size: float, shadows: bool, warnings: list
         inner_cone_angle=math.degrees(light.inner_cone_angle) / CONE_SHRINK,
         outer_cone_angle=min(math.degrees(light.outer_cone_angle) / CONE_SHRINK, 90.0),
         cast_shadows=shadows,
-        soft_shadows=soft,
     )
 
 

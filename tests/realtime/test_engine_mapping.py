@@ -107,7 +107,8 @@ def test_environment_is_exact_but_for_prefiltering() -> None:
 def test_sun_is_a_directional_light_with_soft_shadows() -> None:
     engine, _ = mapping.to_engine(Lighting(lights=(SunLight(name="s", direction=np.array([0, -1, 0])),)), 10.0)
     (light,) = engine.lights
-    assert (light.kind, light.cast_shadows, light.soft_shadows) == ("directional", True, True)
+    assert (light.kind, light.cast_shadows) == ("directional", True)
+    assert light.penumbra == pytest.approx(math.radians(0.53))
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ A light with a range is exactly dark beyond it (KHR_lights_punctual), so a list 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,9 @@ from mirelight.lighting.lights import ALL_LIGHTS
 from mirelight.model import F64, Light, PointLight, SpotLight
 
 FEW = 6  # lights a list to aim for: shorter lists no longer pay
-MAX_CELLS = 1 << 18
-MAX_ENTRIES = 1 << 22
+MAX_CELLS = 1 << 16
+MAX_ENTRIES = 1 << 21
+WORTH_IT = 0.85  # a grid twice as fine stays only if it shortens the lists by this factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,12 +40,12 @@ def build(lights: tuple[Light, ...], bounds: tuple[NDArray[np.float32], NDArray[
     best = _lists(lights, low, size, (1, 1, 1))
     if len(lights) > ALL_LIGHTS:
         steps = 2
-        while np.mean(np.diff(best[1].astype(np.int64))) > FEW:
+        while _mean_length(best) > FEW:
             resolution = tuple(int(n) for n in np.clip(np.ceil(steps * size / size.max()), 1, None))
             if np.prod(resolution) > MAX_CELLS:
                 break
             finer = _lists(lights, low, size, resolution)
-            if len(finer[2]) > MAX_ENTRIES:
+            if len(finer[2]) > MAX_ENTRIES or (steps > 2 and _mean_length(finer) > WORTH_IT * _mean_length(best)):
                 break
             best = finer
             steps *= 2
@@ -59,25 +61,35 @@ def build(lights: tuple[Light, ...], bounds: tuple[NDArray[np.float32], NDArray[
     )
 
 
-def _lists(
-    lights: tuple[Light, ...], low: F64, size: F64, resolution: tuple[int, ...]
-) -> tuple[tuple[int, ...], NDArray[np.uint32], NDArray[np.uint32]]:
-    """(resolution, starts, lights) of one grid."""
-    shape = np.asarray(resolution)
-    edges = [low[k] + size[k] * np.arange(shape[k] + 1) / shape[k] for k in range(3)]
-    cells: list[NDArray[np.int64]] = []
-    for light in lights:
-        reached = np.ones(tuple(shape), bool)
-        if isinstance(light, PointLight | SpotLight) and np.isfinite(light.range):
-            gap = [
-                np.maximum(np.maximum(e[:-1] - light.position[k], light.position[k] - e[1:]), 0) ** 2
-                for k, e in enumerate(edges)
-            ]
-            distance2 = gap[0][:, None, None] + gap[1][None, :, None] + gap[2][None, None, :]
-            reached = distance2 <= (light.range * (1 + 1e-5)) ** 2
-        cells.append(np.flatnonzero(reached))
+_Lists: TypeAlias = tuple[tuple[int, ...], NDArray[np.uint32], NDArray[np.uint32]]  # resolution, starts, lights
+
+
+def _mean_length(lists: _Lists) -> float:
+    return len(lists[2]) / (len(lists[1]) - 1)
+
+
+def _lists(lights: tuple[Light, ...], low: F64, size: F64, resolution: tuple[int, ...]) -> _Lists:
+    edges = [low[k] + size[k] * np.arange(n + 1) / n for k, n in enumerate(resolution)]
+    cells = [_reached(light, edges, resolution) for light in lights]
     where = np.concatenate(cells) if cells else np.zeros(0, np.int64)
     which = np.repeat(np.arange(len(lights), dtype=np.uint32), [len(c) for c in cells])
     order = np.argsort(where, kind="stable")
-    starts = np.searchsorted(where[order], np.arange(int(np.prod(shape)) + 1)).astype(np.uint32)
-    return tuple(int(n) for n in shape), starts, which[order]
+    starts = np.searchsorted(where[order], np.arange(int(np.prod(resolution)) + 1)).astype(np.uint32)
+    return resolution, starts, which[order]
+
+
+def _reached(light: Light, edges: list[F64], resolution: tuple[int, ...]) -> NDArray[np.int64]:
+    """Cells that a light can reach: those that its sphere touches."""
+    if not isinstance(light, PointLight | SpotLight) or np.isinf(light.range):
+        return np.arange(int(np.prod(resolution)))
+    reach = light.range * (1 + 1e-5)
+    gaps, firsts = [], []
+    for at, edge in zip(light.position, edges, strict=True):
+        gap = np.maximum(np.maximum(edge[:-1] - at, at - edge[1:]), 0)
+        near = np.flatnonzero(gap <= reach)
+        first, last = (near[0], near[-1] + 1) if len(near) else (0, 0)
+        gaps.append(gap[first:last] ** 2)
+        firsts.append(first)
+    distance2 = gaps[0][:, None, None] + gaps[1][None, :, None] + gaps[2][None, None, :]
+    x, y, z = (index + first for index, first in zip(np.nonzero(distance2 <= reach**2), firsts, strict=True))
+    return np.asarray((x * resolution[1] + y) * resolution[2] + z, dtype=np.int64)

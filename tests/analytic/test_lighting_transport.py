@@ -82,7 +82,7 @@ def test_a_wall_receives_the_floors_light_by_its_form_factor(y: float) -> None:
     """Sunlight parallel to the wall lights the floor evenly; the wall shows what the floor reflects, once."""
     floor, wall = quad([0, 0, 1], [1, 0, 0], [0, 0, 1]), quad([0, 1, 0], [1, 0, 0], [0, 1, 0])
     sun = DirectionalLight(name="sun", direction=DOWN, intensity=2.0)
-    buffer = render(join(floor, wall), wall_patch(y), sun, spp=4096, max_depth=2)
+    buffer = render(join(floor, wall), wall_patch(y), sun, spp=2048, max_depth=2)
     corners = np.array([[-1, 0, 0], [1, 0, 0], [1, 0, 2], [-1, 0, 2]], np.float64)
     floor_radiance = 0.5 * 2.0 / np.pi
     truth = 0.5 / np.pi * floor_radiance * polygon_irradiance(np.array([0, y, 0]), np.array([0, 0, 1.0]), corners)

@@ -26,7 +26,7 @@ from mirelight.model import (
 
 from .ztest import Array, worst_and_allowed
 
-SEEDS, SPP = 32, 16
+SEEDS, SPP = 24, 16
 VIEW = Camera.look_at([0.3, 1.5, 4], [0, 0, 0], 64, 48)
 
 

@@ -25,10 +25,11 @@ import numpy as np
 from mirelight.compositor import Compositor
 from mirelight.compositor.bin import Band, TileLists, sorted_records, tile_lists
 from mirelight.compositor.blend import Source, blend
+from mirelight.compositor.cloud import upload, view_of
 from mirelight.compositor.device import Device, open_device
 from mirelight.compositor.kernel import splat_kernel
 from mirelight.compositor.order import depth_order
-from mirelight.compositor.project import project, upload, view_of
+from mirelight.compositor.project import project
 from mirelight.compositor.resolve import new_frame
 from mirelight.io import splats as splat_files
 from mirelight.io.splats.edit import transform

@@ -8,7 +8,7 @@ import numpy as np
 
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.order import counting_permutation
-from mirelight.compositor.project import HALF_HEIGHT, REACH, RECORD, S11, S12, S22, SLACK, TURN, VALUE_ROW, X, Y
+from mirelight.compositor.record import HALF_HEIGHT, REACH, RECORD, S11, S12, S22, SLACK, TURN, VALUE_ROW, X, Y
 from mirelight.model import F32
 
 ITEM_BYTES = 24  # per splat and tile row while binning

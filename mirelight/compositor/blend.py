@@ -10,8 +10,8 @@ import numpy as np
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.kernel import SplatKernel
-from mirelight.compositor.project import BLUE, DEPTH, OFFSET, REACH, RECORD, RED, S11, S12, S22, SCALE, VALUE_ROW, X, Y
 from mirelight.compositor.queue import Pixels, for_each_tile
+from mirelight.compositor.record import BLUE, DEPTH, OFFSET, REACH, RECORD, RED, S11, S12, S22, SCALE, VALUE_ROW, X, Y
 from mirelight.compositor.resolve import Frame, untile
 
 NEARLY_OPAQUE = 2.0**-20  # profiles without a stop of their own end a pixel here: what lies behind adds less than 1e-6

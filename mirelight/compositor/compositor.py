@@ -18,11 +18,14 @@ from mirelight.compositor.bin import (
     tile_lists,
 )
 from mirelight.compositor.blend import Source, blend, blend_eight_bit
+from mirelight.compositor.cloud import upload, view_of
+from mirelight.compositor.color import splat_colors, tone_records
 from mirelight.compositor.device import Array, Device, open_device
 from mirelight.compositor.kernel import splat_kernel
 from mirelight.compositor.memory import allowance, check_indices, check_pixels, cloud_bytes, frame_bytes, too_large
 from mirelight.compositor.order import depth_order
-from mirelight.compositor.project import VALUE_ROW, Projected, project, splat_colors, tone_records, upload, view_of
+from mirelight.compositor.project import Projected, project
+from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Frame, empty_frame, layer_of, new_frame, values_of
 from mirelight.compositor.source import has_tone
 from mirelight.errors import BackendError

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from mirelight.compositor.cloud import PADDED
 from mirelight.compositor.device import Device
-from mirelight.compositor.project import PADDED, RECORD
+from mirelight.compositor.record import RECORD
 from mirelight.errors import RenderError
 from mirelight.model import Camera, SplatCloud
 

@@ -55,6 +55,15 @@ def test_cameras(settings: CompositorSettings, name: str) -> None:
 
 
 @PROFILES
+def test_far_from_the_origin(settings: CompositorSettings) -> None:
+    shift = np.array([12345.678, -2345.6, 7654.321])
+    world_from_camera = VIEW.world_from_camera.copy()
+    world_from_camera[:3, 3] += shift
+    far = changed(cloud(), means=(cloud().means + shift).astype(np.float32))
+    assert_agrees(far, replace(VIEW, world_from_camera=world_from_camera), settings)
+
+
+@PROFILES
 def test_radial_order(settings: CompositorSettings) -> None:
     wide = replace(VIEW, fx=30.0, fy=30.0)
     radial = assert_agrees(cloud(), wide, replace(settings, sort="radial"))

@@ -31,9 +31,9 @@ class Cause:
 CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "float": Cause(
-            "8-bit frame buffer",
-            "The engine blends in 8 bits: after every splat the colour is rounded and cut at white. This step blends "
-            "in floating point.",
+            "Coarse frame buffer",
+            "The engine blends in 8 bits (in its linear pipeline in 11-bit floats): after every splat the colour is "
+            "rounded, and in 8 bits cut at white. This step blends in floating point.",
         ),
         "model": Cause(
             "Not explained: mirelight's model of the engine",

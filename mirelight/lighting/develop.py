@@ -15,7 +15,7 @@ SURFACE = 16  # floats a pixel: coverage, depth | position | shading normal | ge
 
 
 def develop(
-    camera: Camera, layers: Layers, light: F32, surface: F32, squares: F32, samples: NDArray[np.int64]
+    camera: Camera, layers: Layers, light: F32, surface: F32, squares: F32, samples: NDArray[np.int64], batch: int = 1
 ) -> LightingBuffer:
     """Sums to means.
 
@@ -24,8 +24,9 @@ def develop(
         layers: K of them.
         light: (K * 2 * H * W * 3) radiance, direct and indirect, flat.
         surface: (H * W * SURFACE) AOVs, flat.
-        squares: (H * W * 3) of every path's radiance, flat.
+        squares: (H * W * 3) of the radiance summed over each batch, flat.
         samples: (H * W) taken, all above 0.
+        batch: samples in a batch.
     """
     h, w = camera.height, camera.width
     n = samples.reshape(h, w).astype(np.float32)
@@ -36,7 +37,8 @@ def develop(
     films = light[: len(layers.names) * 2 * h * w * 3].reshape(-1, 2, h, w, 3) / n[..., None]
     made = tuple(LightLayer(name=k, direct=x[0], indirect=x[1]) for k, x in zip(layers.names, films, strict=True))
     beauty = sum((x.total for x in made), np.zeros((h, w, 3), np.float32))
-    spread: F32 = np.maximum(squares.reshape(h, w, 3) / n[..., None] - beauty * beauty, np.float32(0))
+    batches = n[..., None] / np.float32(batch)
+    spread: F32 = np.maximum(squares.reshape(h, w, 3) / (batch * n[..., None]) - beauty * beauty, np.float32(0))
     return LightingBuffer(
         camera=camera,
         coverage=hits / n,
@@ -46,7 +48,7 @@ def develop(
         normal=mean[..., 5:8],
         geometric_normal=mean[..., 8:11],
         albedo=mean[..., 11:14],
-        variance=spread / (n - 1)[..., None] if n.min() > 1 else None,
+        variance=spread / (batches - 1) if batches.min() > 1 else None,
         spp=int(samples.min()),
     )
 

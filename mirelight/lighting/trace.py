@@ -130,6 +130,17 @@ def _forecast(finished: int, noise: float, target: float) -> int:
     return min(max(-(-int(needed) // 16) * 16, finished + 16), MOST_SAMPLES)
 
 
+def _batch_size(spp: int) -> int:
+    """Samples that the variance takes as one: a power of two that divides `spp`, and leaves at least eight batches.
+
+    The points of one batch are spread over the pixel as those of the whole are, so larger batches overstate less.
+    """
+    size = 1
+    while size < PASS and spp % (2 * size) == 0 and spp >= 16 * size:
+        size *= 2
+    return size
+
+
 class _Frame:
     """One frame on the device, and how many samples each pixel has."""
 
@@ -150,6 +161,7 @@ class _Frame:
         lists = grid.build(lighting.lights, surface.bounds)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light)
         self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
+        self._batch = _batch_size(settings.spp)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
 
     def add_pass(self, first_sample: int, count: int) -> Iterator[int]:
@@ -165,16 +177,20 @@ class _Frame:
         step = LANES // count
         for first in range(0, len(self.samples), step):
             here = min(step, len(self.samples) - first)
+            batches = max(count // self._batch, 1)
+            self._film.open_batches(here, batches)
             job = Pass(
                 lanes=here * count,
+                pixels=dr.opaque(mi.UInt32, here),
                 first_pixel=dr.opaque(mi.UInt32, first),
                 first_sample=dr.opaque(mi.UInt32, first_sample),
                 log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
+                log2_batch=dr.opaque(mi.UInt32, self._batch.bit_length() - 1),
                 seed=self._seed,
                 max_depth=self._max_depth,
             )
             trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
-            self._film.eval()
+            self._film.close_batches(job.first_pixel, here, batches)
             self.samples[first : first + here] += count
             yield int(self.samples.sum())
 
@@ -182,4 +198,4 @@ class _Frame:
         """The means so far."""
         film = self._film
         sums = film.layers.numpy(), film.surface.numpy(), film.squares.numpy()
-        return develop(self.camera, self.layers, *sums, samples=self.samples)
+        return develop(self.camera, self.layers, *sums, samples=self.samples, batch=self._batch)

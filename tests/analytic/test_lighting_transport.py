@@ -239,14 +239,15 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
     assert not np.array_equal(first.beauty, other.beauty)
 
 
-def test_the_predicted_variance_is_that_of_independent_seeds() -> None:
-    """Never too small on the whole; stratification may make the truth smaller than predicted, by less than half."""
+@pytest.mark.parametrize("spp", [16, 64, 18])
+def test_the_predicted_variance_is_that_of_independent_seeds(spp: int) -> None:
+    """Never too small on the whole; all samples together spread better than batches do, so it may be larger."""
     lighting = Lighting(lights=EVERY_KIND, environment=constant_sky(0.2))
-    tracer = Tracer(STAGE, RenderSettings(spp=16, max_depth=4))
+    tracer = Tracer(STAGE, RenderSettings(spp=spp, max_depth=4))
     predicted = tracer.trace(lighting, VIEW).variance
     assert predicted is not None
     actual = seeds(tracer, lighting, VIEW, 24).var(axis=0, ddof=1)
-    assert 0.9 < predicted.mean() / actual.mean() < 4
+    assert 0.9 < predicted.mean() / actual.mean() < 2.5
 
 
 def test_a_noise_target_is_reached_and_reported() -> None:

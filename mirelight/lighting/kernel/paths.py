@@ -55,9 +55,11 @@ class Pass(NamedTuple):
     """
 
     lanes: int
+    pixels: Any  # UInt32
     first_pixel: Any  # UInt32
     first_sample: Any  # UInt32
     log2_samples: Any  # UInt32
+    log2_batch: Any  # UInt32 samples that the variance takes as one
     seed: Any  # UInt32
     max_depth: Any  # UInt32
 
@@ -172,4 +174,5 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
         face, uv, distance = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), mi.Float(found.t)
         active = hit & ((depth < max_depth) | surface.emissive)
 
-    film.add_path(pixel, radiance, covered)
+    batch = (sample - job.first_sample) >> job.log2_batch
+    film.add_path(batch * job.pixels + (pixel - job.first_pixel), radiance, covered)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirelight import colour
 from mirelight import sh as spherical
 from mirelight.compositor.cloud import PADDED, Cloud, View, clamp, dot, from_eye
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.record import BLUE, GREEN, RECORD, RED
-from mirelight.compositor.source import COMPACT_COLOR_STEPS, tone_of
+from mirelight.compositor.source import COMPACT_COLOR_STEPS, MOST_COLOR, tone_of
 from mirelight.model import F32, CompositorSettings
 
 
@@ -58,17 +59,16 @@ def evaluated(device: Device, cloud: Cloud, view: View, offset: list[Array], wan
 def stored(device: Device, rgb: list[Array], settings: CompositorSettings) -> list[Array]:
     """What is blended, but for the tone curve; see `source.colors_of`."""
     dr, types = device.dr, device.types
+    compact = settings.profile == "playcanvas" and settings.work_buffer == "compact"
+    limited = [clamp(dr, c, types.Float(0), types.Float(4 if compact else MOST_COLOR)) for c in rgb]
     if settings.profile == "physical":
-        return [dr.select(c > 0, c, 0) for c in rgb]
-    if settings.work_buffer == "large":
-        stored = [types.Float(types.Float16(c)) for c in rgb]
-        stored = [dr.select(c > 0, c, 0) for c in stored]
+        return limited
+    if compact:
+        steps = [steps / 4 for steps in COMPACT_COLOR_STEPS]
+        held = [dr.floor(dr.fma(c, n, 0.5)) * (1 / n) for c, n in zip(limited, steps, strict=True)]
     else:
-        stored = []
-        for c, steps in zip(rgb, COMPACT_COLOR_STEPS, strict=True):
-            level = dr.floor(dr.fma(clamp(dr, c, types.Float(0), types.Float(4)), steps / 4, 0.5))
-            stored.append(level * (4 / steps))
-    return [dr.power(c, 2.2) for c in stored] if settings.linear else stored
+        held = [types.Float(types.Float16(c)) for c in limited]
+    return [dr.power(c, colour.ENGINE_GAMMA) for c in held] if settings.linear else held
 
 
 def _basis(dr: Array, direction: list[Array], degree: int) -> list[Array]:

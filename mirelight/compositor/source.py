@@ -9,6 +9,7 @@ from mirelight import colour
 from mirelight.model import F32, F64, CompositorSettings, SplatCloud
 
 _LOG_SCALE_MIN, _LOG_SCALE_RANGE = -12.0, 21.0  # COMPACT: natural logarithm of the scale, 8 bits
+MOST_COLOR = 65504.0  # half precision's largest number; brighter splats, which sums could not hold, are limited to it
 COMPACT_COLOR_STEPS = (2047.0, 2047.0, 1023.0)  # COMPACT: levels of red, green and blue over 0..4
 
 
@@ -19,8 +20,7 @@ def through_half(values: NDArray[np.floating]) -> F32:
 
 def _compact_scales(scales: F32) -> F32:
     """8 bits of log scale over e^-12..e^9; below 1e-10 exactly 0."""
-    with np.errstate(divide="ignore"):
-        level = (np.log(scales) - _LOG_SCALE_MIN) * (255 / _LOG_SCALE_RANGE)
+    level = (np.log(scales) - _LOG_SCALE_MIN) * (255 / _LOG_SCALE_RANGE)
     level = np.floor(np.clip(level + 0.5, 1, 255))
     out = np.exp(level * (_LOG_SCALE_RANGE / 255) + _LOG_SCALE_MIN)
     return np.where(scales < 1e-10, 0, out).astype(np.float32)
@@ -44,17 +44,19 @@ def _large_quats(quats: F32) -> F32:
 
 
 def shape_of(splats: SplatCloud, settings: CompositorSettings) -> tuple[F32, F32, F32]:
-    """Quaternions (N, 4) wxyz unit, scales (N, 3) and opacities (N,) as the profile's rasteriser reads them."""
-    norms = np.linalg.norm(splats.quats, axis=1, keepdims=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        quats = (splats.quats / norms).astype(np.float32)
-    opacities = np.clip(splats.opacities, 0, 1)
-    if settings.profile == "physical":
-        return quats, splats.scales, opacities
-    if settings.work_buffer == "large":
-        return _large_quats(quats), through_half(splats.scales), through_half(opacities)
-    levels = np.floor(opacities * 255 + 0.5) / 255
-    return _compact_quats(quats), _compact_scales(splats.scales), levels.astype(np.float32)
+    """Quaternions (N, 4) wxyz unit, scales (N, 3) and opacities (N,) as the profile's rasteriser reads them.
+
+    What is no number or too large comes out as such; those splats are dropped when they are projected.
+    """
+    with np.errstate(all="ignore"):
+        quats = (splats.quats / np.linalg.norm(splats.quats, axis=1, keepdims=True)).astype(np.float32)
+        opacities = np.clip(splats.opacities, 0, 1)
+        if settings.profile == "physical":
+            return quats, splats.scales, opacities
+        if settings.work_buffer == "large":
+            return _large_quats(quats), through_half(splats.scales), through_half(opacities)
+        levels = np.floor(opacities * 255 + 0.5) / 255
+        return _compact_quats(quats), _compact_scales(splats.scales), levels.astype(np.float32)
 
 
 def factors_of(quats: F32, scales: F32) -> F64:
@@ -71,13 +73,14 @@ def factors_of(quats: F32, scales: F32) -> F64:
 def colors_of(rgb: F64, settings: CompositorSettings) -> F32:
     """What is blended, (N, 3) float32, from evaluated splat colours ``0.5 + Σ sh Y``, display-encoded.
 
-    Physical: max(0, colour). Playcanvas: through the work buffer, then the tone curve per splat in the gamma pipeline,
-    or the 2.2 power in the linear one.
+    Both: at least 0 and at most MOST_COLOR. Playcanvas: through the work buffer, then the tone curve per splat in the
+    gamma pipeline, or the 2.2 power in the linear one.
     """
+    limited = np.clip(rgb, 0, MOST_COLOR)
     if settings.profile == "physical":
-        return np.maximum(rgb, 0).astype(np.float32)
+        return limited.astype(np.float32)
     if settings.work_buffer == "large":
-        stored = np.maximum(through_half(rgb), 0)
+        stored = through_half(limited)
     else:
         steps = np.array(COMPACT_COLOR_STEPS) / 4
         stored = (np.floor(np.clip(rgb, 0, 4) * steps + 0.5) / steps).astype(np.float32)

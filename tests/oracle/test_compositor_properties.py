@@ -83,6 +83,28 @@ def test_what_holds_for_every_picture(splats: SplatCloud, camera: Camera, base: 
     np.testing.assert_allclose(drawn.color, np.repeat(1 - drawn.transmittance[..., None], 3, 2), atol=2e-3)
 
 
+def wild(r: np.random.Generator, *shape: int) -> np.ndarray:
+    """Numbers of every size that float32 has, zeros, and some that are not numbers."""
+    out = np.exp(r.uniform(-90, 88, shape)) * r.choice([-1, 1], shape)
+    kind = r.random(shape)
+    out[kind < 0.6] = r.normal(size=np.count_nonzero(kind < 0.6))
+    out[kind < 0.1], out[kind < 0.06], out[kind < 0.03] = 0, np.nan, np.inf
+    return np.asarray(out, dtype=np.float32)
+
+
+@given(st.integers(0, 2**32 - 1), cameras(), st.sampled_from(["physical", "compact", "large"]), st.booleans())
+@FEW
+def test_no_number_in_a_cloud_spoils_the_picture(seed: int, camera: Camera, kind: str, linear: bool) -> None:
+    r = np.random.default_rng(seed)
+    fields = {"means": (60, 3), "quats": (60, 4), "scales": (60, 3), "opacities": (60,), "sh": (60, 4, 3)}
+    tame = {"means": 1.0, "quats": 1.0, "scales": 0.3, "opacities": 0.5, "sh": 0.3}
+    arrays = {n: wild(r, *shape) if r.random() < 0.5 else r.normal(0, tame[n], shape) for n, shape in fields.items()}
+    base = PHYSICAL if kind == "physical" else replace(COMPACT, work_buffer=kind, linear=linear)  # type: ignore[arg-type]
+    layer = composite(splat_cloud(**arrays), camera, base)
+    assert np.isfinite(layer.color).all() and np.isfinite(layer.depth).all() and np.isfinite(layer.median_depth).all()
+    assert (layer.transmittance >= 0).all() and (layer.transmittance <= 1).all()
+
+
 @given(clouds(), st.integers(1, 24), st.integers(1, 24))
 @FEW
 def test_a_part_of_the_frame_is_that_part_of_the_picture(splats: SplatCloud, left: int, top: int) -> None:

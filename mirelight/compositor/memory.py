@@ -16,8 +16,9 @@ _INDICES = 1 << 32  # array elements that the kernels' 32-bit indices reach
 
 
 def cloud_bytes(splats: SplatCloud) -> int:
-    """Bytes that an uploaded cloud keeps: centres, covariance factors, opacities, padded SH rows."""
-    return len(splats) * 4 * (3 + 9 + 1 + PADDED[splats.sh.shape[1]])
+    """Bytes that an upload takes: centres, covariance factors, opacities, padded SH rows; for a while rotations and
+    scales, here and on the device."""
+    return len(splats) * 4 * (3 + 9 + 1 + PADDED[splats.sh.shape[1]] + 2 * 7)
 
 
 def frame_bytes(count: int, camera: Camera, channels: int) -> int:

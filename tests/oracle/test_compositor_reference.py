@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mirelight import sh as spherical
-from mirelight.compositor import reference
+from mirelight.compositor import reference, source
 from mirelight.model import CompositorSettings
 
-from .compositor_clouds import PHYSICAL, PLAYCANVAS, VIEW, changed, cloud, front, one, stacked
+from .compositor_clouds import COMPACT, PHYSICAL, PLAYCANVAS, VIEW, changed, cloud, front, one, stacked
 
 EXACT = CompositorSettings(profile="playcanvas", work_buffer="large", min_pixel_size=0)
 
@@ -134,3 +134,33 @@ def test_values_are_blended_like_colours() -> None:
     rgb = reference.splat_colors(splats, VIEW, PHYSICAL)
     blended = reference.composite_channels(splats, VIEW, rgb.astype(np.float32), PHYSICAL)
     np.testing.assert_allclose(blended, reference.composite(splats, VIEW, PHYSICAL).color, atol=1e-6)
+
+
+def test_the_compact_work_buffer_is_what_its_bits_hold() -> None:
+    """Packed into the engine's 32-bit words and read back by its formulas, written out here a second time."""
+    splats = cloud(200)
+    wide = changed(splats, scales=np.exp(np.linspace(-30, 12, 600)).reshape(200, 3))
+    quats, scales, opacities = source.shape_of(wide, COMPACT)
+    for i in range(len(wide)):
+        q = wide.quats[i] * (1 if wide.quats[i][0] >= 0 else -1)
+        p = q[1:] / np.sqrt(1 + q[0])
+        word = 0
+        for axis, (bits, shift) in enumerate(((11, 0), (11, 11), (10, 22))):
+            top = (1 << bits) - 1
+            word |= int(min(max((float(p[axis]) * 0.5 + 0.5) * top + 0.5, 0), top)) << shift
+        back = np.array([(word & 0x7FF) / 2047, (word >> 11 & 0x7FF) / 2047, (word >> 22) / 1023]) * 2 - 1
+        d = float(back @ back)
+        np.testing.assert_allclose(quats[i], [1 - d, *(np.sqrt(max(0, 2 - d)) * back)], atol=1e-6)
+        for value, got in zip(wide.scales[i], scales[i], strict=True):
+            level = 0 if value < 1e-10 else int(min(max((np.log(float(value)) + 12) * 255 / 21 + 0.5, 1), 255))
+            assert got == pytest.approx(np.exp(level * 21 / 255 - 12) if level else 0, rel=1e-5)
+        assert opacities[i] == pytest.approx(int(float(wide.opacities[i]) * 255 + 0.5) / 255, abs=1e-6)
+
+
+def test_the_large_work_buffer_holds_half_floats() -> None:
+    splats = cloud(200)
+    quats, scales, opacities = source.shape_of(splats, PLAYCANVAS)
+    for got, given in ((scales, splats.scales), (opacities, splats.opacities)):
+        np.testing.assert_array_equal(got, given.astype(np.float16).astype(np.float32))
+    np.testing.assert_allclose(np.linalg.norm(quats, axis=1), 1, atol=1e-3)  # w is restored, but not below 0
+    assert (np.abs(np.sum(quats * splats.quats, axis=1)) > 1 - 1e-6).all() and (quats[:, 0] >= 0).all()

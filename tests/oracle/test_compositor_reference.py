@@ -163,4 +163,6 @@ def test_the_large_work_buffer_holds_half_floats() -> None:
     for got, given in ((scales, splats.scales), (opacities, splats.opacities)):
         np.testing.assert_array_equal(got, given.astype(np.float16).astype(np.float32))
     np.testing.assert_allclose(np.linalg.norm(quats, axis=1), 1, atol=1e-3)  # w is restored, but not below 0
-    assert (np.abs(np.sum(quats * splats.quats, axis=1)) > 1 - 1e-6).all() and (quats[:, 0] >= 0).all()
+    upper = splats.quats * np.where(splats.quats[:, :1] < 0, -1, 1)  # the same rotation with w >= 0
+    np.testing.assert_allclose(quats[:, 1:], upper[:, 1:], atol=2.0**-12)
+    np.testing.assert_allclose(quats[:, 0], upper[:, 0], atol=0.03)  # near 0 its square root magnifies the rounding

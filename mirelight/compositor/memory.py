@@ -42,12 +42,15 @@ def check_pixels(camera: Camera) -> None:
         )
 
 
-def _limit_of_control_group() -> int | None:
-    """Bytes that this process's memory control group still allows (cgroup v2), if there is a limit."""
+def _free_in_control_group() -> int | None:
+    """Bytes that this process's memory control group (cgroup v2) still allows, if there is a limit."""
     folder = Path("/sys/fs/cgroup")
     try:
-        return int((folder / "memory.max").read_text()) - int((folder / "memory.current").read_text())
-    except (OSError, ValueError):  # no cgroup v2, or "max"
+        limit = int((folder / "memory.max").read_text())
+        used = int((folder / "memory.current").read_text())
+        parts = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+        return limit - used + int(parts["inactive_file"])  # files that are only cached give way
+    except (OSError, ValueError, KeyError):  # no cgroup v2, or no limit ("max")
         return None
 
 
@@ -58,8 +61,8 @@ def free_memory() -> int:
         free = int(fields["MemAvailable"].split()[0]) * 1024
     except (OSError, KeyError, ValueError):
         free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 1 << 62
-    limit = _limit_of_control_group()
-    return free if limit is None else min(free, limit)
+    allowed = _free_in_control_group()
+    return free if allowed is None else min(free, allowed)
 
 
 def allowance(device: Device, needed: int, most: int | None, what: str) -> int:

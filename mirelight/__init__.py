@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mirelight.compositor import composite
     from mirelight.io.image import write
     from mirelight.io.job import load
-    from mirelight.lighting import trace
+    from mirelight.lighting.trace import trace
     from mirelight.relight import apply
 
 _HOMES = {

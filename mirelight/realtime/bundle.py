@@ -6,7 +6,7 @@ import json
 import math
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -76,7 +76,7 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
     if scene.splats is not None:
         ply.write(scene.splats, folder / "splats.ply")
     if scene.proxy is not None:
-        write_glb(folder / "proxy.glb", scene.proxy)
+        write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
     if lighting.environment is not None:
         write_hdr(folder / "environment.hdr", _map(lighting.environment))
     with atomic_path(folder / "scene.json") as temporary:
@@ -101,6 +101,24 @@ def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE) -
 def page_file(name: str) -> bytes:
     """One of the files that ship with this package."""
     return resources.files("mirelight.realtime").joinpath("page", name).read_bytes()
+
+
+def _with_normals(proxy: ProxyMesh) -> ProxyMesh:
+    """A flat proxy with its faces apart and their normals written: the engine would smooth over shared corners."""
+    if proxy.normals is not None or not len(proxy.faces):
+        return proxy
+    corners = proxy.vertices[proxy.faces]  # (F, 3, 3)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-30)
+    apart = proxy.faces.ravel()
+    return replace(
+        proxy,
+        vertices=corners.reshape(-1, 3),
+        faces=np.arange(len(apart), dtype=np.int32).reshape(-1, 3),
+        normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        uvs=None if proxy.uvs is None else proxy.uvs[apart],
+        vertex_colors=None if proxy.vertex_colors is None else proxy.vertex_colors[apart],
+    )
 
 
 # --- scene.json ------------------------------------------------------------------------------------------------------

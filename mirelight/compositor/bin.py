@@ -12,7 +12,7 @@ from mirelight.compositor.record import HALF_HEIGHT, REACH, RECORD, S11, S12, S2
 from mirelight.model import F32
 
 ITEM_BYTES = 24  # per splat and tile row while binning
-PAIR_BYTES = 32  # per splat and tile while sorting
+PAIR_BYTES = 28  # per splat and tile while sorting
 MOST_TILES = 1 << 18  # of a band: the sort's histogram has one counter a tile and should stay in the cache
 MOST_ELEMENTS = 1 << 30  # indices have 32 bits
 
@@ -100,39 +100,66 @@ def _total(device: Device, counts: Array) -> int:
     return int(device.dr.sum(device.types.UInt64(counts))[0])
 
 
-def _expand(device: Device, counts: Array, total: int) -> tuple[Array, Array]:
-    """First element of each owner, and owner of each element, where owners have `counts` elements, `total` in all."""
+def _spread(device: Device, counts: Array, total: int, first: Array, owner: Array) -> tuple[Array, Array]:
+    """For each owner `counts` elements one after another: first, first + 1, … beside the owner itself; `total` in all.
+
+    One loop that scatters costs less than marking the first elements and a prefix maximum over all of them.
+    """
     dr, UInt32 = device.dr, device.types.UInt32
-    offsets = dr.prefix_sum(counts)
-    owners = dr.zeros(UInt32, total)
-    dr.scatter(owners, dr.arange(UInt32, len(counts)), offsets, counts > 0)
-    return offsets, dr.prefix_reduce(dr.ReduceOp.Max, owners, exclusive=False)
+    ascending, owners = dr.empty(UInt32, total), dr.empty(UInt32, total)
+
+    def put(left: Array, place: Array, value: Array) -> tuple[Array, Array, Array]:
+        dr.scatter(ascending, value, place)
+        dr.scatter(owners, owner, place)
+        return left - 1, place + 1, value + 1
+
+    dr.while_loop((counts, dr.prefix_sum(counts), first), lambda left, *_: left > 0, put)
+    dr.eval(ascending, owners)
+    return ascending, owners
 
 
 def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileLists | TooLarge:
     """Bin depth-sorted records into the tiles of a band, or say that `memory` bytes do not suffice."""
-    dr, types = device.dr, device.types
-    Float, UInt32, ArrayXf = types.Float, types.UInt32, types.ArrayXf
-    n = len(records) // RECORD
-    tiles = band.tiles
-    columns, rows = dr.opaque(UInt32, band.columns), dr.opaque(UInt32, band.rows)
-    top = dr.opaque(Float, band.first_row * device.tile_height)
-
-    splat = dr.gather(ArrayXf, records, dr.arange(UInt32, n), shape=(RECORD, n))
-    y = splat[Y] - top
-    first, count = _range(device, y - splat[HALF_HEIGHT], y + splat[HALF_HEIGHT], rows, device.tile_height)
-    dr.eval(first, count)
+    ranks = device.dr.arange(device.types.UInt32, len(records) // RECORD)
+    first, count = _rows(device, records, ranks, band)
     items = _total(device, count)
     if items == 0:
-        return _no_lists(device, tiles)
+        return _no_lists(device, band.tiles)
     if items * ITEM_BYTES > memory or items > MOST_ELEMENTS:
         return TooLarge(items * ITEM_BYTES)
-    offsets, rank = _expand(device, count, items)
+    row, rank = _spread(device, count, items, first, ranks)
 
-    # The ellipse's widest points within a strip of pixel centres: at its extreme rows, or at the strip's border
-    splat = dr.gather(ArrayXf, records, rank, shape=(RECORD, items))
-    row = dr.gather(UInt32, first, rank) + dr.arange(UInt32, items) - dr.gather(UInt32, offsets, rank)
-    strip = Float(row * device.tile_height) + (top + 0.5) - splat[Y]
+    first, count = _tiles_of_row(device, records, rank, row, band)
+    pairs = _total(device, count)
+    if pairs == 0:
+        return _no_lists(device, band.tiles)
+    needed = items * ITEM_BYTES + pairs * PAIR_BYTES
+    if needed > memory or pairs > MOST_ELEMENTS:
+        return TooLarge(needed)
+    tile, rank = _spread(device, count, pairs, first, rank)
+    return _lists_of(device, tile, rank, band.tiles)
+
+
+def _rows(device: Device, records: Array, rank: Array, band: Band) -> tuple[Array, Array]:
+    """First row of tiles of each splat within the band, and the number of them."""
+    dr, types = device.dr, device.types
+    splat = dr.gather(types.ArrayXf, records, rank, shape=(RECORD, len(rank)))
+    y = splat[Y] - dr.opaque(types.Float, band.first_row * device.tile_height)
+    rows = dr.opaque(types.UInt32, band.rows)
+    first, count = _range(device, y - splat[HALF_HEIGHT], y + splat[HALF_HEIGHT], rows, device.tile_height)
+    dr.eval(first, count)
+    return first, count
+
+
+def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band: Band) -> tuple[Array, Array]:
+    """First tile of each splat within a row of tiles, and the number of them.
+
+    The ellipse's widest points within the row's strip of pixel centres lie at its extremes, or at the strip's border.
+    """
+    dr, types = device.dr, device.types
+    splat = dr.gather(types.ArrayXf, records, rank, shape=(RECORD, len(rank)))
+    top = dr.opaque(types.Float, band.first_row * device.tile_height + 0.5)
+    strip = types.Float(row * device.tile_height) + top - splat[Y]
     strip_end = strip + (device.tile_height - 1)
 
     def edge(sign: float) -> Array:
@@ -143,30 +170,25 @@ def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileL
         u = dr.sqrt(dr.select(room > 0, room, 0))
         return splat[X] + (sign * u - splat[S12] * dy) / splat[S11]
 
-    column, width = _range(device, edge(-1), edge(+1), columns, device.tile_width)
-    tile = row * columns + column
-    dr.eval(tile, width)
-    pairs = _total(device, width)
-    if pairs == 0:
-        return _no_lists(device, tiles)
-    needed = items * ITEM_BYTES + pairs * PAIR_BYTES
-    if needed > memory or pairs > MOST_ELEMENTS:
-        return TooLarge(needed)
-    offsets, item = _expand(device, width, pairs)
-    tile = dr.gather(UInt32, tile - offsets, item) + dr.arange(UInt32, pairs)
-    rank = dr.gather(UInt32, rank, item)
-    dr.eval(tile, rank)
-    del offsets, item, width
+    columns = dr.opaque(types.UInt32, band.columns)
+    column, count = _range(device, edge(-1), edge(+1), columns, device.tile_width)
+    first = row * columns + column
+    dr.eval(first, count)
+    return first, count
 
+
+def _lists_of(device: Device, tile: Array, rank: Array, tiles: int) -> TileLists:
+    """Pairs of tile and splat, which come in depth order, sorted by tile."""
+    dr, UInt32 = device.dr, device.types.UInt32
     permutation = counting_permutation(device, tile, max(1, (tiles - 1).bit_length()))
-    ranks, sorted_tile = dr.gather(UInt32, rank, permutation), dr.gather(UInt32, tile, permutation)
-    dr.eval(ranks, sorted_tile)
-    bound = _lower_bounds(device, sorted_tile, tiles + 1)
+    ranks, ascending = dr.gather(UInt32, rank, permutation), dr.gather(UInt32, tile, permutation)
+    dr.eval(ranks, ascending)
+    bound = _lower_bounds(device, ascending, tiles + 1)
     wanted = dr.arange(UInt32, tiles)
     start, end = dr.gather(UInt32, bound, wanted), dr.gather(UInt32, bound, wanted + 1)
     filled = start < end
     dr.eval(start, end, filled)
-    return TileLists(ranks, start, end, filled, pairs)
+    return TileLists(ranks, start, end, filled, len(rank))
 
 
 def _no_lists(device: Device, tiles: int) -> TileLists:

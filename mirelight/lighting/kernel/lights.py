@@ -7,6 +7,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from mirelight.lighting.kernel.samples import pair
 from mirelight.lighting.lights import Kind
 
 SHADOW_END = (
@@ -116,14 +117,14 @@ def _area_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any)
 
 
 @dr.syntax
-def sample(table: Any, row: Any, p: Any, n: Any, u: Any) -> tuple[Any, Any, Any]:
+def sample(table: Any, row: Any, p: Any, n: Any, index: Any, seed: Any) -> tuple[Any, Any, Any]:
     """One light's unshadowed irradiance at a point.
 
     Args:
         table: the rows of `mirelight.lighting.lights.pack`, flat.
         row: UInt32 which light.
         p, n: Point3f and unit Vector3f of the surface (n on the side that is lit).
-        u: Point2f in [0, 1)².
+        index, seed: UInt32 which sample point to take where the light has an extent (`samples.pair`).
 
     Returns:
         (Vector3f unit way to the light, Float length of the shadow ray, Vector3f irradiance estimate; 0 below the
@@ -135,6 +136,7 @@ def sample(table: Any, row: Any, p: Any, n: Any, u: Any) -> tuple[Any, Any, Any]
     if kind <= float(Kind.SPOT):
         wi, distance, irradiance = _punctual(table, row, position, kind, p)
     else:
+        u = pair(index, seed)
         if kind <= float(Kind.SPHERE):
             wi, distance, irradiance = _cone_sample(table, row, position, kind, p, u)
         else:

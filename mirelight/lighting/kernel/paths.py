@@ -20,7 +20,7 @@ from mirelight.lighting.kernel.lights import SHADOW_END
 from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.samples import mix, number, pair
 from mirelight.lighting.kernel.sky import Sky
-from mirelight.lighting.kernel.surface import Surface
+from mirelight.lighting.kernel.surface import Point, Surface
 from mirelight.lighting.kernel.view import View, bounded_ray, vector
 
 ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
@@ -62,6 +62,15 @@ class Pass(NamedTuple):
     log2_batch: Any  # UInt32 samples that the variance takes as one
     seed: Any  # UInt32
     max_depth: Any  # UInt32
+
+
+def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: Any, active: Any) -> Any:
+    """The environment's light on a point by one sample of its map, weighted against the reflected ray's density."""
+    d, drawn = sky.sample(choice, inside, active)
+    cosine = dr.dot(d, at.normal)
+    lit = active & (cosine > 0) & (drawn > 0)
+    lit &= ~surface.blocked(bounded_ray(at.start, d, mi.Float(dr.inf)), lit)
+    return dr.select(lit, sky.radiance(d, lit) * (cosine / (drawn + cosine * dr.inv_pi)), 0)
 
 
 @dr.syntax
@@ -112,7 +121,7 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
             while entry < last:  # a weighted reservoir of one over the run
                 light = dr.gather(mi.UInt32, lights.items, entry)
                 own = mix(salt, light + 16)
-                w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, pair(sample, own))
+                w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, sample, own)
                 w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
                 total += w
                 take = number(sample, own) * total < w
@@ -131,12 +140,12 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
             pick += 1
 
         # the environment, sampled by its map
-        sky_d, sky_pdf = sky.sample(number(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), active & sky_sampled)
-        cosine = dr.dot(sky_d, at.normal)
-        lit = active & sky_sampled & (cosine > 0) & (sky_pdf > 0)
-        lit &= ~surface.blocked(bounded_ray(at.start, sky_d, mi.Float(dr.inf)), lit)
-        density = sky_pdf + cosine * dr.inv_pi  # balance heuristic: both ways' densities
-        value = dr.select(lit, weight * sky.radiance(sky_d, lit) * (cosine / density), 0)
+        lit = active & sky_sampled
+        value = mi.Vector3f(0)
+        if lit:
+            value = weight * _sky_irradiance(
+                surface, sky, at, number(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), lit
+            )
         film.add_light(pixel, film.sky_layer, indirect, value, lit)
         radiance += value
 
@@ -159,15 +168,17 @@ def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: F
         go_on &= number(sample, mix(salt, 4)) < survival
         throughput = throughput / survival
         d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(sample, mix(salt, 3))))
+        reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
         found = surface.nearest(mi.Ray3f(at.start, d), go_on)
         hit = go_on & found.is_valid()
 
         # the environment, met by the reflected ray
         escaped = go_on & ~hit & sky_on
-        reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
-        mapped = sky.pdf(d, escaped)
-        share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
-        value = dr.select(escaped, throughput * sky.radiance(d, escaped) * share, 0)
+        value = mi.Vector3f(0)
+        if escaped:
+            mapped = sky.pdf(d, escaped)
+            share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
+            value = throughput * sky.radiance(d, escaped) * share
         film.add_light(pixel, film.sky_layer, depth > 1, value, escaped)
         radiance += value
 

@@ -75,12 +75,12 @@ class Surface:
         b = (1 - uv.x - uv.y, uv.x, uv.y)
         e1, e2 = v[1] - v[0], v[2] - v[0]
         p = v[0] + e1 * uv.x + e2 * uv.y
-        ng = dr.normalize(dr.cross(e1, e2))
+        longest = dr.maximum(dr.max(abs(e1)), dr.max(abs(e2)))
+        ng = dr.normalize(dr.cross(e1 / longest, e2 / longest))  # scaled: a tiny face's product would underflow
         side = dr.select(dr.dot(ng, d) > 0, mi.Float(-1), mi.Float(1))
         ng = ng * side
         n, lifted = (ng, p) if self.normals is None else self._smooth(i, v, b, p, ng, side, active)
-        reach = dr.max(abs(p)) + dr.maximum(dr.max(abs(e1)), dr.max(abs(e2)))
-        start = lifted + ng * (OFFSET * reach)
+        start = lifted + ng * (OFFSET * (dr.max(abs(p)) + longest))
         albedo, emission = self._material(face, i, b, active)
         return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission)
 

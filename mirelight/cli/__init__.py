@@ -67,6 +67,14 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.report import run_inspect
 
             return run_inspect(args.file, args.json)
+        case "compare":
+            from mirelight.cli.compare import run_compare
+
+            return run_compare(args)
+        case "realtime":
+            from mirelight.cli.realtime import run_realtime
+
+            return run_realtime(args)
         case "explain":
             from mirelight.cli.explain import run_explain
 
@@ -88,7 +96,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="mirelight",
         description="Offline, physically based relighting of Gaussian-splat captures.",
-        epilog="Exit codes: 0 done; 2 bad input or no way to go on (one line says why); 130 interrupted.",
+        epilog="Exit codes: 0 done; 1 a requirement of compare is unmet; 2 bad input or no way to go on (one line says "
+        "why); 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"mirelight {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
@@ -124,8 +133,12 @@ def _parser() -> argparse.ArgumentParser:
     inspect.add_argument("file", metavar="FILE", help="the file")
     inspect.add_argument("--json", action="store_true", help="as JSON")
 
+    from mirelight.cli.compare import add_compare
     from mirelight.cli.explain import add_explain
+    from mirelight.cli.realtime import add_realtime
 
+    add_compare(commands)
+    add_realtime(commands)
     add_explain(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")

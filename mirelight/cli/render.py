@@ -27,8 +27,8 @@ def run_render(args: argparse.Namespace) -> int:
             work = _load(args)
             tasks = pipeline.plan(
                 work,
-                cameras=_named(args.camera, [x.name for x in work.scene.cameras]),
-                lightings=_named(args.lighting, [x.name for x in work.scene.lightings]),
+                cameras=named(args.camera, [x.name for x in work.scene.cameras]),
+                lightings=named(args.lighting, [x.name for x in work.scene.lightings]),
             )
             files = FrameFiles(work.output, work.display)
             files.prepare()
@@ -62,7 +62,7 @@ def _overrides(args: argparse.Namespace) -> list[Override]:
     return found
 
 
-def _named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | None:
+def named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | None:
     """The names that are meant: by name, by pattern, or all frames of a sequence (orbit: orbit.0001, …).
 
     What fits nothing is left as it is, for `pipeline.plan` to refuse.

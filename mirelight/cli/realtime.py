@@ -1,0 +1,57 @@
+"""`mirelight realtime`: the job's frames as PlayCanvas itself renders them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from mirelight.errors import InputError
+
+
+def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "realtime",
+        help="render the frames of a job file with PlayCanvas, in headless Chromium",
+        description="Export every camera and lighting of a job as a static page that runs PlayCanvas' own "
+        "gsplat-relighting.mjs, render it in headless Chromium, and keep the engine's buffers. Each frame has a folder "
+        "of its own, named as `mirelight render` names its files. Frames are rendered anew every time.",
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+    parser.add_argument("-o", "--out", metavar="DIR", required=True, help="write a folder per frame there")
+    parser.add_argument(
+        "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
+    )
+    parser.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
+    )
+    parser.add_argument("--export-only", action="store_true", help="write the live page and render nothing")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but warnings and errors")
+
+
+def run_realtime(args: argparse.Namespace) -> int:
+    """The command. What was written goes to stdout, what the engine cannot follow to stderr."""
+    from mirelight import pipeline, realtime
+    from mirelight.cli.render import named
+    from mirelight.io import job
+    from mirelight.io.job.overrides import parse
+
+    work = job.load(args.job, [parse(text) for text in args.set])
+    tasks = pipeline.plan(
+        work,
+        cameras=named(args.camera, [x.name for x in work.scene.cameras]),
+        lightings=named(args.lighting, [x.name for x in work.scene.lightings]),
+    )
+    for task in tasks:
+        if task.lighting is None:
+            raise InputError(work.source, "no light", "name lights or an environment to relight by", field="lights")
+        folder = Path(args.out) / task.name
+        make = realtime.export if args.export_only else realtime.render
+        made = make(work, task.camera, task.lighting, folder)
+        for warning in made.warnings:
+            print(f"mirelight: {task.name}: {warning}", file=sys.stderr)
+        if not args.quiet:
+            print(folder / ("index.html" if args.export_only else "frame.png"), flush=True)
+    return 0

@@ -1,0 +1,41 @@
+"""`mirelight realtime` and `mirelight compare` as real processes, one after the other as a person runs them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from .conftest import Run
+
+
+def test_export_writes_a_page_for_each_frame(run: Run, folder: Path) -> None:
+    done = run("realtime", "job.toml", "-o", "live", "--export-only", "--lighting", "night")
+    assert done.returncode == 0, done.stderr
+    pages = [Path("live") / f"{camera}.night" / "index.html" for camera in ("front", "orbit.0001", "orbit.0002")]
+    assert done.stdout.splitlines() == [str(page) for page in pages]
+    for page in pages:
+        scene = json.loads((folder / page.parent / "scene.json").read_text(encoding="utf-8"))
+        assert [light["type"] for light in scene["lights"]] == ["omni"]
+        assert (folder / page).is_file()
+    assert done.stderr.count("the engine tints in display space") == len(pages)
+
+
+def test_the_engines_frame_is_compared_with_ours(run: Run, folder: Path) -> None:
+    chosen = ("--camera", "front", "--lighting", "night")
+    assert run("realtime", "job.toml", "-o", "live", *chosen, "-q").returncode == 0
+    assert run("render", "job.toml", "--out", "ours", *chosen, "-q").returncode == 0
+    pair = ("ours/front.night.exr", "live/front.night/frame.png")
+    held = run("compare", *pair, "--premultiplied", "--require", "psnr>=5", "--json", "all.json")
+    assert held.returncode == 0, held.stderr
+    assert json.loads((folder / "all.json").read_text(encoding="utf-8"))
+    unmet = run("compare", *pair, "--premultiplied", "--require", "psnr>=90")
+    assert unmet.returncode == 1
+    assert "psnr" in unmet.stdout
+
+
+def test_a_job_without_light_has_nothing_for_the_engine(run: Run, folder: Path) -> None:
+    (folder / "dark.toml").write_text('splats = "splats.ply"\nproxy = "proxy.glb"\nlights = []\n', encoding="utf-8")
+    done = run("realtime", "dark.toml", "-o", "live")
+    assert done.returncode == 2
+    assert "no light" in done.stderr
+    assert not (folder / "live").exists()

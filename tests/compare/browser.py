@@ -124,7 +124,8 @@ def chromium(executable: str) -> Iterator[Page]:
     """A tab of a fresh headless Chromium, ended with the block."""
     read_commands, write_commands = (_high(fd) for fd in os.pipe())
     read_answers, write_answers = (_high(fd) for fd in os.pipe())
-    with tempfile.TemporaryDirectory() as profile:
+    # Chromium's helpers may write a last file into the profile while it is being removed
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         flags = [*_FLAGS, f"--user-data-dir={profile}", *(["--no-sandbox"] if os.geteuid() == 0 else [])]
         process = subprocess.Popen(
             [sys.executable, "-c", _JOIN, str(read_commands), str(write_answers), executable, *flags, "about:blank"],

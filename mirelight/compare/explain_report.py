@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
 from mirelight.compare import figures, metrics
 from mirelight.compare.explain import CAUSES, Ladder, Step, write_json
+from mirelight.compare.page import HEAD, static
 from mirelight.compare.types import Maps
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.png import write_png
@@ -55,8 +55,8 @@ def page(ladder: Ladder) -> str:
     last = len(ladder.rungs) - 1
     return _PAGE.format(
         title=f"Why real time differs: {escape(ladder.name)}",
-        slider_css=_static("img-comparison-slider.css"),
-        css=_static("report.css") + "\n" + _static("explain.css"),
+        slider_css=static("img-comparison-slider.css"),
+        css=static("report.css") + "\n" + static("explain.css"),
         lead=_lead(ladder),
         aspect=f"{width / height:.4f}",
         left=_choice(ladder, "left", 0),
@@ -66,9 +66,9 @@ def page(ladder: Ladder) -> str:
         steps="\n".join(_section(ladder, k + 1, step) for k, step in enumerate(ladder.steps)),
         absent=_list("Not in play here", [f"{CAUSES[name].title}: {why}" for name, why in ladder.absent]),
         warnings=_list("What the engine cannot follow in this job", ladder.warnings),
-        slider_license=_static("LICENSE.img-comparison-slider.txt").replace("--", "- -"),
-        slider_js=_static("img-comparison-slider.js"),
-        js=_static("explain.js"),
+        slider_license=static("LICENSE.img-comparison-slider.txt").replace("--", "- -"),
+        slider_js=static("img-comparison-slider.js"),
+        js=static("explain.js"),
     )
 
 
@@ -222,22 +222,9 @@ def _db(value: float) -> str:
     return "∞ dB" if value == float("inf") else f"{value:.1f} dB"
 
 
-def _static(name: str) -> str:
-    return files("mirelight.compare").joinpath("static", name).read_text(encoding="utf-8").strip()
-
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'">
-<title>{title}</title>
-<style>{slider_css}</style>
-<style>{css}</style>
-<noscript><style>.viewer, .step button {{ display: none }}</style></noscript>
+_PAGE = (
+    HEAD
+    + """<noscript><style>.viewer, .step button {{ display: none }}</style></noscript>
 </head>
 <body>
 <header>
@@ -268,3 +255,4 @@ cause hid another one. Where causes act together, the later step gets what they 
 </body>
 </html>
 """
+)

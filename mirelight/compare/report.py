@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from mirelight.compare import figures
+from mirelight.compare.page import HEAD, static
 from mirelight.compare.types import CompareSettings, Comparison, Maps, Scores, Verdict
 from mirelight.io.atomic import atomic_path
 
@@ -75,10 +75,10 @@ class Report:
         sections = [_section(k, result, images) for k, (result, images) in enumerate(pairs[:_WITH_PICTURES])]
         return _PAGE.format(
             title=f"Comparison of {len(pairs)} {'pair' if len(pairs) == 1 else 'pairs'}",
-            slider_css=_static("img-comparison-slider.css"),
-            css=_static("report.css"),
-            slider_license=_static("LICENSE.img-comparison-slider.txt").replace("--", "- -"),
-            slider_js=_static("img-comparison-slider.js"),
+            slider_css=static("img-comparison-slider.css"),
+            css=static("report.css"),
+            slider_license=static("LICENSE.img-comparison-slider.txt").replace("--", "- -"),
+            slider_js=static("img-comparison-slider.js"),
             lead=_lead([result for result, _ in pairs], failures),
             failures=_failures(failures),
             table=_table([result for result, _ in pairs]),
@@ -250,22 +250,9 @@ def _gain(gain: float) -> str:
     return "1" if gain == 1 else f"{gain:.3f}"
 
 
-def _static(name: str) -> str:
-    return files("mirelight.compare").joinpath("static", name).read_text(encoding="utf-8").strip()
-
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'">
-<title>{title}</title>
-<style>{slider_css}</style>
-<style>{css}</style>
-<noscript><style>
+_PAGE = (
+    HEAD
+    + """<noscript><style>
 img-comparison-slider, img-comparison-slider [slot] {{ visibility: visible; display: block }}
 </style></noscript>
 </head>
@@ -285,3 +272,4 @@ img-comparison-slider, img-comparison-slider [slot] {{ visibility: visible; disp
 </body>
 </html>
 """
+)

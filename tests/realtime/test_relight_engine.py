@@ -14,7 +14,6 @@ from mirelight import colour, relight
 from mirelight.model import Camera, Frame, LightingBuffer, LightLayer, RelightSettings, SplatLayer
 
 DATA = Path(__file__).parents[1] / "data" / "realtime"
-SHARED = Path(__file__).parents[3] / "shared" / "realtime"
 CLEAR_BEHIND = ["synth_stack", "synth_stack_aces_gamma", "synth_stack_linear", "stage_omni_lin", "sphere_sky"]
 
 
@@ -104,10 +103,7 @@ def test_what_lies_behind_the_splats_is_not_multiplied() -> None:
     assert np.abs(predicted - with_sky["frame_f32"][..., :3]).max() < 1e-4
 
 
-def test_a_real_capture() -> None:
-    folder = SHARED / "guitar_omni"
-    if not folder.is_dir():
-        pytest.skip("the guitar capture lies in an optional folder beside the repository, which is not here")
-    scene, buffers = load(folder)
+def test_a_real_capture(shared: Path) -> None:
+    scene, buffers = load(shared / "realtime" / "guitar_omni")
     error = np.abs(as_blended(relit(scene, buffers)) - buffers["frame_f32"][..., :3])
     assert error.max() < 1e-4

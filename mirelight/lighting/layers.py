@@ -20,10 +20,14 @@ class Layers:
     of_light: NDArray[np.uint32]  # (max(n, 2),) layer of each light
     environment: int  # its layer; 0 where there is none
     emission: int  # its layer; 0 where there is none
+    separate: bool = True  # False: nobody asks for layers, so lights may be sampled for the sum alone
 
     @staticmethod
-    def of(lighting: Lighting, *, emissive: bool) -> Layers:
-        """A layer per light, then the environment, then emission."""
+    def of(lighting: Lighting, *, emissive: bool, separate: bool = True) -> Layers:
+        """A layer per light, then the environment, then emission; or one named "beauty" that holds everything."""
+        if not separate:
+            everything = np.zeros(max(len(lighting.lights), 2), np.uint32)
+            return Layers(("beauty",), everything, environment=0, emission=0, separate=False)
         lights = tuple(x.name for x in lighting.lights)
         of_light = np.arange(max(len(lights), 2), dtype=np.uint32)
         if len(lights) > MAX_LAYERS:

@@ -56,6 +56,9 @@ def _sources(
     proxy: ProxyMesh, dull: ProxyMesh, lighting: Lighting, layers: Layers
 ) -> Iterator[tuple[str, ProxyMesh, Lighting]]:
     """(layer, the mesh, what alone lights it)."""
+    if not layers.separate:
+        yield layers.names[0], proxy, lighting
+        return
     of_light = layers.of_light[: len(lighting.lights)]
     for index, name in enumerate(layers.names):
         lights = tuple(x for x, layer in zip(lighting.lights, of_light, strict=True) if layer == index)

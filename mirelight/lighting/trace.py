@@ -46,10 +46,14 @@ def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: Render
 
 
 class Tracer:
-    """A proxy made ready for tracing. Later frames compile nothing, whatever lights, environment and camera do."""
+    """A proxy made ready for tracing. Later frames compile nothing, whatever lights, environment and camera do.
 
-    def __init__(self, proxy: ProxyMesh, settings: RenderSettings) -> None:
+    Without `layers` a frame has a single one, "beauty", and lights are sampled for the sum alone.
+    """
+
+    def __init__(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True) -> None:
         self.settings = settings
+        self._layers = layers
         self._proxy = proxy
         self._emissive = is_emissive(proxy)
         self._surface: Surface | None = None
@@ -77,7 +81,7 @@ class Tracer:
             Interrupted: Ctrl-C; holds what there was.
             RenderError: the frame's film does not fit in memory.
         """
-        layers = Layers.of(lighting, emissive=self._emissive)
+        layers = Layers.of(lighting, emissive=self._emissive, separate=self._layers)
         refuse_if_too_large(camera, layers)
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)

@@ -40,3 +40,8 @@ class Layers:
             environment=len(lights) if environment else 0,
             emission=len(names) - 1 if emissive else 0,
         )
+
+    @staticmethod
+    def single(lighting: Lighting) -> Layers:
+        """One layer for everything."""
+        return Layers(("all",), np.zeros(max(len(lighting.lights), 2), np.uint32), environment=0, emission=0)

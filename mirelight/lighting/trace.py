@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from mirelight import backend
+from mirelight.errors import BackendError
 from mirelight.lighting import environment as maps
 from mirelight.lighting import grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.develop import dark, develop, refuse_if_too_large, relative_noise
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
-from mirelight.model import Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
+from mirelight.model import F32, F64, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
+    from mirelight.lighting.kernel.probes import Probes
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.surface import Surface
+    from mirelight.lighting.kernel.view import View
 
 Progress: TypeAlias = Callable[[int, int], None]
 
@@ -101,6 +105,33 @@ class Tracer:
             return denoise(buffer)
         return buffer
 
+    def irradiance(self, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
+        """Light that falls on points of the proxy from the side that their normals point to, direct and indirect.
+
+        Args:
+            lighting: lights and environment.
+            points: (N, 3) on the proxy, world space.
+            normals: (N, 3) unit, of the face that each lies on; either sign.
+            spp: samples per point, instead of the settings' own.
+
+        Returns:
+            (N, 3) linear irradiance. What a proxy that glows sends out itself at the point counts as reflected.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`, which has no arrays to trace.
+        """
+        if self._surface is None:
+            raise BackendError("irradiance at points needs the variant llvm_ad_rgb or cuda_ad_rgb")
+        from mirelight.lighting.kernel.probes import Probes
+
+        row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
+        settings = replace(self.settings, spp=spp, noise=None)
+        sky, view = self._sky_of(lighting.environment), Probes(points, normals)
+        frame = _Frame(self._surface, sky, lighting, row, Layers.single(lighting), settings, view)
+        _sample(frame, settings, _ignore)
+        buffer = frame.develop()
+        return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
+
     def _sky_of(self, environment: Environment | None) -> Sky:
         """The environment on the device, prepared when it changes."""
         from mirelight.lighting.kernel.sky import Sky
@@ -149,7 +180,14 @@ class _Frame:
     """One frame on the device, and how many samples each pixel has."""
 
     def __init__(
-        self, surface: Surface, sky: Sky, lighting: Lighting, camera: Camera, layers: Layers, settings: RenderSettings
+        self,
+        surface: Surface,
+        sky: Sky,
+        lighting: Lighting,
+        camera: Camera,
+        layers: Layers,
+        settings: RenderSettings,
+        view: View | Probes | None = None,  # None: the camera's
     ) -> None:
         import drjit as dr
         import mitsuba as mi
@@ -160,7 +198,7 @@ class _Frame:
 
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
-        self._surface, self._sky, self._view = surface, sky, View(camera)
+        self._surface, self._sky, self._view = surface, sky, view or View(camera)
         self._film = Film(len(self.samples), layers)
         lists = grid.build(lighting.lights, surface.bounds)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light)

@@ -18,6 +18,7 @@ from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END
 from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.probes import Probes
 from mirelight.lighting.kernel.samples import mix, number, pair
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.surface import Point, Surface
@@ -74,7 +75,7 @@ def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: 
 
 
 @dr.syntax
-def trace_pass(surface: Surface, view: View, lights: LightSet, sky: Sky, film: Film, job: Pass) -> None:
+def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky, film: Film, job: Pass) -> None:
     """Trace one pass and add it to the film."""
     lane = dr.arange(mi.UInt32, job.lanes)
     pixel = job.first_pixel + (lane >> job.log2_samples)

@@ -1,0 +1,81 @@
+"""A view whose pixels are points of the surface, and the surface point that lies nearest along given directions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.lighting.kernel.memory import floats
+from mirelight.lighting.kernel.surface import Surface
+from mirelight.lighting.kernel.view import bounded_ray
+from mirelight.model import F32, F64, I32
+
+LIFT = 2.0**-14  # of the largest coordinate: how far before its point a probe's ray starts
+
+
+class Probes:
+    """Stands in for a camera: pixel k looks at point k of the surface from just before it, along its normal."""
+
+    def __init__(self, points: F64, normals: F64) -> None:
+        self.lift = float(np.abs(points).max(initial=1e-6)) * LIFT
+        self._points = floats(_in_fours(points + normals * self.lift))
+        self._ways = floats(_in_fours(-normals))
+
+    def ray(self, pixel: Any, jitter: Any) -> Any:
+        """Mitsuba's Ray3f at the point; `jitter` changes nothing."""
+        o, d = (dr.gather(mi.Vector4f, buffer, pixel) for buffer in (self._points, self._ways))
+        return bounded_ray(mi.Point3f(o.x, o.y, o.z), mi.Vector3f(d.x, d.y, d.z), mi.Float(2 * self.lift))
+
+    def depth(self, p: Any) -> Any:
+        """Means nothing here."""
+        return mi.Float(p.x * 0)
+
+
+def nearest_along(surface: Surface, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
+    """The nearest point of the surface on each line, both ways.
+
+    Args:
+        surface: the mesh.
+        origins: (N, 3).
+        ways: (N, 3) unit directions.
+        reach: farthest distance, world units.
+
+    Returns:
+        (N,) face, -1 where there is none; (N, 3) barycentric weights of its corners; (N,) distance.
+    """
+    slack = 0.05 * reach  # rays start a little behind, for an origin that lies on the surface
+    face, uv, distance = np.full(len(origins), -1, np.int32), np.zeros((len(origins), 2)), np.full(len(origins), np.inf)
+    for d in (ways, -ways):
+        ray = bounded_ray(_points(origins - d * slack), _vectors(d), mi.Float(reach + slack))
+        found = surface.nearest(ray, mi.Bool(True))
+        hit = _numpy(found.is_valid())
+        away = np.abs(np.where(hit, _numpy(found.t).astype(np.float64), np.inf) - slack)
+        nearer = hit & (away < distance)
+        face[nearer] = _numpy(found.prim_index)[nearer]
+        uv[nearer] = np.stack([_numpy(found.prim_uv.x), _numpy(found.prim_uv.y)], axis=1)[nearer]
+        distance[nearer] = away[nearer]
+    weights = np.concatenate([1 - uv.sum(axis=1, keepdims=True), uv], axis=1)
+    return face, weights.astype(np.float32), distance
+
+
+def _numpy(value: Any) -> NDArray[Any]:
+    return np.asarray(value.numpy())
+
+
+def _in_fours(rows: F64) -> NDArray[np.float32]:
+    """(n, 3) as n + 2 groups of four."""
+    padded = np.zeros((len(rows) + 2, 4), np.float32)
+    padded[: len(rows), :3] = rows
+    return padded
+
+
+def _points(rows: F64) -> Any:
+    return mi.Point3f(*(floats(rows[:, k]) for k in range(3)))
+
+
+def _vectors(rows: F64) -> Any:
+    return mi.Vector3f(*(floats(rows[:, k]) for k in range(3)))

@@ -16,6 +16,7 @@ from mirelight.lighting import lights as table
 from mirelight.lighting.develop import dark, develop, refuse_if_too_large, relative_noise
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
+from mirelight.lighting.sunsky import resolved
 from mirelight.model import F32, F64, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class Tracer:
         """Trace one frame.
 
         Args:
-            lighting: lights and environment.
+            lighting: lights, environment, sky model.
             camera: the splat camera; pixels coincide with its own.
             progress: called with (paths done, paths in all) after every launch; under a noise target the second number
                 is a forecast.
@@ -85,6 +86,7 @@ class Tracer:
             Interrupted: Ctrl-C; holds what there was.
             RenderError: the frame's film does not fit in memory.
         """
+        lighting = resolved(lighting, self.settings.variant)
         layers = Layers.of(lighting, emissive=self._emissive, separate=self._layers)
         refuse_if_too_large(camera, layers)
         if not len(self._proxy.faces):
@@ -124,6 +126,7 @@ class Tracer:
             raise BackendError("irradiance at points needs the variant llvm_ad_rgb or cuda_ad_rgb")
         from mirelight.lighting.kernel.probes import Probes
 
+        lighting = resolved(lighting, self.settings.variant)
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
         settings = replace(self.settings, spp=spp, noise=None)
         sky, view = self._sky_of(lighting.environment), Probes(points, normals)

@@ -10,6 +10,8 @@ import numpy as np
 from mirelight import conventions
 from mirelight.model.arrays import F32, F64, freeze
 
+Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DirectionalLight:
@@ -19,6 +21,7 @@ class DirectionalLight:
     direction: F64  # (3,) unit, the way the light travels
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear Rec.709
     intensity: float = 1.0  # lux (illuminance on a facing surface)
+    shadows: bool = True  # playcanvas: casts shadows; physical light always does
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -36,6 +39,8 @@ class PointLight:
     intensity: float = 1.0  # candela
     range: float = float("inf")  # world units; KHR window max(min(1 - (d/range)^4, 1), 0); inf: none
     radius: float = 0.0  # world units; 0: a point with hard shadows
+    falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
+    shadows: bool = True  # playcanvas: casts shadows; physical light always does
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -55,6 +60,8 @@ class SpotLight:
     inner_cone_angle: float = 0.0  # rad, half angle, 0 <= inner < outer
     outer_cone_angle: float = float(np.pi / 4)  # rad, half angle, <= pi / 2
     radius: float = 0.0  # world units; 0: a point with hard shadows
+    falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
+    shadows: bool = True  # playcanvas: casts shadows; physical light always does
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -116,6 +123,25 @@ class Environment:
         return self.radiance.shape[:2] == (1, 1)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SkyModel:
+    """A clear day's sun and sky, computed for a place of the sun (Hosek and Wilkie 2012, 2013). Two layers: "sun" and
+    "sky". Below the horizon it is black."""
+
+    to_sun: F64  # (3,) unit, from the ground to the sun's centre; not below the horizon
+    turbidity: float = 3.0  # 1 (arctic clarity) to 10 (haze)
+    albedo: F64 = field(default_factory=lambda: np.full(3, 0.3))  # (3,) of the ground, which brightens the sky
+    intensity: float = 1.0  # multiplies lux and cd/m²
+
+    def __post_init__(self) -> None:
+        freeze(self, "albedo", (3,), np.float64)
+        object.__setattr__(self, "to_sun", conventions.unit(self.to_sun))
+        freeze(self, "to_sun", (3,), np.float64)
+
+
+SUN, SKY = "sun", "sky"  # names of a sky model's layers
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lighting:
     """A named set of lights: what one frame is lit by. Light names are unique in it."""
@@ -123,8 +149,10 @@ class Lighting:
     name: str = "lighting"
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
+    sky: SkyModel | None = None  # instead of an environment; `lighting.sky.resolved` turns it into a sun and a map
 
     @property
     def layer_names(self) -> tuple[str, ...]:
-        """One name per layer: the lights in order, then the environment."""
-        return tuple(x.name for x in self.lights) + ((self.environment.name,) if self.environment else ())
+        """One name per layer: the lights in order, then the environment or the sky model's two."""
+        around = (self.environment.name,) if self.environment else (SUN, SKY) if self.sky else ()
+        return tuple(x.name for x in self.lights) + around

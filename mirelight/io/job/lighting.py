@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
@@ -25,6 +25,7 @@ from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.placing import environment_rotation, matrix, placed_light
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import EnvironmentTable
+from mirelight.io.job.sun_position import to_sun
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import (
     F32,
@@ -34,9 +35,11 @@ from mirelight.model import (
     Light,
     Lighting,
     PointLight,
+    SkyModel,
     SpotLight,
     SunLight,
 )
+from mirelight.model.lights import SKY, SUN
 
 ENVIRONMENT = "environment"  # its layer's name
 
@@ -56,13 +59,16 @@ def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mis
     lights = [_light(light) for light in table.lights]
     for i, one in enumerate(table.lights_from):
         lights += _from_file(one, (*at, "lights_from", i), files, wrong)
-    environment = _environment(table.environment, files) if table.environment else None
+    around = table.environment
+    if around is not None and around.sky is not None:
+        return Lighting(name=name, lights=unique(lights, {SUN, SKY}), sky=_sky(around))
+    environment = _environment(around, files) if around else None
     return Lighting(name=name, lights=unique(lights), environment=environment)
 
 
-def unique(lights: list[Light]) -> tuple[Light, ...]:
-    """The lights with names that differ from each other and from the environment's."""
-    taken = {ENVIRONMENT}
+def unique(lights: list[Light], around: Iterable[str] = (ENVIRONMENT,)) -> tuple[Light, ...]:
+    """The lights with names that differ from each other and from those of the environment's layers."""
+    taken = set(around)
     out = []
     for light in lights:
         name = free_name(light.name, taken)
@@ -176,4 +182,14 @@ def _environment(table: EnvironmentTable, files: LightFiles) -> Environment:
         radiance=radiance,
         intensity=table.intensity,
         rotation=environment_rotation(table.rotation, table.orientation),
+    )
+
+
+def _sky(table: EnvironmentTable) -> SkyModel:
+    assert table.sky is not None
+    return SkyModel(
+        to_sun=to_sun(*table.sky.sun, table.rotation),
+        turbidity=table.sky.turbidity,
+        albedo=np.asarray(table.sky.albedo),
+        intensity=table.intensity,
     )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from mirelight.io.job.fields import (
     AssetPath,
@@ -17,11 +18,13 @@ from mirelight.io.job.fields import (
     Quaternion,
     Table,
     Vec3,
+    given,
     one_way,
     path_as_table,
     paths_as_tables,
     wrong,
 )
+from mirelight.io.job.sun_position import sun_position
 from mirelight.io.job.words import shown
 
 
@@ -96,6 +99,12 @@ Albedo: TypeAlias = Annotated[
 ]
 
 
+def _reflectance(values: list[float]) -> list[float]:
+    if max(values) > 1:
+        raise wrong(f"an albedo of {shown(values)}", "give values from 0 to 1")
+    return values
+
+
 class ProxyTable(Table):
     """The triangle mesh that receives and blocks the light in place of the splats."""
 
@@ -115,14 +124,81 @@ Splats: TypeAlias = Annotated[
 Proxy: TypeAlias = Annotated[ProxyTable, BeforeValidator(path_as_table, json_schema_input_type=str | ProxyTable)]
 
 
+def _moment(value: Any) -> Any:
+    example = "write 2026-06-21T15:30:00+02:00, without quotes"
+    if not isinstance(value, datetime):
+        raise wrong(shown(str(value)), f"give a date and time with its offset from UTC: {example}")
+    if value.tzinfo is None:
+        raise wrong("a time without its offset from UTC", example)
+    if not 1900 <= value.year <= 2100:
+        raise wrong(f"the year {value.year}", "give one from 1900 to 2100")
+    return value
+
+
+Moment: TypeAlias = Annotated[
+    datetime, BeforeValidator(_moment), WithJsonSchema({"type": "string", "format": "date-time"})
+]
+
+
+class SkyTable(Table):
+    """A clear day's sun and sky: by place and time, or by where the sun stands."""
+
+    latitude: Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)] | None = Field(
+        default=None, description="Degrees, north is positive."
+    )
+    longitude: Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)] | None = Field(
+        default=None, description="Degrees, east is positive."
+    )
+    time: Moment | None = Field(default=None, description="Date and time with its offset from UTC, without quotes.")
+    elevation: Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)] | None = Field(
+        default=None, description="Degrees of the sun's centre above the horizon; instead of place and time."
+    )
+    azimuth: Degrees | None = Field(default=None, description="Degrees clockwise from north. Default: 180, south.")
+    turbidity: float = Field(
+        default=3.0,
+        ge=1,
+        le=10,
+        allow_inf_nan=False,
+        description="Haze: 2 is very clear, 3 a clear day, 6 warm and moist, 10 hazy.",
+    )
+    albedo: Annotated[ColorOrGray, AfterValidator(_reflectance)] = Field(
+        default=[0.3, 0.3, 0.3], description="The ground's reflectance, which brightens the sky: a number or [r, g, b]."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> SkyTable:
+        place = ("latitude", "longitude", "time")
+        one_way(self, place, ("elevation", "azimuth"), needed="add latitude, longitude and time, or elevation")
+        missing = [name for name in place if name not in given(self, *place)]
+        if 0 < len(missing) < len(place):
+            raise wrong(f"no {missing[0]}", f"give {', '.join(place[:2])} and time together")
+        if self.azimuth is not None and self.elevation is None:
+            raise wrong("an azimuth without an elevation", "add elevation", at="azimuth")
+        elevation, _ = self.sun
+        if elevation <= 0:
+            raise wrong(f"the sun is {-elevation:.1f} degrees below the horizon then", "take another time", at="time")
+        return self
+
+    @property
+    def sun(self) -> tuple[float, float]:
+        """Elevation and azimuth of the sun in degrees."""
+        if self.elevation is not None:
+            return self.elevation, 180.0 if self.azimuth is None else self.azimuth
+        assert self.latitude is not None and self.longitude is not None and self.time is not None
+        return sun_position(self.latitude, self.longitude, self.time)
+
+
 class EnvironmentTable(Table):
-    """Light from all around: a panorama, or the same radiance in every direction."""
+    """Light from all around: a panorama, the same radiance in every direction, or a clear sky with its sun."""
 
     path: AssetPath | None = Field(
         default=None, description="Equirectangular picture: .exr or .hdr (linear), .png or .jpg (sRGB-decoded)."
     )
     radiance: ColorOrGray | None = Field(
         default=None, description="Constant radiance in cd/m²: a number or linear [r, g, b]; instead of path."
+    )
+    sky: SkyTable | None = Field(
+        default=None, description="A clear day's sun and sky in lux and cd/m², as two layers; instead of path."
     )
     intensity: NotNegative = Field(default=1.0, description="Multiplies the light.")
     rotation: Degrees = Field(
@@ -136,7 +212,9 @@ class EnvironmentTable(Table):
 
     @model_validator(mode="after")
     def _check(self) -> EnvironmentTable:
-        one_way(self, ("path",), ("radiance",), needed='add path = "sky.hdr" or radiance = 1.0')
+        one_way(self, ("path",), ("radiance",), ("sky",), needed='add path = "sky.hdr" or radiance = 1.0')
+        if self.sky is not None and "orientation" in self.model_fields_set:
+            raise wrong("a picture's orientation for a computed sky", "leave it out; north is -Z", at="orientation")
         return self
 
 

@@ -23,6 +23,7 @@ SECTIONS = {
     "proxy": "ProxyTable",
     "transform": "Transform",
     "environment": "EnvironmentTable",
+    "sky": "SkyTable",
     "lights of type directional": "DirectionalTable",
     "lights of type sun": "SunTable",
     "lights of type point": "PointTable",
@@ -86,4 +87,5 @@ def test_examples_of_the_page_fit_the_schema() -> None:
     examples = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
     assert len(examples) >= 3
     for example in examples:
-        jsonschema.validate(tomllib.loads(example), json_schema())
+        as_json = json.loads(json.dumps(tomllib.loads(example), default=lambda time: time.isoformat()))
+        jsonschema.validate(as_json, json_schema())

@@ -1,0 +1,68 @@
+"""A sky by place and time: the sun's position against published values, north and rotation, names of its layers."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+import pytest
+
+from mirelight.io import job
+from mirelight.io.job.sun_position import sun_position, to_sun
+
+from .conftest import WriteJob
+
+SCENE = 'splats = "splats.ply"\nproxy = "proxy.glb"\n'
+
+
+def test_the_example_of_nrels_solar_position_algorithm() -> None:
+    """Reda and Andreas, NREL/TP-560-34302, table A5.1: topocentric azimuth 194.34024, zenith 50.11162 degrees; the zenith
+    holds 0.0163 degrees of refraction, which is left out here."""
+    time = datetime(2003, 10, 17, 12, 30, 30, tzinfo=timezone(timedelta(hours=-7)))
+    elevation, azimuth = sun_position(39.742476, -105.1786, time)
+    assert elevation == pytest.approx(90 - 50.11162 - 0.0163, abs=0.01)
+    assert azimuth == pytest.approx(194.34024, abs=0.01)
+
+
+def test_the_suns_declination_is_its_height_at_the_pole() -> None:
+    """Meeus, Astronomical Algorithms, example 25.a: 1992 October 13, 0h TD, apparent declination -7.78507 degrees."""
+    elevation, _ = sun_position(90, 0, datetime(1992, 10, 13, tzinfo=UTC) - timedelta(seconds=59))
+    assert elevation == pytest.approx(-7.78507, abs=0.01)
+
+
+def test_the_day_goes_from_east_over_south_to_west_in_the_north_and_over_north_in_the_south() -> None:
+    day = [datetime(2026, 3, 20, hour, tzinfo=UTC) for hour in (7, 12, 17)]
+    assert [round(sun_position(45, 0, t)[1] / 90) for t in day] == [1, 2, 3]
+    assert [round(sun_position(-45, 0, t)[1] / 90) % 4 for t in day] == [1, 0, 3]
+
+
+def test_north_is_minus_z_and_east_plus_x() -> None:
+    for azimuth, axis in ((0, [0, 0, -1]), (90, [1, 0, 0]), (180, [0, 0, 1]), (270, [-1, 0, 0])):
+        np.testing.assert_allclose(to_sun(0, azimuth), axis, atol=1e-12)
+    np.testing.assert_allclose(to_sun(90, 77), [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(to_sun(0, 90, rotation=90), [0, 0, -1], atol=1e-12)  # +X goes to -Z, as a map's light
+
+
+def test_a_sky_is_a_sun_and_a_sky_beside_the_jobs_lights(write_job: WriteJob) -> None:
+    text = """\
+lights = [{ type = "sun", direction = [0, -1, 0] }]
+[environment]
+sky = { latitude = 39.742476, longitude = -105.1786, time = 2003-10-17T12:30:30-07:00, turbidity = 5, albedo = 0.1 }
+intensity = 1e-5
+rotation = 14.34
+"""
+    lighting = job.load(write_job(SCENE + text)).scene.lightings[0]
+    assert lighting.layer_names == ("sun-2", "sun", "sky") and lighting.environment is None
+    sky = lighting.sky
+    assert sky is not None and (sky.turbidity, sky.intensity) == (5, 1e-5) and sky.albedo.tolist() == [0.1] * 3
+    height = np.radians(39.872)
+    np.testing.assert_allclose(sky.to_sun, [0, np.sin(height), np.cos(height)], atol=2e-4)
+
+
+def test_a_time_may_be_set_on_the_command_line(write_job: WriteJob) -> None:
+    path = write_job(SCENE + "environment = { sky = { latitude = 0, longitude = 0, time = 2026-03-20T12:00:00Z } }\n")
+    noon = job.load(path).scene.lightings[0].sky
+    later = job.load(path, ["environment.sky.time=2026-03-20T15:00:00Z"]).scene.lightings[0].sky
+    assert noon is not None and later is not None
+    assert noon.to_sun[1] > 0.99 and later.to_sun[1] == pytest.approx(np.cos(np.radians(43)), abs=0.01)
+    assert later.to_sun[0] < 0  # west

@@ -22,6 +22,7 @@ class DirectionalLight:
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear Rec.709
     intensity: float = 1.0  # lux (illuminance on a facing surface)
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
+    group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -41,6 +42,7 @@ class PointLight:
     radius: float = 0.0  # world units; 0: a point with hard shadows
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
+    group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -62,6 +64,7 @@ class SpotLight:
     radius: float = 0.0  # world units; 0: a point with hard shadows
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
+    group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -79,6 +82,7 @@ class SunLight:
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
     intensity: float = 1.0  # lux on a surface facing the disc's centre
     angular_diameter: float = 0.53  # degrees, > 0
+    group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)
@@ -96,6 +100,7 @@ class AreaLight:
     size: tuple[float, float]  # world units: rectangle width and height; disk and sphere: diameter, twice
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
     intensity: float = 1.0  # candela per square metre (radiance), the same in every direction it shines
+    group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
         freeze(self, "color", (3,), np.float64)

@@ -112,6 +112,8 @@ def _job(facts: JobFacts) -> Rows:
 def _lighting(title: str, facts: LightingFacts) -> Rows:
     yield title, facts.name
     yield from _many("  light", [_light(x) for x in facts.lights])
+    if facts.sky is not None:
+        yield "  sun and sky", f"{facts.sky.elevation:g}° above the horizon, turbidity {facts.sky.turbidity:g}"
     if facts.environment is not None:
         sky = facts.environment
         what = "constant" if (sky.width, sky.height) == (1, 1) else f"{sky.width} x {sky.height} px"

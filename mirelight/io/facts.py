@@ -16,6 +16,7 @@ from mirelight.model import (
     Light,
     Lighting,
     PointLight,
+    SkyModel,
     SpotLight,
     SunLight,
 )
@@ -81,12 +82,23 @@ class EnvironmentFacts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SkyFacts:
+    """A computed sun and sky."""
+
+    elevation: float  # degrees of the sun above the horizon
+    to_sun: Numbers  # (3,) unit
+    turbidity: float
+    intensity: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LightingFacts:
     """One lighting of a job."""
 
     name: str
     lights: tuple[LightFacts, ...]
     environment: EnvironmentFacts | None
+    sky: SkyFacts | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,7 +211,19 @@ def lighting_facts(lighting: Lighting) -> LightingFacts:
             intensity=light.intensity,
         )
     return LightingFacts(
-        name=lighting.name, lights=tuple(light_facts(x) for x in lighting.lights), environment=environment
+        name=lighting.name,
+        lights=tuple(light_facts(x) for x in lighting.lights),
+        environment=environment,
+        sky=None if lighting.sky is None else _sky_facts(lighting.sky),
+    )
+
+
+def _sky_facts(sky: SkyModel) -> SkyFacts:
+    return SkyFacts(
+        elevation=rounded(math.degrees(math.asin(sky.to_sun[1]))),
+        to_sun=numbers(sky.to_sun),
+        turbidity=sky.turbidity,
+        intensity=sky.intensity,
     )
 
 

@@ -16,7 +16,7 @@ SCENE = 'splats = "splats.ply"\nproxy = "proxy.glb"\n'
 
 
 def test_the_example_of_nrels_solar_position_algorithm() -> None:
-    """Reda and Andreas, NREL/TP-560-34302, table A5.1: topocentric azimuth 194.34024, zenith 50.11162 degrees; the zenith
+    """Reda and Andreas, NREL/TP-560-34302, A5.1: topocentric azimuth 194.34024, zenith 50.11162 degrees. That zenith
     holds 0.0163 degrees of refraction, which is left out here."""
     time = datetime(2003, 10, 17, 12, 30, 30, tzinfo=timezone(timedelta(hours=-7)))
     elevation, azimuth = sun_position(39.742476, -105.1786, time)

@@ -22,8 +22,8 @@ def worst_and_allowed(
 ) -> tuple[float, float]:
     """(largest |t| over blocks, channels and the whole, and the bound that chance passes once in 1 / false_alarm).
 
-    a, b: (K, H, W, 3) pictures of independent seeds. Blocks where both are black are left out. `rounding` is the relative
-    difference that the two may have of themselves: single precision, or a table's resolution.
+    a, b: (K, H, W, 3) pictures of independent seeds. Blocks where both are black are left out. `rounding` is the
+    relative difference that the two may have of themselves: single precision, or a table's resolution.
     """
     t: list[Array] = []
     for size in (block, min(a.shape[1:3])):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,77 +13,94 @@ from mirelight.errors import RenderError
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer
 
-SURFACE = 16  # floats a pixel: coverage, depth | position | shading normal | geometric normal | albedo, 2 unused
+# floats a pixel: coverage, depth | position | shading normal | geometric normal | albedo | sun visibility, openness
+SURFACE = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sums:
+    """What the film of K layers and H x W pixels holds, flat; H x W x 3 of each."""
+
+    light: F32  # K * 2: radiance, direct and indirect
+    squares: F32  # K, and 1 for the beauty where layers are separate: of the radiance summed over each batch
+    surface: F32  # H * W * SURFACE
+    half: F32 | None = None  # of the beauty over every other batch
 
 
 def develop(
-    camera: Camera, layers: Layers, light: F32, surface: F32, squares: F32, samples: NDArray[np.int64], batch: int = 1
+    camera: Camera,
+    layers: Layers,
+    sums: Sums,
+    samples: NDArray[np.int64],
+    batch: int = 1,
+    *,
+    sun: bool = False,
+    occlusion: bool = False,
 ) -> LightingBuffer:
-    """Sums to means.
+    """Sums to means, in the memory that the sums are in: they are used up.
 
     Args:
         camera: of H x W pixels.
         layers: K of them.
-        light: (K * 2 * H * W * 3) radiance, direct and indirect, flat.
-        surface: (H * W * SURFACE) AOVs, flat.
-        squares: (H * W * 3) of the radiance summed over each batch, flat.
-        samples: (H * W) taken, all above 0.
+        sums: the film.
+        samples: (H * W) taken; a pixel of none is black and uncovered.
         batch: samples in a batch.
+        sun, occlusion: whether those AOVs were traced.
     """
     h, w = camera.height, camera.width
-    n = samples.reshape(h, w).astype(np.float32)
-    sums = surface.reshape(h, w, SURFACE)
-    hits = sums[..., 0]
-    seen: F32 = np.maximum(hits, np.float32(1))
-    mean: F32 = sums / seen[..., None]
-    films = light[: len(layers.names) * 2 * h * w * 3].reshape(-1, 2, h, w, 3) / n[..., None]
-    made = tuple(LightLayer(name=k, direct=x[0], indirect=x[1]) for k, x in zip(layers.names, films, strict=True))
-    beauty = sum((x.total for x in made), np.zeros((h, w, 3), np.float32))
-    batches = n[..., None] / np.float32(batch)
-    spread: F32 = np.maximum(squares.reshape(h, w, 3) / (batch * n[..., None]) - beauty * beauty, np.float32(0))
+    n = np.maximum(samples, 1).reshape(h, w, 1).astype(np.float32)
+    batches = (samples // batch).reshape(h, w, 1)
+    known = bool(batches.min() > 1)
+
+    light = sums.light.reshape(-1, 2, h, w, 3)
+    light /= n
+    means = [LightLayer(name=name, direct=x[0], indirect=x[1]) for name, x in zip(layers.names, light, strict=False)]
+    beauty = sum((x.total for x in means), np.zeros((h, w, 3), np.float32))
+    squares = sums.squares.reshape(-1, h, w, 3)
+    if known:
+        squares /= batch * n
+        for mean, spread in zip(chain((x.total for x in means), [beauty]), squares, strict=False):
+            _variance(spread, mean, batches)
+
+    surface = sums.surface.reshape(h, w, SURFACE)
+    hits = surface[..., 0].copy()
+    surface /= np.maximum(hits, np.float32(1))[..., None]
     return LightingBuffer(
         camera=camera,
-        coverage=hits / n,
-        layers=made,
-        depth=mean[..., 1],
-        position=mean[..., 2:5],
-        normal=mean[..., 5:8],
-        geometric_normal=mean[..., 8:11],
-        albedo=mean[..., 11:14],
-        variance=spread / (batches - 1) if batches.min() > 1 else None,
+        coverage=hits / n[..., 0],
+        layers=tuple(
+            LightLayer(name=x.name, direct=x.direct, indirect=x.indirect, variance=spread if known else None)
+            for x, spread in zip(means, squares, strict=False)
+        ),
+        depth=surface[..., 1],
+        position=surface[..., 2:5],
+        normal=surface[..., 5:8],
+        geometric_normal=surface[..., 8:11],
+        albedo=surface[..., 11:14],
+        sun_visibility=surface[..., 14] if sun else None,
+        ambient_occlusion=surface[..., 15] if occlusion else None,
+        variance=squares[-1] if known else None,
+        samples=samples.reshape(h, w).astype(np.float32),
         spp=int(samples.min()),
     )
+
+
+def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:
+    """Mean squared batches to the variance of the mean, in place."""
+    squares -= mean * mean
+    np.maximum(squares, np.float32(0), out=squares)
+    squares /= batches - 1
 
 
 def dark(camera: Camera, layers: Layers, spp: int) -> LightingBuffer:
     """What an empty mesh gives: no coverage and no light, without tracing."""
     pixels = camera.height * camera.width
-    return develop(
-        camera,
-        layers,
-        np.zeros(len(layers.names) * 6 * pixels, np.float32),
-        np.zeros(pixels * SURFACE, np.float32),
-        np.zeros(pixels * 3, np.float32),
-        np.full(pixels, spp, np.int64),
+    sums = Sums(
+        light=np.zeros(len(layers.names) * 6 * pixels, np.float32),
+        squares=np.zeros((len(layers.names) + layers.separate) * 3 * pixels, np.float32),
+        surface=np.zeros(pixels * SURFACE, np.float32),
     )
-
-
-def relative_noise(buffer: LightingBuffer) -> float:
-    """Predicted root mean square error over covered pixels, relative to each pixel.
-
-    sqrt(mean(variance / (beauty² + 0.01 mean²))): the second term keeps dark pixels from deciding. 0 without coverage,
-    infinite where one sample says nothing of its spread.
-    """
-    covered = buffer.coverage > 0
-    if not covered.any():
-        return 0.0
-    if buffer.variance is None:
-        return float("inf")
-    beauty = buffer.beauty[covered].astype(np.float64)
-    floor = 0.01 * float(beauty.mean()) ** 2
-    if floor == 0:
-        return 0.0
-    return float(np.sqrt(np.mean(buffer.variance[covered] / (beauty**2 + floor))))
+    return develop(camera, layers, sums, np.full(pixels, spp, np.int64))
 
 
 def refuse_if_too_large(camera: Camera, layers: Layers) -> None:
@@ -91,11 +110,12 @@ def refuse_if_too_large(camera: Camera, layers: Layers) -> None:
         RenderError: says the size needed.
     """
     pixels = camera.width * camera.height
-    needed = 2 * 4 * pixels * (6 * len(layers.names) + SURFACE + 3)  # the film, and the buffer made of it
+    values = 6 * len(layers.names) * pixels  # of the film's largest array, which 32 bits must count
+    needed = 4 * pixels * (9 * len(layers.names) + 3 + 2 * SURFACE + 16)  # film, AOVs once more, working memory
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > 0.9 * there or 3 * pixels >= 2**32:
+    if needed > 0.9 * there or max(values, 3 * pixels) >= 2**32:
         raise RenderError(
             f"lighting of {camera.width} x {camera.height} pixels in {len(layers.names)} layers needs "
             f"{needed / 2**30:.1f} GiB and this machine has {there / 2**30:.1f}; "
-            "render fewer lights at once, or set texture_scale below 1"
+            "give lights a group to share a layer, leave layers out (output.layers), or set texture_scale below 1"
         )

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import Lighting
+from mirelight.model import F32, DirectionalLight, Lighting, SunLight
 
-MAX_LAYERS = 64  # above this many lights they share one layer: a layer's film takes 24 bytes a pixel
+MAX_LAYERS = 64  # above this many they become one: a layer's film takes 36 bytes a pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,24 +24,34 @@ class Layers:
 
     @staticmethod
     def of(lighting: Lighting, *, emissive: bool, separate: bool = True) -> Layers:
-        """A layer per light, then the environment, then emission; or one named "beauty" that holds everything."""
+        """A layer per group of lights or light without one, then the environment, then emission.
+
+        Where they are not wanted separate there is one, "beauty", that holds everything.
+        """
+        count = max(len(lighting.lights), 2)
         if not separate:
-            everything = np.zeros(max(len(lighting.lights), 2), np.uint32)
-            return Layers(("beauty",), everything, environment=0, emission=0, separate=False)
-        lights = tuple(x.name for x in lighting.lights)
-        of_light = np.arange(max(len(lights), 2), dtype=np.uint32)
-        if len(lights) > MAX_LAYERS:
-            lights, of_light = ("lights",), np.zeros_like(of_light)
+            return Layers(("beauty",), np.zeros(count, np.uint32), environment=0, emission=0, separate=False)
+        names = tuple(dict.fromkeys(x.group or x.name for x in lighting.lights))
+        of_light = np.zeros(count, np.uint32)
+        if len(names) > MAX_LAYERS:
+            names = ("lights",)
+        else:
+            of_light[: len(lighting.lights)] = [names.index(x.group or x.name) for x in lighting.lights]
         environment = (lighting.environment.name,) if lighting.environment else ()
-        names = lights + environment + (("emission",) if emissive else ())
+        every = names + environment + (("emission",) if emissive else ())
         return Layers(
-            names,
+            every,
             of_light,
-            environment=len(lights) if environment else 0,
-            emission=len(names) - 1 if emissive else 0,
+            environment=len(names) if environment else 0,
+            emission=len(every) - 1 if emissive else 0,
         )
 
-    @staticmethod
-    def single(lighting: Lighting) -> Layers:
-        """One layer for everything."""
-        return Layers(("all",), np.zeros(max(len(lighting.lights), 2), np.uint32), environment=0, emission=0)
+
+def sun_shares(lighting: Lighting) -> F32:
+    """(max(n, 2),) each light's share of the illuminance of all directional lights and suns; other lights have none."""
+    shares = np.zeros(max(len(lighting.lights), 2))
+    for index, light in enumerate(lighting.lights):
+        if isinstance(light, DirectionalLight | SunLight):
+            shares[index] = light.intensity * light.color.mean()
+    total = shares.sum()
+    return np.asarray(shares / total if total > 0 else shares, np.float32)

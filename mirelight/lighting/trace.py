@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -11,29 +11,22 @@ import numpy as np
 from mirelight import backend
 from mirelight.errors import BackendError
 from mirelight.lighting import environment as maps
-from mirelight.lighting import grid
-from mirelight.lighting import lights as table
-from mirelight.lighting.develop import dark, develop, refuse_if_too_large, relative_noise
+from mirelight.lighting.develop import dark, refuse_if_too_large
+from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
 from mirelight.lighting.sunsky import resolved
 from mirelight.model import F32, F64, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.probes import Probes
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.surface import Surface
-    from mirelight.lighting.kernel.view import View
 
 Progress: TypeAlias = Callable[[int, int], None]
 
-LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
-PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
-MOST_SAMPLES = 1 << 16  # where a noise target gives up
-
 
 class Interrupted(KeyboardInterrupt):
-    """The user stopped a trace; `buffer` is what there was, None where some pixel had no sample yet."""
+    """The user stopped a trace; `buffer` is what there was, pixels without a sample black. None: nothing yet."""
 
     def __init__(self, buffer: LightingBuffer | None) -> None:
         self.buffer = buffer
@@ -53,12 +46,16 @@ def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: Render
 class Tracer:
     """A proxy made ready for tracing. Later frames compile nothing, whatever lights, environment and camera do.
 
-    Without `layers` a frame has a single one, "beauty", and lights are sampled for the sum alone.
+    Args:
+        proxy: the mesh.
+        settings: how to trace.
+        layers: False gives a single one, "beauty", and lights are sampled for the sum alone.
+        aovs: False leaves sun visibility and ambient occlusion out.
     """
 
-    def __init__(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True) -> None:
+    def __init__(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True, aovs: bool = True) -> None:
         self.settings = settings
-        self._layers = layers
+        self._layers, self._aovs = layers, aovs
         self._proxy = proxy
         self._emissive = is_emissive(proxy)
         self._surface: Surface | None = None
@@ -79,8 +76,9 @@ class Tracer:
                 is a forecast.
 
         Returns:
-            A layer for each light, the environment, and emission where the proxy glows; their sum is the beauty. More
-            than `layers.MAX_LAYERS` lights share one layer named "lights".
+            A layer for each group of lights and each light without one, the environment, and emission where the proxy
+            glows; their sum is the beauty. Where those of lights are more than `layers.MAX_LAYERS`, they share one
+            named "lights".
 
         Raises:
             Interrupted: Ctrl-C; holds what there was.
@@ -95,11 +93,13 @@ class Tracer:
             from mirelight.lighting.scalar import trace_scalar
 
             return trace_scalar(self._proxy, lighting, camera, self.settings, layers)
-        frame = _Frame(self._surface, self._sky_of(lighting.environment), lighting, camera, layers, self.settings)
+        settings = _with_pilot(self.settings)
+        sky = self._sky_of(lighting.environment)
+        frame = FrameInProgress(self._surface, sky, lighting, camera, layers, settings, aovs=self._aovs)
         try:
-            _sample(frame, self.settings, progress or _ignore)
+            _sample(frame, settings, progress or _ignore)
         except KeyboardInterrupt:
-            raise Interrupted(frame.develop() if frame.samples.min() else None) from None
+            raise Interrupted(frame.develop() if frame.samples.any() else None) from None
         buffer = frame.develop()
         if self.settings.denoise:
             from mirelight.lighting.denoise import denoise
@@ -130,7 +130,8 @@ class Tracer:
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
         settings = replace(self.settings, spp=spp, noise=None)
         sky, view = self._sky_of(lighting.environment), Probes(points, normals)
-        frame = _Frame(self._surface, sky, lighting, row, Layers.single(lighting), settings, view)
+        layers = Layers.of(lighting, emissive=self._emissive, separate=False)
+        frame = FrameInProgress(self._surface, sky, lighting, row, layers, settings, aovs=False, view=view)
         _sample(frame, settings, _ignore)
         buffer = frame.develop()
         return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
@@ -148,99 +149,27 @@ def _ignore(done: int, total: int) -> None:
     """No progress wanted."""
 
 
-def _sample(frame: _Frame, settings: RenderSettings, progress: Progress) -> None:
-    """Passes until the samples asked for are in, then more while the noise is above its target."""
-    finished, wanted = 0, settings.spp
-    while finished < wanted:
-        count = min(PASS, 1 << ((wanted - finished).bit_length() - 1))
-        for done in frame.add_pass(finished, count):
-            progress(done, wanted * len(frame.samples))
-        finished += count
-        if settings.noise is not None and finished >= wanted:
-            wanted = _forecast(finished, relative_noise(frame.develop()), settings.noise)
+def _with_pilot(settings: RenderSettings) -> RenderSettings:
+    """Under a noise target, enough samples everywhere for a first look, in whole passes."""
+    if settings.noise is None:
+        return settings
+    return replace(settings, spp=-(-settings.spp // PASS) * PASS)
 
 
-def _forecast(finished: int, noise: float, target: float) -> int:
-    """Samples after which to look again: error falls with their root, and one look at most quadruples them."""
-    if noise <= target or finished >= MOST_SAMPLES:
-        return finished
-    needed = finished * min((noise / target) ** 2, 4.0)
-    return min(max(-(-int(needed) // 16) * 16, finished + 16), MOST_SAMPLES)
-
-
-def _batch_size(spp: int) -> int:
-    """Samples that the variance takes as one: a power of two that divides `spp`, and leaves at least eight batches.
-
-    The points of one batch are spread over the pixel as those of the whole are, so larger batches overstate less.
-    """
-    size = 1
-    while size < PASS and spp % (2 * size) == 0 and spp >= 16 * size:
-        size *= 2
-    return size
-
-
-class _Frame:
-    """One frame on the device, and how many samples each pixel has."""
-
-    def __init__(
-        self,
-        surface: Surface,
-        sky: Sky,
-        lighting: Lighting,
-        camera: Camera,
-        layers: Layers,
-        settings: RenderSettings,
-        view: View | Probes | None = None,  # None: the camera's
-    ) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
-        from mirelight.lighting.kernel.film import Film
-        from mirelight.lighting.kernel.paths import LightSet
-        from mirelight.lighting.kernel.view import View
-
-        self.camera, self.layers = camera, layers
-        self.samples = np.zeros(camera.width * camera.height, np.int64)
-        self._surface, self._sky, self._view = surface, sky, view or View(camera)
-        self._film = Film(len(self.samples), layers)
-        lists = grid.build(lighting.lights, surface.bounds)
-        self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light)
-        self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
-        self._batch = _batch_size(settings.spp)
-        self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
-
-    def add_pass(self, first_sample: int, count: int) -> Iterator[int]:
-        """Take `count` more samples of every pixel; yields the paths done so far, launch by launch.
-
-        `count` is a power of two up to PASS, so that a pixel's lanes lie in one packet or in neighbouring ones.
-        """
-        import drjit as dr
-        import mitsuba as mi
-
-        from mirelight.lighting.kernel.paths import Pass, trace_pass
-
-        step = LANES // count
-        for first in range(0, len(self.samples), step):
-            here = min(step, len(self.samples) - first)
-            batches = max(count // self._batch, 1)
-            self._film.open_batches(here, batches)
-            job = Pass(
-                lanes=here * count,
-                pixels=dr.opaque(mi.UInt32, here),
-                first_pixel=dr.opaque(mi.UInt32, first),
-                first_sample=dr.opaque(mi.UInt32, first_sample),
-                log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
-                log2_batch=dr.opaque(mi.UInt32, self._batch.bit_length() - 1),
-                seed=self._seed,
-                max_depth=self._max_depth,
-            )
-            trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
-            self._film.close_batches(job.first_pixel, here, batches)
-            self.samples[first : first + here] += count
-            yield int(self.samples.sum())
-
-    def develop(self) -> LightingBuffer:
-        """The means so far."""
-        film = self._film
-        sums = film.layers.numpy(), film.surface.numpy(), film.squares.numpy()
-        return develop(self.camera, self.layers, *sums, samples=self.samples, batch=self._batch)
+def _sample(frame: FrameInProgress, settings: RenderSettings, progress: Progress) -> None:
+    """Passes until every pixel has its samples, then more of the noisy ones while the noise is above its target."""
+    size, left = len(frame.samples), settings.spp
+    while left:
+        count = min(PASS, 1 << (left.bit_length() - 1))
+        for done in frame.add_pass(count):
+            progress(done, settings.spp * size)
+        left -= count
+    while settings.noise is not None:
+        estimate = frame.estimate()
+        wanted = estimate.wanted(settings.noise)
+        if np.array_equal(wanted, estimate.samples):
+            break
+        total = int(wanted.sum())
+        while len(noisy := np.flatnonzero(frame.samples < wanted)):
+            for done in frame.add_pass(PASS, noisy):
+                progress(done, total)

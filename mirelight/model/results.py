@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from mirelight.model.arrays import F32, freeze
+from mirelight.model.arrays import F32, F64, freeze
 from mirelight.model.cameras import Camera
 from mirelight.model.settings import Profile
 
@@ -39,10 +39,11 @@ class LightLayer:
     name: str
     direct: F32  # (H, W, 3) linear radiance after one reflection
     indirect: F32  # (H, W, 3) linear radiance after more
+    variance: F32 | None = None  # (H, W, 3) variance of the mean of direct + indirect, where it was estimated
 
     def __post_init__(self) -> None:
-        freeze(self, "direct", (None, None, 3))
-        freeze(self, "indirect", (None, None, 3))
+        for name in ("direct", "indirect", "variance"):
+            freeze(self, name, (None, None, 3))
 
     @property
     def total(self) -> F32:
@@ -63,16 +64,20 @@ class LightingBuffer:
     normal: F32  # (H, W, 3) shading normal, world, turned to the viewer
     geometric_normal: F32  # (H, W, 3) face normal, world, turned to the viewer
     albedo: F32  # (H, W, 3)
-    variance: F32 | None = None  # (H, W, 3) variance of the beauty's mean, where it was estimated
-    spp: int = 0  # samples per pixel that went in
+    sun_visibility: F32 | None = None  # (H, W) share of the suns' light that reaches the surface, 0..1; None: no sun
+    ambient_occlusion: F32 | None = None  # (H, W) share of the cosine-weighted hemisphere that is free, 0..1
+    variance: F32 | None = None  # (H, W, 3) mean square error of the beauty, where it was estimated
+    samples: F32 | None = None  # (H, W) samples that went into each pixel
+    spp: int = 0  # the fewest samples of any pixel
+    noisy: tuple[LightLayer, ...] = ()  # the layers as traced, where `layers` are denoised
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width
-        for name in ("coverage", "depth"):
+        for name in ("coverage", "depth", "sun_visibility", "ambient_occlusion", "samples"):
             freeze(self, name, (h, w))
         for name in ("position", "normal", "geometric_normal", "albedo", "variance"):
             freeze(self, name, (h, w, 3))
-        for layer in self.layers:
+        for layer in (*self.layers, *self.noisy):
             if layer.direct.shape != (h, w, 3):
                 raise ValueError(f"layer {layer.name!r}: shape {layer.direct.shape}, expected {(h, w, 3)}")
 
@@ -84,6 +89,71 @@ class LightingBuffer:
             out += layer.direct
             out += layer.indirect
         return out
+
+    @property
+    def relative_noise(self) -> float | None:
+        """Root mean square error over covered pixels, relative to each pixel; None where no variance is known.
+
+        sqrt(mean(variance / (beauty² + 0.01 mean²))): the second term keeps dark pixels from deciding.
+        """
+        if self.variance is None:
+            return None
+        covered = self.coverage > 0
+        beauty = self.beauty[covered]
+        floor = 0.01 * float(beauty.mean(dtype=np.float64)) ** 2 if len(beauty) else 0.0
+        if floor == 0:
+            return 0.0
+        return float(np.sqrt(np.mean(self.variance[covered] / (beauty**2 + np.float32(floor)), dtype=np.float64)))
+
+    def reweighted(self, weights: Mapping[str, float | Sequence[float] | F64]) -> LightingBuffer:
+        """The same frame with its lights dimmed, brightened or tinted, without tracing again.
+
+        Args:
+            weights: by the name of a layer its factor, a number or linear [r, g, b], 0 or more. Other layers stay.
+
+        Returns:
+            The buffer with those layers multiplied; what a fresh trace would give, but for noise. Layers of one frame
+            share paths, so their errors are correlated: the new `variance` takes every pair of a pixel's layers as
+            correlated alike, as strongly as explains the variance of the sum before.
+
+        Raises:
+            ValueError: no layer of that name; a factor below 0.
+        """
+        names = [layer.name for layer in self.layers]
+        for name, weight in weights.items():
+            if name not in names:
+                raise ValueError(f"no layer named {name!r}; there are: {', '.join(names)}")
+            if np.min(weight) < 0:
+                raise ValueError(f"layer {name!r}: factor {weight}, expected 0 or more")
+        factors = [np.asarray(weights.get(name, 1.0), np.float32) for name in names]
+        return replace(
+            self,
+            layers=tuple(_scaled(layer, f) for layer, f in zip(self.layers, factors, strict=True)),
+            noisy=tuple(_scaled(layer, f) for layer, f in zip(self.noisy, factors, strict=False)),
+            variance=self._variance_of_sum(factors),
+        )
+
+    def _variance_of_sum(self, factors: Sequence[F32]) -> F32 | None:
+        """Of the layers' sum with these factors; None where it is not known of the layers or their plain sum."""
+        if self.variance is None or any(layer.variance is None for layer in self.layers):
+            return None
+        zero = np.zeros_like(self.variance)
+        apart, together, new_apart, new_together = zero, zero, zero, zero  # errors independent, or all alike
+        for layer, factor in zip(self.layers, factors, strict=True):
+            variance = np.asarray(layer.variance)
+            deviation = np.sqrt(variance)
+            apart, together = apart + variance, together + deviation
+            new_apart, new_together = new_apart + factor**2 * variance, new_together + factor * deviation
+        between = together**2 - apart
+        correlation = np.where(between > 0, (self.variance - apart) / np.where(between > 0, between, 1), 0)
+        return np.asarray(new_apart + np.clip(correlation, 0, 1) * (new_together**2 - new_apart), dtype=np.float32)
+
+
+def _scaled(layer: LightLayer, factor: F32) -> LightLayer:
+    variance = None if layer.variance is None else layer.variance * factor**2
+    return LightLayer(
+        name=layer.name, direct=layer.direct * factor, indirect=layer.indirect * factor, variance=variance
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +167,7 @@ class Provenance:
     settings: Mapping[str, Any] = field(default_factory=dict)  # every setting that shapes pixels, JSON values
     lighting: str = ""
     fingerprint: str = ""  # SHA-256 over all that decides this frame's pixels; equal: the frame need not be made again
+    partial: bool = False  # interrupted: not all samples are in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,13 +18,15 @@ ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 class RenderSettings:
     """How the lighting is traced."""
 
-    spp: int = 64  # samples per pixel
-    noise: float | None = None  # relative error target; None: exactly spp samples
+    profile: Profile = "physical"  # playcanvas: the engine's light model at the pixels' centres, without noise
+    spp: int = 64  # samples per pixel; under a noise target at least
+    noise: float | None = None  # relative error to reach over the frame; None: exactly spp samples everywhere
     max_depth: int = 8  # vertices of a path from the eye's first hit on; 1: direct light only
     seed: int = 0
     variant: Variant = "llvm_ad_rgb"
     denoise: bool = False
     threads: int | None = None  # None: every core
+    ao_distance: float | None = None  # world units that ambient occlusion looks; None: a tenth of the proxy's diagonal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

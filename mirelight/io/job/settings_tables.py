@@ -38,6 +38,10 @@ class RenderTable(Table):
     variant: Variant = Field(default=_RENDER.variant, description="Mitsuba's backend.")
     denoise: bool = Field(default=_RENDER.denoise, description="Denoise the lighting; needs the extra `denoise`.")
     threads: int | None = Field(default=_RENDER.threads, ge=1, le=4096, description="CPU threads. Default: every core.")
+    ao_distance: Positive | None = Field(
+        default=_RENDER.ao_distance,
+        description="How far ambient occlusion looks, in world units. Default: a tenth of the proxy's diagonal.",
+    )
 
 
 class CompositorTable(Table):
@@ -118,8 +122,8 @@ class OutputTable(Table):
     )
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
-    layers: bool = Field(default=_OUTPUT.layers, description="EXR: one part for each light.")
-    aovs: bool = Field(default=_OUTPUT.aovs, description="EXR: depth, position, normals, albedo.")
+    layers: bool = Field(default=_OUTPUT.layers, description="EXR: direct, indirect and variance of each light or group.")
+    aovs: bool = Field(default=_OUTPUT.aovs, description="EXR: depth, position, normals, albedo, sun visibility, ambient occlusion, noise.")
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
 
     @model_validator(mode="after")

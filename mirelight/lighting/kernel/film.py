@@ -7,71 +7,157 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from mirelight.lighting.develop import SURFACE
+from mirelight.lighting.develop import SURFACE, Sums
 from mirelight.lighting.kernel.surface import Point
 from mirelight.lighting.layers import Layers
 
 
 class Film:
-    """Flat sums: layers (layer, direct and indirect, pixel, rgb), surface (pixel, SURFACE), and squares (pixel, rgb) of
-    what each batch of samples brought."""
+    """Flat sums over samples, and over squares of what each batch of samples brought.
 
-    def __init__(self, pixels: int, layers: Layers) -> None:
-        self.pixels = dr.opaque(mi.UInt32, pixels)
+    light: (layer, direct and indirect, pixel, rgb).
+    squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
+    surface: (pixel, SURFACE).
+    half: (pixel, rgb) of the beauty over every other batch; only where `halves` asks for it.
+
+    A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
+    """
+
+    def __init__(self, pixels: int, layers: Layers, *, aovs: bool, halves: bool) -> None:
+        count = max(len(layers.names), 1)
+        self.aovs, self._separate, self._layer_count = aovs, layers.separate, count
+        self._pixels = dr.opaque(mi.UInt32, pixels)
+        self._layers = dr.opaque(mi.UInt32, count)
         self.sky_layer = dr.opaque(mi.UInt32, layers.environment)
         self.glow_layer = dr.opaque(mi.UInt32, layers.emission)
-        self.layers = dr.zeros(mi.Float, max(len(layers.names), 1) * 2 * pixels * 3)
-        self.surface = dr.zeros(mi.Float, pixels * SURFACE)
-        self.squares = dr.zeros(mi.Float, pixels * 3)
-        self.batches = mi.Float(0)
-        dr.eval(self.layers, self.surface, self.squares)
+        self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
+        self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
+        self._surface = dr.zeros(mi.Float, pixels * SURFACE)
+        self._half = dr.zeros(mi.Float, pixels * 3) if halves else None
+        self._launch = mi.Float(0)
+        self._stride = mi.UInt32(0)
+        dr.eval(self._light, self._squares, self._surface, self._half)
+
+    # --- in the kernel ---
 
     def add_surface(self, pixel: Any, at: Point, depth: Any, active: Any) -> None:
-        """One sample's AOVs."""
+        """One sample's surface point."""
         p, n, g, a = at.p, at.normal, at.geometric_normal, at.albedo
-        groups = (
+        groups: tuple[Any, ...] = (
             mi.Vector4f(1, depth, p.x, p.y),
             mi.Vector4f(p.z, n.x, n.y, n.z),
             mi.Vector4f(g.x, g.y, g.z, a.x),
-            mi.Vector4f(a.y, a.z, 0, 0),
+            mi.Vector2f(a.y, a.z),
         )
         for k, group in enumerate(groups):
-            _add(self.surface, group, pixel * 4 + k, active)
+            _add(self._surface, group, pixel * (SURFACE // len(group)) + k * (4 // len(group)), active)
 
-    def add_light(self, pixel: Any, layer: Any, indirect: Any, value: Any, active: Any) -> None:
-        """Radiance that one source brings, Vector3f."""
-        place = (layer * 2 + dr.select(indirect, mi.UInt32(1), mi.UInt32(0))) * self.pixels + pixel
-        _add(self.layers, value, place, active)
+    def add_openness(self, pixel: Any, sunlit: Any, unoccluded: Any, active: Any) -> None:
+        """How much of the suns' light and of the hemisphere one sample's surface point sees, 0 to 1 each."""
+        _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active)
 
-    def open_batches(self, pixels: int, batches: int) -> None:
-        """Room for the sums of one launch's batches, (batch, pixel, rgb)."""
-        self.batches = dr.zeros(mi.Float, batches * pixels * 3)
-        dr.eval(self.batches)
+    def add_light(self, place: Any, layer: Any, indirect: Any, value: Any, active: Any) -> None:
+        """Radiance that one source brings, Vector3f; `place` is batch times the launch's pixels plus pixel."""
+        row = layer * 2 + dr.select(indirect, mi.UInt32(1), mi.UInt32(0))
+        _add(self._launch, value, row * self._stride + place, active)
 
-    def add_path(self, place: Any, radiance: Any, active: Any) -> None:
-        """A finished path's radiance, to its batch; `place` is batch times the launch's pixels plus pixel."""
-        _add(self.batches, radiance, place, active)
+    # --- between kernels ---
 
-    def close_batches(self, first_pixel: Any, pixels: int, batches: int) -> None:
-        """Run what has been recorded, then square the batches' sums."""
-        dr.eval(self.layers, self.surface, self.batches)
-        place = dr.arange(mi.UInt32, pixels * 3)
-        stride, count = dr.opaque(mi.UInt32, pixels * 3), dr.opaque(mi.UInt32, batches)
-        squares = _sum_of_squares(self.batches, place, stride, count)
-        dr.scatter_reduce(
-            dr.ReduceOp.Add, self.squares, squares, first_pixel * 3 + place, mode=dr.ReduceMode.NoConflicts
-        )
-        dr.eval(self.squares)
+    def open(self, pixels: int, batches: int) -> None:
+        """Room for one launch, (layer, direct and indirect, batch, pixel, rgb)."""
+        self._stride = dr.opaque(mi.UInt32, batches * pixels)
+        self._launch = dr.zeros(mi.Float, self._layer_count * 2 * batches * pixels * 3)
+        dr.eval(self._launch)
+
+    def close(self, pixels: Any, first_batches: Any, count: int, batches: int) -> None:
+        """Run what has been recorded, then add the launch to the film.
+
+        Args:
+            pixels: UInt32 (count,) the film's pixel of each of the launch's, no two alike.
+            first_batches: UInt32 (count,) how many batches each had before.
+            count: pixels of the launch.
+            batches: of each pixel in the launch.
+        """
+        dr.eval(self._launch, self._surface)
+        n, b = dr.opaque(mi.UInt32, count * 3), dr.opaque(mi.UInt32, batches)
+        lane = dr.arange(mi.UInt32, self._layer_count * count * 3)
+        layer = lane // n
+        here = lane - layer * n
+        place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
+        direct, indirect, squares = _layer_sums(self._launch, layer * 2 * b * n + here, b, n)
+        row = 3 * self._pixels
+        _put(self._light, direct, layer * 2 * row + place)
+        _put(self._light, indirect, (layer * 2 + 1) * row + place)
+        _put(self._squares, squares, layer * row + place)
+        dr.eval(self._light, self._squares)
+        if self._separate or self._half is not None:
+            here = dr.arange(mi.UInt32, count * 3)
+            place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
+            before = dr.gather(mi.UInt32, first_batches, here // 3)
+            squares, half = _beauty_sums(self._launch, here, before, b, n, 2 * self._layers)
+            if self._separate:
+                _put(self._squares, squares, self._layers * row + place)
+            if self._half is not None:
+                _put(self._half, half, place)
+            dr.eval(self._squares, self._half)
+        self._launch = mi.Float(0)
         dr.sync_thread()
+
+    def beauty(self) -> tuple[Any, Any, Any]:
+        """NumPy arrays, flat: the beauty's sums (pixel, rgb), those of its squared batches, and samples that hit."""
+        size = dr.width(self._surface) // SURFACE * 3
+        lane = dr.arange(mi.UInt32, size)
+        total = _row_sums(self._light, lane, 2 * self._layers, 3 * self._pixels)
+        hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
+        return total.numpy(), self._squares.numpy()[-size:], hits.numpy()
+
+    def sums(self) -> Sums:
+        """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""
+        half = None if self._half is None else self._half.numpy()
+        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), half)
 
 
 @dr.syntax
-def _sum_of_squares(batches: Any, place: Any, stride: Any, count: Any) -> Any:
-    total, batch = mi.Float(0), mi.UInt32(0)
-    while batch < count:
-        total += dr.square(dr.gather(mi.Float, batches, batch * stride + place))
+def _layer_sums(launch: Any, place: Any, batches: Any, stride: Any) -> Any:
+    """(direct, indirect, sum of squared batches) of one layer and channel."""
+    direct, indirect, squares, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
+    while batch < batches:
+        d = dr.gather(mi.Float, launch, place + batch * stride)
+        i = dr.gather(mi.Float, launch, place + (batch + batches) * stride)
+        direct += d
+        indirect += i
+        squares += dr.square(d + i)
         batch += 1
+    return direct, indirect, squares
+
+
+@dr.syntax
+def _beauty_sums(launch: Any, place: Any, before: Any, batches: Any, stride: Any, rows: Any) -> Any:
+    """(sum of squared batches, sum of those with an even number) of one channel over all layers."""
+    squares, even, batch = mi.Float(0), mi.Float(0), mi.UInt32(0)
+    while batch < batches:
+        total, row = mi.Float(0), mi.UInt32(0)
+        while row < rows:
+            total += dr.gather(mi.Float, launch, place + (row * batches + batch) * stride)
+            row += 1
+        squares += dr.square(total)
+        even += dr.select(((before + batch) & 1) == 0, total, 0)
+        batch += 1
+    return squares, even
+
+
+@dr.syntax
+def _row_sums(rows: Any, place: Any, count: Any, stride: Any) -> Any:
+    total, row = mi.Float(0), mi.UInt32(0)
+    while row < count:
+        total += dr.gather(mi.Float, rows, row * stride + place)
+        row += 1
     return total
+
+
+def _put(target: Any, value: Any, place: Any) -> None:
+    """Add where no two lanes meet."""
+    dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, mode=dr.ReduceMode.NoConflicts)
 
 
 def _add(target: Any, value: Any, place: Any, active: Any) -> None:

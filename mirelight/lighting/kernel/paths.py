@@ -30,9 +30,10 @@ ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs no
 class LightSet:
     """The light table and the lists of who reaches where (`mirelight.lighting.lights`, `grid`) in device memory."""
 
-    def __init__(self, table: Any, grid: LightGrid, layer_of_light: Any) -> None:
+    def __init__(self, table: Any, grid: LightGrid, layer_of_light: Any, sun_shares: Any) -> None:
         self.table = floats(table)
         self.layer_of_light = integers(layer_of_light)
+        self.sun_shares = floats(sun_shares)
         self.starts = integers(grid.starts)
         self.items = integers(np.append(grid.lights, np.zeros(2, np.uint32)))
         self.low, self.cells_per_unit = vector(grid.low), vector(grid.cells_per_unit)
@@ -56,13 +57,14 @@ class Pass(NamedTuple):
     """
 
     lanes: int
-    pixels: Any  # UInt32
-    first_pixel: Any  # UInt32
-    first_sample: Any  # UInt32
+    count: Any  # UInt32 pixels of this launch
+    pixels: Any  # UInt32 (count,) the film's pixel of each
+    first_samples: Any  # UInt32 (count,) how many samples each has already
     log2_samples: Any  # UInt32
     log2_batch: Any  # UInt32 samples that the variance takes as one
     seed: Any  # UInt32
     max_depth: Any  # UInt32
+    ao_distance: Any  # Float how far ambient occlusion looks
 
 
 def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: Any, active: Any) -> Any:
@@ -78,8 +80,11 @@ def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: 
 def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky, film: Film, job: Pass) -> None:
     """Trace one pass and add it to the film."""
     lane = dr.arange(mi.UInt32, job.lanes)
-    pixel = job.first_pixel + (lane >> job.log2_samples)
-    sample = job.first_sample + (lane & ((mi.UInt32(1) << job.log2_samples) - 1))
+    of_launch = lane >> job.log2_samples
+    within = lane & ((mi.UInt32(1) << job.log2_samples) - 1)
+    place = (within >> job.log2_batch) * job.count + of_launch  # of this sample's batch in the film's launch
+    pixel = dr.gather(mi.UInt32, job.pixels, of_launch)
+    sample = dr.gather(mi.UInt32, job.first_samples, of_launch) + within
     stream = mix(pixel, job.seed)
 
     primary = view.ray(pixel, pair(sample, stream))
@@ -92,7 +97,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
 
     depth = mi.UInt32(0)
     throughput = mi.Vector3f(1)  # β, the albedo of every hit so far
-    radiance = mi.Vector3f(0)  # L, all that this path brings to the pixel
+    sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
     distance, reflected = mi.Float(0), mi.Float(0)  # of the ray that came here: length and density
     sky_on, sky_sampled, max_depth = sky.present, sky.sampled, job.max_depth
 
@@ -107,8 +112,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             drawn = surface.glow_pdf(face, distance, abs(dr.dot(at.geometric_normal, d)), active)
             share = dr.select(indirect & (drawn > 0), reflected / (reflected + drawn), 1)
             value = dr.select(active, throughput * at.emission * share, 0)
-            film.add_light(pixel, film.glow_layer, depth > 1, value, active)
-            radiance += value
+            film.add_light(place, film.glow_layer, depth > 1, value, active)
             active &= depth < max_depth
 
         # the lights of the table that reach here, in as many runs as there are picks
@@ -136,8 +140,10 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit)
             value = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
             layer = dr.gather(mi.UInt32, lights.layer_of_light, chosen, lit)
-            film.add_light(pixel, layer, indirect, value, lit)
-            radiance += value
+            film.add_light(place, layer, indirect, value, lit)
+            if dr.hint(film.aovs, mode="scalar"):
+                sun = dr.gather(mi.Float, lights.sun_shares, chosen, lit)
+                sunlit += dr.select(lit & ~indirect, sun * (total / chosen_weight), 0)
             pick += 1
 
         # the environment, sampled by its map
@@ -147,8 +153,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             value = weight * _sky_irradiance(
                 surface, sky, at, number(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), lit
             )
-        film.add_light(pixel, film.sky_layer, indirect, value, lit)
-        radiance += value
+        film.add_light(place, film.sky_layer, indirect, value, lit)
 
         # what glows elsewhere, sampled by its power
         if dr.hint(surface.emissive, mode="scalar"):
@@ -158,8 +163,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             lit = active & (cosine > 0) & (drawn > 0)
             lit &= ~surface.blocked(bounded_ray(at.start, glow_d, length * SHADOW_END), lit)
             value = dr.select(lit, weight * glow * (cosine / (drawn + cosine * dr.inv_pi)), 0)
-            film.add_light(pixel, film.glow_layer, indirect, value, lit)
-            radiance += value
+            film.add_light(place, film.glow_layer, indirect, value, lit)
 
         # the reflected ray
         depth += 1
@@ -170,8 +174,14 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         throughput = throughput / survival
         d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(sample, mix(salt, 3))))
         reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
+        if dr.hint(film.aovs, mode="scalar"):
+            go_on |= active & (depth == 1)
         found = surface.nearest(mi.Ray3f(at.start, d), go_on)
         hit = go_on & found.is_valid()
+        if dr.hint(film.aovs, mode="scalar"):
+            unoccluded = dr.select(
+                active & (depth == 1), dr.select(hit & (found.t < job.ao_distance), 0, 1), unoccluded
+            )
 
         # the environment, met by the reflected ray
         escaped = go_on & ~hit & sky_on
@@ -180,11 +190,10 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             mapped = sky.pdf(d, escaped)
             share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
             value = throughput * sky.radiance(d, escaped) * share
-        film.add_light(pixel, film.sky_layer, depth > 1, value, escaped)
-        radiance += value
+        film.add_light(place, film.sky_layer, depth > 1, value, escaped)
 
         face, uv, distance = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), mi.Float(found.t)
         active = hit & ((depth < max_depth) | surface.emissive)
 
-    batch = (sample - job.first_sample) >> job.log2_batch
-    film.add_path(batch * job.pixels + (pixel - job.first_pixel), radiance, covered)
+    if dr.hint(film.aovs, mode="scalar"):
+        film.add_openness(pixel, sunlit, unoccluded, covered)

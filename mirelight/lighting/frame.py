@@ -1,0 +1,128 @@
+"""One frame while it is traced: the film on the device, and how many samples each pixel has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.lighting import grid
+from mirelight.lighting import lights as table
+from mirelight.lighting.adaptive import Estimate
+from mirelight.lighting.develop import develop
+from mirelight.lighting.layers import Layers, sun_shares
+from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
+
+if TYPE_CHECKING:
+    from mirelight.lighting.kernel.probes import Probes
+    from mirelight.lighting.kernel.sky import Sky
+    from mirelight.lighting.kernel.surface import Surface
+    from mirelight.lighting.kernel.view import View
+
+LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
+PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
+LAUNCH_BYTES = 1 << 29  # most that the film's buffer of one launch may take
+
+
+class FrameInProgress:
+    """Samples are added pass by pass, of all pixels or some; `develop` ends it."""
+
+    def __init__(
+        self,
+        surface: Surface,
+        sky: Sky,
+        lighting: Lighting,
+        camera: Camera,
+        layers: Layers,
+        settings: RenderSettings,
+        *,
+        aovs: bool,
+        view: View | Probes | None = None,  # None: the camera's
+    ) -> None:
+        import drjit as dr
+        import mitsuba as mi
+
+        from mirelight.lighting.kernel.film import Film
+        from mirelight.lighting.kernel.paths import LightSet
+        from mirelight.lighting.kernel.view import View
+
+        self.camera, self.layers = camera, layers
+        self.samples = np.zeros(camera.width * camera.height, np.int64)
+        self._surface, self._sky, self._view = surface, sky, view or View(camera)
+        self._film = Film(len(self.samples), layers, aovs=aovs, halves=settings.denoise)
+        lists, shares = grid.build(lighting.lights, surface.bounds), sun_shares(lighting)
+        self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
+        self._sun = bool(shares.any())
+        self._batch = batch_size(settings.spp)
+        self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
+        self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
+        low, high = surface.bounds
+        diagonal = float(np.linalg.norm(high.astype(np.float64) - low))
+        self._ao_distance = dr.opaque(mi.Float, settings.ao_distance or 0.1 * diagonal)
+
+    def add_pass(self, count: int, pixels: NDArray[np.int64] | None = None) -> Iterator[int]:
+        """Take `count` more samples of each of some pixels (None: all); yields how many there are by now, by launch.
+
+        `count` is a power of two from the batch size up to PASS, so that a pixel's lanes lie in one packet or in
+        neighbouring ones. `pixels` are different and in order.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        from mirelight.lighting.kernel.memory import integers
+        from mirelight.lighting.kernel.paths import Pass, trace_pass
+
+        chosen = np.arange(len(self.samples)) if pixels is None else pixels
+        batches = count // self._batch
+        row = 24 * max(len(self.layers.names), 1) * batches
+        step = min(LANES // count, max(LAUNCH_BYTES // row, 1))
+        for first in range(0, len(chosen), step):
+            some = chosen[first : first + step]
+            places = integers(some)
+            self._film.open(len(some), batches)
+            job = Pass(
+                lanes=len(some) * count,
+                count=dr.opaque(mi.UInt32, len(some)),
+                pixels=places,
+                first_samples=integers(self.samples[some]),
+                log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
+                log2_batch=dr.opaque(mi.UInt32, self._batch.bit_length() - 1),
+                seed=self._seed,
+                max_depth=self._max_depth,
+                ao_distance=self._ao_distance,
+            )
+            trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
+            self._film.close(places, integers(self.samples[some] // self._batch), len(some), batches)
+            self.samples[some] += count
+            yield int(self.samples.sum())
+
+    def estimate(self) -> Estimate:
+        """How noisy each pixel is so far; every pixel has at least two batches."""
+        sums, squares, hits = self._film.beauty()
+        shape = self.camera.height, self.camera.width
+        return Estimate.of(sums, squares, hits, self.samples, self._batch, shape)
+
+    def develop(self) -> LightingBuffer:
+        """The means. The film is used up; ask once, at the end."""
+        return develop(
+            self.camera,
+            self.layers,
+            self._film.sums(),
+            self.samples,
+            self._batch,
+            sun=self._film.aovs and self._sun,
+            occlusion=self._film.aovs,
+        )
+
+
+def batch_size(spp: int) -> int:
+    """Samples that the variance takes as one: a power of two that divides `spp`, and leaves at least eight batches.
+
+    The points of one batch are spread over the pixel as those of the whole are, so larger batches overstate less.
+    """
+    size = 1
+    while size < PASS and spp % (2 * size) == 0 and spp >= 16 * size:
+        size *= 2
+    return size

@@ -76,8 +76,8 @@ class OutputSettings:
     directory: Path = Path("out")
     exr: bool = True
     png: bool = True
-    layers: bool = True  # one EXR part per light
-    aovs: bool = True  # depth, position, normals
+    layers: bool = True  # direct, indirect and variance of each light or group
+    aovs: bool = True  # depth, position, normals, albedo, sun visibility, ambient occlusion, noise
     half: bool = False  # 16-bit colour (positions and depth stay 32-bit)
 
 

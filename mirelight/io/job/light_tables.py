@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mirelight.io.job.fields import (
     Color,
@@ -28,6 +28,7 @@ _POSITION = "[x, y, z] in world units."
 _TARGET = "[x, y, z], a point to shine at; instead of direction."
 _RADIUS = "Radius of a glowing sphere of the same candela, in world units; 0: hard shadows."
 _CANDELA = "Luminous intensity in candela."
+_GROUP = "Lights of one group share a layer of this name. Default: a layer of its own."
 _LUX = "Illuminance of a surface that faces the light, in lux."
 _RANGE = "Distance in world units at which the light has faded to nothing (the window of KHR). Default: no end."
 
@@ -40,10 +41,20 @@ _TwoSizes: TypeAlias = Annotated[list[Positive], Field(min_length=2, max_length=
 Size: TypeAlias = Annotated[_TwoSizes, BeforeValidator(_square, json_schema_input_type=Positive | _TwoSizes)]
 
 
+def _not_taken(value: str) -> str:
+    if value in ("environment", "sky", "emission"):
+        raise wrong(f"{value!r} is the name of a layer that is no light's", "choose another name")
+    return value
+
+
+GroupName: TypeAlias = Annotated[LightName, AfterValidator(_not_taken)]
+
+
 class LightTable(Table):
     """What all lights share."""
 
     name: LightName | None = Field(default=None, description="Names the light's layer. Default: its type.")
+    group: GroupName | None = Field(default=None, description=_GROUP)
     color: Color = Field(default=[1.0, 1.0, 1.0], description="Linear [r, g, b] that multiplies the intensity.")
 
 
@@ -207,6 +218,7 @@ class LightsFromTable(Table):
         default=None, description="Places them in the world. Default for the proxy: its own."
     )
     intensity: NotNegative = Field(default=1.0, description="Multiplies the intensity of each of them.")
+    group: GroupName | None = Field(default=None, description=_GROUP)
 
 
 LightsFrom: TypeAlias = Annotated[

@@ -110,7 +110,7 @@ def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[
     m = matrix(table.transform) if table.transform else default
     chosen = choose([x.name for x in found], table.names, at, "light", table.path, wrong)
     lights = [placed_light(found[i], m) for i in chosen]
-    return [replace(light, intensity=light.intensity * table.intensity) for light in lights]
+    return [replace(light, intensity=light.intensity * table.intensity, group=table.group) for light in lights]
 
 
 def _light(table: AnyLight) -> Light:
@@ -119,11 +119,16 @@ def _light(table: AnyLight) -> Light:
     match table:
         case DirectionalTable():
             return DirectionalLight(
-                name=name, color=color, intensity=table.intensity, direction=np.asarray(table.direction)
+                name=name,
+                group=table.group,
+                color=color,
+                intensity=table.intensity,
+                direction=np.asarray(table.direction),
             )
         case SunTable():
             return SunLight(
                 name=name,
+                group=table.group,
                 color=color,
                 intensity=table.intensity,
                 direction=np.asarray(table.direction),
@@ -132,6 +137,7 @@ def _light(table: AnyLight) -> Light:
         case PointTable():
             return PointLight(
                 name=name,
+                group=table.group,
                 color=color,
                 intensity=table.intensity,
                 position=np.asarray(table.position),
@@ -141,6 +147,7 @@ def _light(table: AnyLight) -> Light:
         case SpotTable():
             return SpotLight(
                 name=name,
+                group=table.group,
                 color=color,
                 intensity=table.intensity,
                 position=np.asarray(table.position),
@@ -158,6 +165,7 @@ def _light(table: AnyLight) -> Light:
             width, height = table.size
             return AreaLight(
                 name=name,
+                group=table.group,
                 color=color,
                 intensity=table.intensity,
                 shape=table.shape,

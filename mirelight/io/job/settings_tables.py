@@ -122,8 +122,13 @@ class OutputTable(Table):
     )
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
-    layers: bool = Field(default=_OUTPUT.layers, description="EXR: direct, indirect and variance of each light or group.")
-    aovs: bool = Field(default=_OUTPUT.aovs, description="EXR: depth, position, normals, albedo, sun visibility, ambient occlusion, noise.")
+    layers: bool = Field(
+        default=_OUTPUT.layers, description="EXR: direct, indirect and variance of each light or group."
+    )
+    aovs: bool = Field(
+        default=_OUTPUT.aovs,
+        description="EXR: depth, position, normals, albedo, sun visibility, ambient occlusion, noise.",
+    )
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
 
     @model_validator(mode="after")

@@ -219,7 +219,10 @@ class _Studio:
 
             proxy = self.job.scene.proxy
             assert proxy is not None, "plan() refuses lights without a proxy"
-            self._tracer = Tracer(proxy, self.job.render)
+            output = self.job.output
+            self._tracer = Tracer(
+                proxy, self.job.render, layers=output.exr and output.layers, aovs=output.exr and output.aovs
+            )
         return self._tracer.trace(lighting, camera, progress=progress)
 
 

@@ -118,20 +118,31 @@ def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
         summed = _bilinear(flat * lighting.coverage[..., None], size)
         return (_divide(summed, coverage[..., None])).reshape((*size, *aov.shape[2:]))
 
+    def spread(variance: F32 | None) -> F32 | None:
+        return None if variance is None else _bilinear(variance, size, squared_weights=True)
+
+    def resampled(layer: LightLayer) -> LightLayer:
+        direct, indirect = _bilinear(layer.direct, size), _bilinear(layer.indirect, size)
+        return LightLayer(name=layer.name, direct=direct, indirect=indirect, variance=spread(layer.variance))
+
+    def optional(aov: F32 | None) -> F32 | None:
+        return None if aov is None else average(aov)
+
     return LightingBuffer(
         camera=camera,
         coverage=coverage,
-        layers=tuple(
-            LightLayer(name=x.name, direct=_bilinear(x.direct, size), indirect=_bilinear(x.indirect, size))
-            for x in lighting.layers
-        ),
+        layers=tuple(resampled(x) for x in lighting.layers),
         depth=average(lighting.depth),
         position=average(lighting.position),
         normal=_unit_or_zero(average(lighting.normal)),
         geometric_normal=_unit_or_zero(average(lighting.geometric_normal)),
         albedo=average(lighting.albedo),
-        variance=None if lighting.variance is None else _bilinear(lighting.variance, size, squared_weights=True),
+        sun_visibility=optional(lighting.sun_visibility),
+        ambient_occlusion=optional(lighting.ambient_occlusion),
+        variance=spread(lighting.variance),
+        samples=None if lighting.samples is None else _bilinear(lighting.samples, size),
         spp=lighting.spp,
+        noisy=tuple(resampled(x) for x in lighting.noisy),
     )
 
 

@@ -96,8 +96,8 @@ class Counted:
 
         return Compositor()
 
-    def tracer(self, proxy: ProxyMesh, settings: RenderSettings) -> Any:
-        self.calls.append(("tracer",))
+    def tracer(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool, aovs: bool) -> Any:
+        self.calls.append(("tracer", *(name for name, wanted in (("layers", layers), ("aovs", aovs)) if wanted)))
         counted = self
 
         class Tracer:
@@ -291,6 +291,18 @@ def test_what_can_be_shared_is_made_once(counted: Counted) -> None:
         ("day", "side"),
         ("night", "side"),
     ]
+
+
+def test_only_what_is_written_is_traced(counted: Counted) -> None:
+    for output in (
+        OutputSettings(),
+        OutputSettings(layers=False),
+        OutputSettings(aovs=False),
+        OutputSettings(exr=False),
+    ):
+        job = make_job(output=output)
+        pipeline.render(job, pipeline.plan(job), sink=lambda task, frame: None)
+    assert counted.of("tracer") == [("layers", "aovs"), ("aovs",), ("layers",), ()]
 
 
 def test_frames_are_those_of_apply(counted: Counted) -> None:

@@ -7,23 +7,39 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, ProxyMesh
+from mirelight.model import F32, F64, Material, ProxyMesh, Wraps
 
 GLOW_SLOTS = 1 << 18  # draws of an emissive face come in so many equal shares
+ROW = 16  # floats a material: four groups of four
+WRAP_CODE = {"repeat": 0, "mirror": 1, "clamp": 2}
+_LOOKUPS = 1 << 22  # texture look-ups that the power of textured faces is taken from
+_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """Rows of 12 floats a material: colour, 0 | emission, 0 | texture width, height, first texel (low, high half)."""
+    """A row a material: colour, wrap | emission, wrap | place of the base colour texture | place of the emissive one.
 
-    rows: F32  # (materials + 1, 12)
+    A place is width, height, first texel (low, high half); a wrap is the code along u plus three times that along v.
+    """
+
+    rows: F32  # (materials + 1, ROW)
     texels: F32 | None  # flat groups of four floats; None: no texture
     of_face: NDArray[np.uint32]  # (F + 2,) row of each face
 
 
 def is_emissive(proxy: ProxyMesh) -> bool:
     """True where some material glows."""
-    return any(bool(np.any(m.emissive > 0)) for m in proxy.materials)
+    return any(_glows(m) for m in proxy.materials)
+
+
+def has_emissive_texture(proxy: ProxyMesh) -> bool:
+    """True where some material glows by a texture."""
+    return proxy.uvs is not None and any(_glows(m) and m.emissive_texture is not None for m in proxy.materials)
+
+
+def _glows(material: Material) -> bool:
+    return bool(np.any(material.emissive > 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,12 +51,13 @@ class Glow:
 
 
 def pack_glow(proxy: ProxyMesh) -> Glow:
-    """The sampling table of an emissive proxy; a face's share of the slots is its probability."""
+    """The sampling table of an emissive proxy; a face's share of the slots is its probability.
+
+    Faces whose power comes out as nothing are left to the reflected ray, which finds them with its full weight.
+    """
     v = proxy.vertices[proxy.faces].astype(np.float64)
     area = np.linalg.norm(np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]), axis=1) / 2
-    brightness = np.asarray([m.emissive.mean() for m in proxy.materials])
-    material = np.zeros(len(v), np.int64) if proxy.face_materials is None else proxy.face_materials
-    power = area * brightness[material]
+    power = area * _brightness(proxy)
     ends = np.floor(np.cumsum(power) / max(power.sum(), 1e-300) * GLOW_SLOTS + 0.5).astype(np.int64)
     counts = np.diff(ends, prepend=0)
     slots = np.repeat(np.arange(len(v), dtype=np.uint32), counts)
@@ -49,27 +66,77 @@ def pack_glow(proxy: ProxyMesh) -> Glow:
     return Glow(slots if len(slots) else np.zeros(2, np.uint32), density)
 
 
+def _brightness(proxy: ProxyMesh) -> F64:
+    """(F,) mean radiance over channels and over each face."""
+    owner = np.zeros(len(proxy.faces), np.int64) if proxy.face_materials is None else proxy.face_materials
+    out = np.asarray([m.emissive.mean() for m in proxy.materials])[owner]
+    if proxy.uvs is None:
+        return out
+    for index, material in enumerate(proxy.materials):
+        if material.emissive_texture is not None and _glows(material):
+            faces = np.flatnonzero(owner == index)
+            seen = (material.emissive_texture @ material.emissive.astype(np.float32)) / np.float32(3)
+            out[faces] = _face_means(seen, material.emissive_wrap, proxy.uvs[proxy.faces[faces]])
+    return out
+
+
+def _face_means(image: F32, wraps: Wraps, uvs: F32) -> F64:
+    """(n,) means of an image (h, w) over triangles with coordinates (n, 3, 2), from evenly spread look-ups."""
+    if not len(uvs):
+        return np.zeros(0)
+    count = int(np.clip(_LOOKUPS // len(uvs), 4, 4096))
+    k = np.arange(count)
+    s, t = (k + 0.5) / count, (k * 0.6180339887498949 + 0.5) % 1  # golden-ratio lattice on the square
+    root = np.sqrt(s)
+    weights = np.stack([1 - root, root * (1 - t), root * t]).astype(np.float32)  # even over a triangle
+    step = max(_AT_ONCE // count, 1)
+    means = [_looked_up(image, wraps, uvs[i : i + step], weights) for i in range(0, len(uvs), step)]
+    return np.concatenate(means)
+
+
+def _looked_up(image: F32, wraps: Wraps, uvs: F32, weights: F32) -> F64:
+    h, w = image.shape
+    at = np.einsum("nkc,kp->cnp", uvs, weights)
+    x, y = (
+        np.clip((_wrapped(a, wrap) * size).astype(np.int64), 0, size - 1)
+        for a, wrap, size in zip(at, wraps, (w, h), strict=True)
+    )
+    return np.asarray(image[y, x].mean(axis=1, dtype=np.float64))
+
+
+def _wrapped(a: F32, wrap: str) -> F32:
+    """Texture coordinates brought into 0..1."""
+    if wrap == "clamp":
+        return np.clip(a, 0, 1)
+    if wrap == "mirror":
+        return np.asarray(1 - np.abs(1 - np.mod(a, 2)), np.float32)
+    return np.asarray(a - np.floor(a), np.float32)
+
+
 def pack_materials(proxy: ProxyMesh) -> Atlas:
     """The materials of a proxy; a material without a texture points at one white texel."""
-    textured = proxy.uvs is not None and any(m.base_color_texture is not None for m in proxy.materials)
-    rows = np.zeros((len(proxy.materials) + 1, 12), np.float32)
+    rows = np.zeros((len(proxy.materials) + 1, ROW), np.float32)
     parts = [np.ones((2, 4), np.float32)]
     first = 2
     for row, material in zip(rows, proxy.materials, strict=False):
-        row[0:3] = material.base_color
-        row[4:7] = material.emissive
-        texture = material.base_color_texture if textured else None
-        if texture is None:
-            row[8:12] = (1, 1, 0, 0)
-            continue
-        h, w = texture.shape[:2]
-        row[8:12] = (w, h, first & 0xFFFF, first >> 16)
-        part = np.zeros((h * w, 4), np.float32)
-        part[:, :3] = texture.reshape(-1, 3)
-        parts.append(part)
-        first += h * w
+        row[0:3], row[3] = material.base_color, _wrap_code(material.base_color_wrap)
+        row[4:7], row[7] = material.emissive, _wrap_code(material.emissive_wrap)
+        for place, texture in ((row[8:12], material.base_color_texture), (row[12:16], material.emissive_texture)):
+            if texture is None or proxy.uvs is None:
+                place[:] = (1, 1, 0, 0)
+                continue
+            h, w = texture.shape[:2]
+            place[:] = (w, h, first & 0xFFFF, first >> 16)
+            part = np.zeros((h * w, 4), np.float32)
+            part[:, :3] = texture.reshape(-1, 3)
+            parts.append(part)
+            first += h * w
     faces = len(proxy.faces)
     of_face = np.zeros(faces + 2, np.uint32)
     if proxy.face_materials is not None:
         of_face[:faces] = proxy.face_materials
-    return Atlas(rows, np.concatenate(parts).ravel() if textured else None, of_face)
+    return Atlas(rows, np.concatenate(parts).ravel() if len(parts) > 1 else None, of_face)
+
+
+def _wrap_code(wraps: Wraps) -> float:
+    return float(WRAP_CODE[wraps[0]] + 3 * WRAP_CODE[wraps[1]])

@@ -22,10 +22,12 @@ from mirelight.model import (
     Environment,
     Light,
     Lighting,
+    Material,
     PointLight,
     ProxyMesh,
     SpotLight,
     SunLight,
+    Wraps,
 )
 
 
@@ -238,7 +240,7 @@ def mesh(mi: Any, proxy: ProxyMesh, bsdf: dict[str, Any], faces: NDArray[np.int3
     props = mi.Properties()
     props["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": bsdf})
     if glow is not None:
-        props["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(mi, glow)})
+        props["emitter"] = mi.load_dict({"type": "area", "radiance": glow})
     out = mi.Mesh(
         "proxy",
         vertex_count=len(proxy.vertices),
@@ -267,10 +269,25 @@ def _bsdf(mi: Any, proxy: ProxyMesh, index: int) -> dict[str, Any]:
     if proxy.vertex_colors is not None:
         return {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}}
     if material.base_color_texture is not None:
-        pixels = np.ascontiguousarray(material.base_color_texture * material.base_color.astype(np.float32))
-        bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(pixels), "raw": True, "wrap_mode": "repeat"}
-        return {"type": "diffuse", "reflectance": bitmap}
+        image = _image(mi, material.base_color_texture, material.base_color, material.base_color_wrap)
+        return {"type": "diffuse", "reflectance": image}
     return {"type": "diffuse", "reflectance": _rgb(mi, material.base_color)}
+
+
+def _emission(mi: Any, material: Material) -> dict[str, Any] | None:
+    """A material's radiance; None where it does not glow."""
+    if not np.any(material.emissive > 0):
+        return None
+    if material.emissive_texture is not None:
+        return _image(mi, material.emissive_texture, material.emissive, material.emissive_wrap)
+    return _rgb(mi, material.emissive)
+
+
+def _image(mi: Any, texture: F32, factor: NDArray[np.float64], wraps: Wraps) -> dict[str, Any]:
+    if wraps[0] != wraps[1]:
+        raise RenderError("a texture that wraps differently along u and v: Mitsuba's have one way for both")
+    pixels = np.ascontiguousarray(texture * factor.astype(np.float32))
+    return {"type": "bitmap", "bitmap": mi.Bitmap(pixels), "raw": True, "wrap_mode": wraps[0]}
 
 
 def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
@@ -320,8 +337,7 @@ def scene(mi: Any, proxy: ProxyMesh, lighting: Lighting, camera: Camera) -> Any:
     for index, material in enumerate(proxy.materials):
         faces = proxy.faces[of_face == index]
         if len(faces):
-            glow = material.emissive if np.any(material.emissive > 0) else None
-            out[f"mesh{index}"] = mesh(mi, proxy, _bsdf(mi, proxy, index), faces, glow)
+            out[f"mesh{index}"] = mesh(mi, proxy, _bsdf(mi, proxy, index), faces, _emission(mi, material))
     for number, light in enumerate(lighting.lights):
         out[f"light{number}"] = emitter(mi, light, reach)
     if lighting.environment is not None:

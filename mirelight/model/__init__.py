@@ -21,7 +21,7 @@ from mirelight.model.lights import (
     SunLight,
 )
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Provenance, SplatLayer
-from mirelight.model.scene import Material, ProxyMesh, Scene, SplatCloud
+from mirelight.model.scene import Material, ProxyMesh, Scene, SplatCloud, Wrap, Wraps
 from mirelight.model.settings import (
     CompositorSettings,
     DisplaySettings,
@@ -67,5 +67,7 @@ __all__ = [
     "SunLight",
     "ToneCurve",
     "Variant",
+    "Wrap",
+    "Wraps",
     "frozen_array",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -42,18 +43,27 @@ class SplatCloud:
         return round(float(self.sh.shape[1] ** 0.5)) - 1
 
 
+Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]  # what a texture shows outside 0..1
+Wraps: TypeAlias = tuple[Wrap, Wrap]  # along u and v
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Material:
-    """What a proxy's own file says of its surface; used where the albedo comes from the file."""
+    """What a proxy's own file says of its surface. It glows always; its base colour is used where the albedo comes from
+    the file. Textures are (h, w, 3) linear, row 0 at v = 0 (glTF: top)."""
 
     name: str = "default"
     base_color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear factor
-    base_color_texture: F32 | None = None  # (h, w, 3) linear, row 0 at v = 0 (glTF: top), repeat wrap
+    base_color_texture: F32 | None = None  # multiplies base_color
+    base_color_wrap: Wraps = ("repeat", "repeat")
     emissive: F64 = field(default_factory=lambda: np.zeros(3))  # (3,) linear radiance, strength multiplied in
+    emissive_texture: F32 | None = None  # multiplies emissive
+    emissive_wrap: Wraps = ("repeat", "repeat")
 
     def __post_init__(self) -> None:
         freeze(self, "base_color", (3,), np.float64)
         freeze(self, "base_color_texture", (None, None, 3))
+        freeze(self, "emissive_texture", (None, None, 3))
         freeze(self, "emissive", (3,), np.float64)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from mirelight import conventions
 from mirelight.lighting import Tracer
-from mirelight.model import Camera, DirectionalLight, Lighting, Material, ProxyMesh, RenderSettings
+from mirelight.model import Camera, DirectionalLight, Lighting, Material, ProxyMesh, RenderSettings, Wraps
 
 from .lighting_scenes import Array, quad, render, sphere
 
@@ -140,6 +140,35 @@ def test_the_files_own_colours_are_the_albedo() -> None:
         )
     gray = render(replace(proxy, albedo=np.full(3, 0.25)), camera, spp=4).albedo
     np.testing.assert_allclose(gray[gray > 0], 0.25)
+
+
+WRAPS: list[Wraps] = [("repeat", "mirror"), ("mirror", "clamp"), ("clamp", "repeat")]
+
+
+def wrapped(texel: int, size: int, wrap: str) -> int:
+    """The texel of an image that stands for one outside it (glTF §3.8.4)."""
+    if wrap == "clamp":
+        return min(max(texel, 0), size - 1)
+    around = texel % (2 * size)
+    return texel % size if wrap == "repeat" else min(around, 2 * size - 1 - around)
+
+
+@pytest.mark.parametrize("wraps", WRAPS)
+def test_each_axis_of_a_texture_wraps_in_its_own_way(wraps: Wraps) -> None:
+    """A 3 x 2 image over u in -1..3 and v in -1..2, 10 x 10 pixels a texel, read in the middle of each."""
+    texture = np.array([[[k & 1, k >> 1 & 1, k >> 2] for k in row] for row in ((1, 2, 3), (4, 5, 6))], np.float32)
+    proxy = replace(
+        quad([0, 0, 0], [1, 0, 0], [0, 1, 0]),
+        uvs=np.array([[-1, 2], [3, 2], [3, -1], [-1, -1]], np.float32),
+        materials=(Material(base_color_texture=texture, base_color_wrap=wraps),),
+        albedo=None,
+    )
+    camera = Camera.look_at([0, 0, 4], [0, 0, 0], 120, 60, yfov=float(np.degrees(2 * np.arctan(1 / 4))))
+    albedo = render(proxy, replace(camera, fx=2 * camera.fx), spp=64).albedo
+    found = albedo.reshape(6, 10, 12, 10, 3)[:, 4:6, :, 4:6].mean(axis=(1, 3))
+    rows = [wrapped(row - 2, 2, wraps[1]) for row in range(6)]
+    columns = [wrapped(column - 3, 3, wraps[0]) for column in range(12)]
+    np.testing.assert_allclose(found, texture[rows][:, columns], atol=0.12)  # half a pixel off the centre
 
 
 def test_the_terminator_of_a_coarse_ball_is_smooth() -> None:

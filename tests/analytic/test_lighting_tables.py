@@ -118,6 +118,26 @@ def test_glowing_faces_are_drawn_by_their_power() -> None:
     np.testing.assert_allclose(glow.density[:3] * areas, share, rtol=1e-5)
 
 
+def test_the_power_of_a_textured_face_is_its_textures_mean() -> None:
+    """Two halves of a quad under a texture that is bright on one of them, against the integral by fine look-ups."""
+    image = np.zeros((8, 8, 3), np.float32)
+    image[:4] = [1.0, 2.0, 0.5]  # the upper half, v < 0.5
+    quad_ = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    for repeat, wrap in ((1.0, "repeat"), (3.0, "repeat"), (3.0, "mirror"), (3.0, "clamp")):
+        proxy = ProxyMesh(
+            vertices=quad_,
+            faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+            uvs=quad_[:, :2] * np.float32(repeat),
+            materials=(Material(emissive=np.array([2.0, 1.0, 0]), emissive_texture=image, emissive_wrap=(wrap, wrap)),),  # type: ignore[arg-type]
+        )
+        share = np.bincount(materials.pack_glow(proxy).slots, minlength=2) / materials.GLOW_SLOTS
+        x, y = np.meshgrid((np.arange(900) + 0.5) / 900, (np.arange(900) + 0.5) / 900)
+        v = y * repeat
+        inside = {"repeat": v % 1, "mirror": np.where(v % 2 > 1, 2 - v % 2, v % 2), "clamp": np.clip(v, 0, 1)}[wrap]
+        lower, total = np.sum((inside < 0.5) & (y < x)), np.sum(inside < 0.5)
+        assert share[0] == pytest.approx(lower / total, abs=0.005)
+
+
 # --- denoising, with a stand-in for the library ----------------------------------------------------------------------
 
 

@@ -22,6 +22,7 @@ from mirelight.model import (
     RenderSettings,
     SpotLight,
     SunLight,
+    Wrap,
 )
 
 from .ztest import Array, worst_and_allowed
@@ -166,20 +167,36 @@ def test_vertex_colours() -> None:
     same(replace(FLAT, albedo=None, materials=(Material(),)), Lighting(lights=(KEY,)), 4)
 
 
-def test_a_base_colour_texture_repeats_and_has_its_first_row_at_v_0() -> None:
+@pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
+def test_a_base_colour_texture_wraps_and_has_its_first_row_at_v_0(wrap: Wrap) -> None:
     pixels = np.random.default_rng(3).random((5, 9, 3)).astype(np.float32)
-    material = Material(base_color=np.array([1.0, 0.7, 0.4]), base_color_texture=pixels)
+    material = Material(base_color=np.array([1.0, 0.7, 0.4]), base_color_texture=pixels, base_color_wrap=(wrap, wrap))
     proxy = replace(FLAT, albedo=None, vertex_colors=None, materials=(material,))
     same(proxy, Lighting(lights=(KEY,)), 3)
 
 
-def test_an_emissive_material() -> None:
+def glowing_wall(material: Material) -> ProxyMesh:
     """The wall glows; its back is not seen, where Mitsuba's emitters are dark and ours are not."""
     which = STAGE.face_materials
     assert which is not None
     glowing = which.copy()
     glowing[-2:] = 1
-    same(replace(FLAT, face_materials=glowing), Lighting(), 3, hide_lights=False)
+    return replace(FLAT, face_materials=glowing, materials=(Material(), material))
+
+
+def test_an_emissive_material() -> None:
+    same(glowing_wall(STAGE.materials[1]), Lighting(), 3, hide_lights=False)
+
+
+def test_an_emissive_texture() -> None:
+    """Half of it black. It covers the wall once: Mitsuba samples a textured emitter by its texture, untiled."""
+    pixels = np.random.default_rng(5).random((7, 12, 3)).astype(np.float32) ** 4
+    pixels[:, :5] = 0
+    proxy = glowing_wall(Material(emissive=np.array([3.0, 2.0, 1.0]), emissive_texture=pixels))
+    assert proxy.uvs is not None
+    uvs = proxy.uvs.copy()
+    uvs[-4:] = [[0, 1], [1, 1], [1, 0], [0, 0]]
+    same(replace(proxy, uvs=uvs), Lighting(), 3, hide_lights=False)
 
 
 def test_smooth_normals_of_a_fine_mesh() -> None:

@@ -201,7 +201,7 @@ class _AttributeReader:
 
 
 def _uvs(reader: _AttributeReader, users: list[tuple[Fields, UvSource | None]]) -> F32 | None:
-    """Texture coordinates as the base colour textures of a group read them; set 0 where none has a texture."""
+    """Texture coordinates as the textures of a group read them; set 0 where none has a texture."""
     textured = [(primitive, source) for primitive, source in users if source is not None]
     if not textured:
         return reader.vectors("TEXCOORD_0", 2)
@@ -212,12 +212,6 @@ def _uvs(reader: _AttributeReader, users: list[tuple[Fields, UvSource | None]]) 
         raise primitive.fail("attributes", f"no {name}, which its material's texture needs", "unwrap the mesh")
     if source.transform is not None:
         uvs = (uvs @ source.transform[:, :2].T + source.transform[:, 2]).astype(np.float32)
-    outside = float(uvs.min()) < -1e-3 or float(uvs.max()) > 1 + 1e-3
-    clamped = next((source.field for _, source in textured if not source.repeats), None)
-    if outside and clamped is not None:
-        found = "coordinates outside 0..1 with a sampler that clamps or mirrors"
-        remedy = "set the sampler to REPEAT or keep coordinates in 0..1"
-        raise InputError(primitive.file, found, remedy, field=clamped)
     return uvs
 
 

@@ -1,4 +1,4 @@
-"""Base colour and emission of glTF materials (glTF §3.9): all that a Lambert proxy can use."""
+"""Base colour and emission of glTF materials (glTF §3.8.4, §3.9): all that a Lambert proxy can use."""
 
 from __future__ import annotations
 
@@ -10,19 +10,17 @@ import numpy as np
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Bytes, Fields
 from mirelight.io.ldr import decode_srgb_image
-from mirelight.model import F32, F64, Material
+from mirelight.model import F32, F64, Material, Wrap, Wraps
 
-_CLAMP, _MIRROR, _REPEAT = 33071, 33648, 10497
+WRAP_NUMBERS: dict[Wrap, int] = {"repeat": 10497, "mirror": 33648, "clamp": 33071}  # of a sampler's wrapS and wrapT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UvSource:
-    """Which texture coordinates a material's base colour texture takes, and how they are moved."""
+    """Which texture coordinates a material's textures take, and how they are moved."""
 
     texcoord: int = 0
     transform: F64 | None = None  # (2, 3) KHR_texture_transform; None: as they are
-    repeats: bool = True  # coordinates outside 0..1 wrap around, which is the only wrap that model.Material knows
-    field: str = ""  # where it stands, for messages
 
     def key(self) -> tuple[int, bytes]:
         """Equal where two materials read the same coordinates."""
@@ -43,10 +41,12 @@ def read_materials(document: Document, used: set[int], textures: bool) -> dict[i
     Args:
         document: the open file.
         used: which ``materials`` entries are wanted.
-        textures: decode base colour textures; without, the factor alone is kept and no image is opened.
+        textures: decode base colour textures; without, their factor alone is kept. Emissive ones are always decoded,
+            unless their factor is black.
 
     Raises:
-        InputError: a value outside the specification, an image that cannot be decoded, an emissive texture.
+        InputError: a value outside the specification, an image that cannot be decoded, textures of one material that
+            read different coordinates.
     """
     images: dict[int, F32] = {}
     return {index: _surface(document, document.entry("materials", index), textures, images) for index in sorted(used)}
@@ -60,16 +60,25 @@ def _surface(document: Document, entry: Fields, textures: bool, images: dict[int
     factor = shape.vector(names[0], 4, (1, 1, 1, 1))[:3]
     if np.any(factor < 0):
         raise shape.fail(names[0], f"{factor.tolist()}", "it must not be negative")
-    image, uv = None, None
-    if textures and names[1] in shape:
-        image, uv = _texture(document, shape.child(names[1]), images)
+    emissive = _emissive(entry)
+    base = _texture(document, shape.child(names[1]), images) if textures and names[1] in shape else None
+    glow = None
+    if np.any(emissive > 0) and "emissiveTexture" in entry:
+        glow = _texture(document, entry.child("emissiveTexture"), images)
+    if base is not None and glow is not None and base.uv.key() != glow.uv.key():
+        found = "other texture coordinates than the base colour's"
+        raise entry.fail("emissiveTexture", found, "give both the same texCoord and KHR_texture_transform")
     material = Material(
         name=entry.text("name", "") or entry.where,
         base_color=factor,
-        base_color_texture=image,
-        emissive=_emissive(entry),
+        base_color_texture=base.image if base else None,
+        base_color_wrap=base.wraps if base else ("repeat", "repeat"),
+        emissive=emissive,
+        emissive_texture=glow.image if glow else None,
+        emissive_wrap=glow.wraps if glow else ("repeat", "repeat"),
     )
-    return Surface(material, uv)
+    used = base or glow
+    return Surface(material, used.uv if used else None)
 
 
 def _emissive(entry: Fields) -> F64:
@@ -78,28 +87,39 @@ def _emissive(entry: Fields) -> F64:
     scale = strength.number("emissiveStrength", 1.0) if strength else 1.0
     if np.any(factor < 0) or scale < 0:
         raise entry.fail("emissiveFactor", "negative emission", "it must not be negative")
-    emission = factor * scale
-    if np.any(emission > 0) and "emissiveTexture" in entry:
-        remedy = "give the glowing faces a material of their own with emissiveFactor, or remove the texture"
-        raise entry.fail("emissiveTexture", "emissive textures are not supported", remedy)
-    return np.asarray(emission, dtype=np.float64)
+    return np.asarray(factor * scale, dtype=np.float64)
 
 
-def _texture(document: Document, info: Fields, images: dict[int, F32]) -> tuple[F32, UvSource]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Texture:
+    image: F32  # (h, w, 3) linear
+    wraps: Wraps
+    uv: UvSource
+
+
+def _texture(document: Document, info: Fields, images: dict[int, F32]) -> _Texture:
     texture = document.entry("textures", info.integer("index"), info, "index")
     texcoord, transform = info.integer("texCoord", 0, high=255), None
     moved = info.extension("KHR_texture_transform")
     if moved is not None:
         texcoord = moved.integer("texCoord", texcoord, high=255)
         transform = _uv_transform(moved)
-    repeats = True
+    wraps: Wraps = ("repeat", "repeat")
     if "sampler" in texture:
         sampler = document.entry("samplers", texture.integer("sampler"), texture, "sampler")
-        repeats = sampler.integer("wrapS", _REPEAT) == _REPEAT and sampler.integer("wrapT", _REPEAT) == _REPEAT
+        wraps = _wrap(sampler, "wrapS"), _wrap(sampler, "wrapT")
     index = _image_index(texture)
     if index not in images:
         images[index] = _decode(document, document.entry("images", index, texture, "source"))
-    return images[index], UvSource(texcoord, transform, repeats, info.where)
+    return _Texture(images[index], wraps, UvSource(texcoord, transform))
+
+
+def _wrap(sampler: Fields, name: str) -> Wrap:
+    value = sampler.integer(name, WRAP_NUMBERS["repeat"])
+    for wrap, number in WRAP_NUMBERS.items():
+        if value == number:
+            return wrap
+    raise sampler.fail(name, str(value), "expected 10497 (repeat), 33648 (mirror) or 33071 (clamp)")
 
 
 def _image_index(texture: Fields) -> int:

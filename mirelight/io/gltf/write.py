@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from mirelight import __version__, colour, conventions
 from mirelight.errors import OutputError
 from mirelight.io.atomic import atomic_path
-from mirelight.model import F32, Camera, DirectionalLight, Light, Material, PointLight, ProxyMesh, SpotLight
+from mirelight.io.gltf.materials import WRAP_NUMBERS
+from mirelight.model import F32, Camera, DirectionalLight, Light, Material, PointLight, ProxyMesh, SpotLight, Wraps
 
 _LIGHTS = "KHR_lights_punctual"
 _STRENGTH = "KHR_materials_emissive_strength"
@@ -115,9 +116,7 @@ class _Builder:
             "roughnessFactor": 1.0,
         }
         if material.base_color_texture is not None:
-            view = self.add_view(_png(material.base_color_texture))
-            source = self.add("images", {"bufferView": view, "mimeType": "image/png"})
-            shape["baseColorTexture"] = {"index": self.add("textures", {"source": source})}
+            shape["baseColorTexture"] = self.add_texture(material.base_color_texture, material.base_color_wrap)
         entry: dict[str, Any] = {"name": material.name, "pbrMetallicRoughness": shape, "doubleSided": True}
         brightest = float(material.emissive.max())
         if brightest > 0:
@@ -127,7 +126,17 @@ class _Builder:
             if strength != 1:
                 entry["extensions"] = {_STRENGTH: {"emissiveStrength": strength}}
                 self.used.add(_STRENGTH)
+            if material.emissive_texture is not None:
+                entry["emissiveTexture"] = self.add_texture(material.emissive_texture, material.emissive_wrap)
         return self.add("materials", entry)
+
+    def add_texture(self, image: F32, wraps: Wraps) -> dict[str, int]:
+        view = self.add_view(_png(image))
+        texture = {"source": self.add("images", {"bufferView": view, "mimeType": "image/png"})}
+        if wraps != ("repeat", "repeat"):
+            s, t = (WRAP_NUMBERS[wrap] for wrap in wraps)
+            texture["sampler"] = self.add("samplers", {"wrapS": s, "wrapT": t})
+        return {"index": self.add("textures", texture)}
 
     def add_light(self, light: Light) -> None:
         if not isinstance(light, (DirectionalLight, PointLight, SpotLight)):

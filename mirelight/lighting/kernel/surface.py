@@ -9,12 +9,22 @@ import mitsuba as mi
 import numpy as np
 
 from mirelight.lighting.kernel.memory import floats, integers
-from mirelight.lighting.materials import Atlas, is_emissive, pack_glow, pack_materials
+from mirelight.lighting.materials import (
+    ROW,
+    WRAP_CODE,
+    Atlas,
+    has_emissive_texture,
+    is_emissive,
+    pack_glow,
+    pack_materials,
+)
 from mirelight.model import ProxyMesh
 
 # A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
 # the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
 OFFSET = 2.0**-18
+
+BASE_COLOR, EMISSION = 0, 1  # groups of an atlas row; each one's texture stands two groups further on
 
 
 class Point(NamedTuple):
@@ -51,7 +61,8 @@ class Surface:
             self.glow_slots, self.glow_density = integers(glow.slots), floats(glow.density)
             self.glow_count = dr.opaque(mi.UInt32, len(glow.slots))
         self.colored = from_file and self.atlas is not None
-        self.textured = self.colored and self.atlas is not None and self.atlas.texels is not None
+        self.textured = self.colored and proxy.uvs is not None and _has_base_texture(proxy)
+        self.glow_textured = has_emissive_texture(proxy)
         if self.atlas is not None and self.atlas.texels is not None and proxy.uvs is not None:
             self.texels = floats(self.atlas.texels)
             self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
@@ -101,8 +112,7 @@ class Surface:
         distance = dr.norm(way)
         way = way / distance
         pdf = self.glow_pdf(face, distance, abs(dr.dot(dr.normalize(dr.cross(e1, e2)), way)), active)
-        material = dr.gather(mi.UInt32, self.material_of_face, face, active)
-        return way, distance, pdf, self._vector(self.materials, material * 3 + 1, active)
+        return way, distance, pdf, self._emission(face, i, (1 - b.x - b.y, b.x, b.y), active)
 
     def _vector(self, buffer: Any, index: Any, active: Any) -> Any:
         q = dr.gather(mi.Vector4f, buffer, index, active)
@@ -126,32 +136,38 @@ class Surface:
 
     def _material(self, face: Any, i: Any, b: Any, active: Any) -> tuple[Any, Any]:
         albedo, emission = mi.Vector3f(self.albedo), mi.Vector3f(0)
-        if self.atlas is not None:
-            material = dr.gather(mi.UInt32, self.material_of_face, face, active)
-            if self.emissive:
-                emission = self._vector(self.materials, material * 3 + 1, active)
-            if self.colored:
-                albedo = self._vector(self.materials, material * 3, active)
-            if self.textured:
-                albedo = albedo * self._texture(material, i, b, active)
+        if self.emissive:
+            emission = self._emission(face, i, b, active)
+        if self.colored:
+            albedo = self._of_material(BASE_COLOR, face, i, b, active, textured=self.textured)
         if self.colors is not None:
             c = [self._vector(self.colors, k, active) for k in i]
             albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
         return dr.clip(albedo, 0, 1), emission
 
-    def _texture(self, material: Any, i: Any, b: Any, active: Any) -> Any:
-        """Base colour from the atlas: bilinear, repeated."""
-        place = dr.gather(mi.Vector4f, self.materials, material * 3 + 2, active)  # width, height, first texel (2 parts)
-        w, h = mi.UInt32(place.x), mi.UInt32(place.y)
-        first = mi.UInt32(place.z) + (mi.UInt32(place.w) << 16)
+    def _emission(self, face: Any, i: Any, b: Any, active: Any) -> Any:
+        """Radiance of a glowing point."""
+        return self._of_material(EMISSION, face, i, b, active, textured=self.glow_textured)
+
+    def _of_material(self, group: int, face: Any, i: Any, b: Any, active: Any, *, textured: bool) -> Any:
+        """Factor times texture of a face's material: its base colour or its emission."""
+        row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4) + group
+        factor = dr.gather(mi.Vector4f, self.materials, row, active)
+        value = mi.Vector3f(factor.x, factor.y, factor.z)
+        if not textured:
+            return value
         uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in i]
         at = uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]
-        x, y = (at.x - dr.floor(at.x)) * place.x - 0.5, (at.y - dr.floor(at.y)) * place.y - 0.5
-        x_low, y_low = dr.floor(x), dr.floor(y)
-        x0 = dr.select(x_low < 0, w - 1, dr.minimum(mi.UInt32(dr.maximum(x_low, 0)), w - 1))
-        y0 = dr.select(y_low < 0, h - 1, dr.minimum(mi.UInt32(dr.maximum(y_low, 0)), h - 1))
-        x1, y1 = dr.select(x0 + 1 >= w, 0, x0 + 1), dr.select(y0 + 1 >= h, 0, y0 + 1)
-        fx, fy = x - x_low, y - y_low
+        place = dr.gather(mi.Vector4f, self.materials, row + 2, active)
+        return value * self._texture(place, factor.w, at, active)
+
+    def _texture(self, place: Any, wrap: Any, at: Any, active: Any) -> Any:
+        """A texture of the atlas (`materials.Atlas`), bilinear between texel centres."""
+        w = mi.UInt32(place.x)
+        first = mi.UInt32(place.z) + (mi.UInt32(place.w) << 16)
+        wrap_v = dr.floor(wrap / 3)
+        x0, x1, fx = _texels_along(at.x, place.x, wrap - 3 * wrap_v)
+        y0, y1, fy = _texels_along(at.y, place.y, wrap_v)
 
         def texel(x: Any, y: Any) -> Any:
             return self._vector(self.texels, first + y * w + x, active)
@@ -161,6 +177,18 @@ class Surface:
             dr.lerp(texel(x0, y1), texel(x1, y1), fx),
             fy,
         )
+
+
+def _texels_along(a: Any, size: Any, wrap: Any) -> tuple[Any, Any, Any]:
+    """Along one axis: the texels before and after a coordinate, and how far it is between their centres."""
+    n, repeats = mi.UInt32(size), wrap == WRAP_CODE["repeat"]
+    mirrored = 1 - abs(1 - (a - 2 * dr.floor(a * 0.5)))
+    inside = dr.select(repeats, a - dr.floor(a), dr.select(wrap == WRAP_CODE["mirror"], mirrored, dr.clip(a, 0, 1)))
+    x = inside * size - 0.5
+    low = dr.floor(x)
+    before = dr.select(low < 0, dr.select(repeats, n - 1, 0), dr.minimum(mi.UInt32(dr.maximum(low, 0)), n - 1))
+    after = dr.select(low + 1 >= size, dr.select(repeats, 0, n - 1), dr.minimum(mi.UInt32(low + 1), n - 1))
+    return before, after, x - low
 
 
 def _vectors(rows: Any) -> Any:
@@ -184,5 +212,9 @@ def _constant_albedo(proxy: ProxyMesh) -> Any:
     return proxy.albedo if proxy.albedo is not None else proxy.materials[0].base_color
 
 
+def _has_base_texture(proxy: ProxyMesh) -> bool:
+    return any(m.base_color_texture is not None for m in proxy.materials)
+
+
 def _needs_materials(proxy: ProxyMesh) -> bool:
-    return len(proxy.materials) > 1 or proxy.materials[0].base_color_texture is not None
+    return len(proxy.materials) > 1 or _has_base_texture(proxy)

@@ -105,12 +105,14 @@ def test_the_transform_overrides_the_set(glb: Any) -> None:
     assert uvs is not None and np.array_equal(uvs, 1 - UVS)
 
 
-def test_clamped_coordinates_outside_the_image_are_refused(glb: Any) -> None:
-    textured(glb, {"bufferView": glb.view(encoded("PNG"))}, texture={"sampler": glb.put("samplers", {"wrapS": 33071})})
-    proxy(glb)  # inside 0..1 every wrap is the same
-    moved = {"scale": [2, 1]}
-    glb.top["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = {"KHR_texture_transform": moved}
-    with pytest.raises(InputError, match=r"materials\[0\].*clamps or mirrors.*REPEAT"):
+def test_samplers_say_how_coordinates_outside_the_image_wrap(glb: Any) -> None:
+    sampler = glb.put("samplers", {"wrapS": 33071, "wrapT": 33648})
+    textured(glb, {"bufferView": glb.view(encoded("PNG"))}, texture={"sampler": sampler})
+    assert proxy(glb).materials[0].base_color_wrap == ("clamp", "mirror")
+    glb.top["samplers"][0] = {"wrapT": 33071}
+    assert proxy(glb).materials[0].base_color_wrap == ("repeat", "clamp")
+    glb.top["samplers"][0] = {"wrapT": 7}
+    with pytest.raises(InputError, match=r"samplers\[0\]\.wrapT: 7; expected 10497 \(repeat\)"):
         proxy(glb)
 
 
@@ -173,10 +175,37 @@ def test_a_primitive_without_material_is_white_and_dark(glb: Any) -> None:
     assert found.base_color.tolist() == [1, 1, 1] and found.emissive.tolist() == [0, 0, 0]
 
 
-def test_emissive_textures_are_refused_unless_they_are_dark(glb: Any, new_glb: Any) -> None:
-    assert material(glb, emissiveTexture={"index": 0}).emissive.tolist() == [0, 0, 0]
-    with pytest.raises(InputError, match=r"materials\[0\]\.emissiveTexture: emissive textures are not supported"):
-        material(new_glb(), emissiveTexture={"index": 0}, emissiveFactor=[1, 1, 1])
+def glowing(glb: Any, info: dict[str, Any] | None = None, **fields: Any) -> None:
+    """A triangle with a base colour texture and an emissive one, of the same image."""
+    textured(glb, {"bufferView": glb.view(encoded("PNG"))})
+    sampler = glb.put("samplers", {"wrapS": 33071, "wrapT": 33071})
+    emissive = glb.put("textures", {"source": 0, "sampler": sampler})
+    glb.top["materials"][0] |= {"emissiveTexture": {"index": emissive, **(info or {})}, **fields}
+
+
+def test_an_emissive_texture_multiplies_factor_and_strength(glb: Any) -> None:
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 20}}
+    glowing(glb, emissiveFactor=[1, 0.5, 0.25], extensions=strength)
+    for textures in (True, False):  # it glows whatever the albedo is
+        found = proxy(glb, textures=textures).materials[0]
+        assert found.emissive.tolist() == [20, 10, 5]
+        assert found.emissive_texture is not None and found.emissive_wrap == ("clamp", "clamp")
+        assert np.array_equal(found.emissive_texture, colour.srgb_decode(PIXELS / np.float32(255)))
+        assert (found.base_color_texture is None) == (not textures)
+        assert found.base_color_wrap == ("repeat", "repeat")
+
+
+def test_a_black_factor_leaves_the_emissive_texture_closed(glb: Any) -> None:
+    found = material(glb, emissiveTexture={"index": 0})
+    assert found.emissive.tolist() == [0, 0, 0] and found.emissive_texture is None
+
+
+def test_both_textures_of_a_material_read_the_same_coordinates(glb: Any) -> None:
+    glowing(glb, {"texCoord": 1}, emissiveFactor=[1, 1, 1])
+    with pytest.raises(InputError, match=r"materials\[0\]\.emissiveTexture: other texture coordinates than the base"):
+        proxy(glb)
+    uvs = proxy(glb, textures=False).uvs  # the emissive texture alone has its own
+    assert uvs is not None and np.array_equal(uvs, 1 - UVS)
 
 
 @pytest.mark.parametrize(

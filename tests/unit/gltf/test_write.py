@@ -42,8 +42,13 @@ def mesh() -> ProxyMesh:
         face_materials=np.sort(RNG.integers(0, 3, len(sphere.faces))).astype(np.int32),
         materials=(
             Material(name="plaster", base_color=np.array([0.1, 0.7, 1 / 3])),
-            Material(name="tiles", base_color_texture=colour.srgb_decode(stored)),
-            Material(name="lamp", emissive=np.array([17.3, 1 / 7, 0])),
+            Material(name="tiles", base_color_texture=colour.srgb_decode(stored), base_color_wrap=("mirror", "clamp")),
+            Material(
+                name="lamp",
+                emissive=np.array([17.3, 1 / 7, 0]),
+                emissive_texture=colour.srgb_decode(stored[::-1]),
+                emissive_wrap=("clamp", "repeat"),
+            ),
         ),
         albedo=None,
     )
@@ -89,8 +94,10 @@ def test_everything_comes_back(tmp_path: Path) -> None:
         assert old.name == new.name
         assert np.array_equal(old.base_color, new.base_color)
         assert np.array_equal(old.emissive, new.emissive)
-    assert after.materials[1].base_color_texture is not None
-    assert np.array_equal(before.materials[1].base_color_texture, after.materials[1].base_color_texture)  # type: ignore[arg-type]
+        assert (old.base_color_wrap, old.emissive_wrap) == (new.base_color_wrap, new.emissive_wrap)
+    for name, index in (("base_color_texture", 1), ("emissive_texture", 2)):
+        assert getattr(after.materials[index], name) is not None
+        assert np.array_equal(getattr(before.materials[index], name), getattr(after.materials[index], name))
     for light, found in zip(LIGHTS, scene.lights, strict=True):
         assert type(light) is type(found)
         for name in (

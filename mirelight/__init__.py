@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mirelight.compositor import composite
     from mirelight.io.image import write
     from mirelight.io.job import load
-    from mirelight.lighting.trace import trace
+    from mirelight.lighting.profiles import trace
     from mirelight.relight import apply
 
 _HOMES = {
     "load": "mirelight.io.job",
     "composite": "mirelight.compositor",
-    "trace": "mirelight.lighting",
+    "trace": "mirelight.lighting.profiles",
     "apply": "mirelight.relight",
     "write": "mirelight.io.image",
 }

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from mirelight import provenance, relight
+from mirelight import engine_lights, provenance, relight
 from mirelight.errors import InputError
 from mirelight.model import Camera, Frame, Job, Lighting, LightingBuffer, SplatLayer
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
-    from mirelight.lighting import Tracer
+    from mirelight.lighting import EngineTracer, Tracer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,6 +100,22 @@ def plan(
         for camera in chosen_cameras
         for lighting in chosen_lightings
     )
+
+
+def warnings(job: Job, tasks: Sequence[FrameTask]) -> tuple[str, ...]:
+    """A line for each thing in the tasks that the light model of the job's profile does not follow, said once."""
+    lightings = {id(task.lighting): task.lighting for task in tasks if task.lighting is not None}
+    if job.relight.mode == "ratio" and job.scene.captured is not None:
+        lightings[id(job.scene.captured)] = job.scene.captured
+    if job.render.profile != "playcanvas":
+        told = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings.values()]
+    else:
+        told = [("relight.mode", ("the engine knows the tint only, not the ratio",))] * (job.relight.mode == "ratio")
+        cameras = {id(task.camera): task.camera for task in tasks}
+        told += [("camera", engine_lights.camera_warnings(x)) for x in cameras.values()]
+        if job.scene.proxy is not None:
+            told += [(x.name, engine_lights.to_engine(x, job.scene.proxy)[1]) for x in lightings.values()]
+    return tuple(dict.fromkeys(f"{where}: {line}" for where, lines in told for line in lines))
 
 
 def _check(job: Job) -> None:
@@ -194,7 +210,7 @@ class _Studio:
     def __init__(self, job: Job) -> None:
         self.job = job
         self._compositor: Compositor | None = None
-        self._tracer: Tracer | None = None
+        self._tracer: Tracer | EngineTracer | None = None
 
     def look(self, camera: Camera) -> _View:
         return _View(self, camera, self._composite(camera))
@@ -215,12 +231,12 @@ class _Studio:
 
     def trace(self, lighting: Lighting, camera: Camera, progress: Callable[[int, int], None]) -> LightingBuffer:
         if self._tracer is None:
-            from mirelight.lighting import Tracer
+            from mirelight.lighting import tracer
 
             proxy = self.job.scene.proxy
             assert proxy is not None, "plan() refuses lights without a proxy"
             output = self.job.output
-            self._tracer = Tracer(
+            self._tracer = tracer(
                 proxy, self.job.render, layers=output.exr and output.layers, aovs=output.exr and output.aovs
             )
         return self._tracer.trace(lighting, camera, progress=progress)

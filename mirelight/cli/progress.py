@@ -50,6 +50,9 @@ class Tally:
     def stopping(self) -> None:
         """The run was told to stop and will, at the end of the step it is in."""
 
+    def note(self, line: str) -> None:
+        """Something to know before the first frame."""
+
     @property
     def there(self) -> int:
         """Frames that exist: made now, or found."""
@@ -78,6 +81,10 @@ class Lines(Tally):
     def __init__(self) -> None:
         super().__init__()
         self._frame_began = 0.0
+
+    def note(self, line: str) -> None:
+        """As a line of its own."""
+        print(line, file=sys.stderr, flush=True)
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
         """Before the first frame."""
@@ -124,6 +131,10 @@ class Bar(Tally):
         """A frame is there."""
         super().finished(task, skipped)
         self._show(task)
+
+    def note(self, line: str) -> None:
+        """As a line above the bar."""
+        self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def stopping(self) -> None:
         """Says so in place of the frame's name."""

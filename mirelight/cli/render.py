@@ -30,6 +30,8 @@ def run_render(args: argparse.Namespace) -> int:
                 cameras=named(args.camera, [x.name for x in work.scene.cameras]),
                 lightings=named(args.lighting, [x.name for x in work.scene.lightings]),
             )
+            for line in pipeline.warnings(work, tasks):
+                told.note(f"mirelight: {line}")
             files = FrameFiles(work.output, work.display)
             files.prepare()
             with stop.Watched(told) as watched:

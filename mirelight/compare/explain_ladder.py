@@ -18,8 +18,10 @@ from mirelight.compare.explain_engine import (
 )
 from mirelight.compare.explain_light import LitSurface, shadows, texture
 from mirelight.compositor import Compositor
+from mirelight.engine_lights import EngineLighting, to_engine
 from mirelight.errors import InputError, RenderError
 from mirelight.lighting import Tracer
+from mirelight.lighting.engine.raster import rasterise
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.visibility import ShadowRays
 from mirelight.model import (
@@ -35,12 +37,7 @@ from mirelight.model import (
     SplatCloud,
     SplatLayer,
 )
-from mirelight.realtime.bundle import scene_size
 from mirelight.realtime.engine import VERSION
-from mirelight.realtime.mapping import EngineLighting, to_engine
-from mirelight.realtime.raster import rasterise
-
-_ALBEDO_SPP = 16  # samples a pixel of a proxy's own colours
 
 Say = Callable[[str], None]
 
@@ -116,8 +113,8 @@ class _Builder:
 
     def build(self) -> Ladder:
         self.say("tracing")
-        lights, warnings = to_engine(self.lighting, scene_size(self.job.scene))
-        tracer = Tracer(self.proxy, self.job.render)
+        lights, warnings = to_engine(self.lighting, self.proxy)
+        tracer = Tracer(self.proxy, replace(self.job.render, profile="physical"))
         traced = tracer.trace(self.lighting, self.camera)
         self.say("real-time frame")
         recipe = self._engine_side(lights)
@@ -255,14 +252,15 @@ class _Builder:
         return np.where(cover > 0, premultiplied / np.where(cover > 0, cover, 1), otherwise).astype(np.float32)
 
     def _lit_surface(self, camera: Camera) -> LitSurface:
-        surface = rasterise(self.proxy, camera)
         render = self.job.render
+        surface = rasterise(self.proxy, camera, variant=render.variant, threads=render.threads)
         rays = ShadowRays(self.proxy, render.variant, render.threads)
         if self.proxy.albedo is not None:
             albedo = np.broadcast_to(self.proxy.albedo, (*surface.coverage.shape, 3)).astype(np.float32)
         else:
-            settings = replace(render, spp=_ALBEDO_SPP, noise=None, denoise=False, max_depth=1)
-            albedo = Tracer(self.proxy, settings).trace(Lighting(), camera).albedo
+            hit = surface.coverage
+            albedo = np.zeros((*hit.shape, 3), dtype=np.float32)
+            albedo[hit] = rays.albedo(surface.face[hit], surface.position[hit].astype(np.float64))
         return LitSurface(camera, surface, albedo, shadows(rays, surface, camera, self.lighting))
 
     # --- splats and colour ---

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirelight.engine_lights import EngineLighting
+from mirelight.lighting.engine.raster import Surface
+from mirelight.lighting.engine.shading import ambient, received
 from mirelight.lighting.visibility import Bool, ShadowRays
 from mirelight.model import (
     F32,
@@ -26,9 +29,6 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
-from mirelight.realtime.mapping import EngineLighting, engine_diffuse
-from mirelight.realtime.raster import Surface
-from mirelight.realtime.shading import engine_lighting
 
 _MAP = (128, 256)  # an environment's directions that its irradiance is summed over
 _TABLE = (45, 90)  # normals at which it is summed: every 4 degrees, bilinear between
@@ -47,16 +47,20 @@ class LitSurface:
 
     def engine_lights(self, engine: EngineLighting, *, shadows: bool) -> F32:
         """The engine's lights by its own falloffs, with traced hard shadows or none."""
+        hit = self.surface.coverage
         total = np.zeros_like(self.albedo)
+        position, normal = self.surface.position[hit].astype(np.float64), self.surface.normal[hit].astype(np.float64)
         for light, visible in zip(engine.lights, self.visible, strict=True):
-            lit = engine_lighting(self.surface, EngineLighting(lights=(light,)), engine_diffuse(self.albedo))
-            total += lit[..., :3] * visible[..., None] if shadows else lit[..., :3]
+            seen = visible[hit][:, None] if shadows else 1
+            total[hit] += self.albedo[hit] * (received(light, position, normal) * seen).astype(np.float32)
         return total
 
     def engine_environment(self, engine: EngineLighting) -> F32:
         """The engine's prefiltered environment, or its ambient colour."""
-        alone = EngineLighting(environment=engine.environment, ambient=engine.ambient)
-        return engine_lighting(self.surface, alone, engine_diffuse(self.albedo))[..., :3]
+        hit = self.surface.coverage
+        out = np.zeros_like(self.albedo)
+        out[hit] = self.albedo[hit] * ambient(engine, self.surface.normal[hit].astype(np.float64)).astype(np.float32)
+        return out
 
     # --- physical light, still from points and without occlusion of the sky ---
 

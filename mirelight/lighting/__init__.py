@@ -1,7 +1,12 @@
-"""The lighting pass: a proxy mesh under lights, path-traced into a screen-aligned buffer of layers."""
+"""The lighting pass: a proxy mesh under lights, as a screen-aligned buffer of layers.
+
+Path-traced in the profile `physical`, by the real-time engine's own light model in the profile `playcanvas`.
+"""
 
 from __future__ import annotations
 
-from mirelight.lighting.trace import Interrupted, Progress, Tracer, trace
+from mirelight.lighting.engine import EngineTracer
+from mirelight.lighting.profiles import trace, tracer
+from mirelight.lighting.trace import Interrupted, Progress, Tracer
 
-__all__ = ["Interrupted", "Progress", "Tracer", "trace"]
+__all__ = ["EngineTracer", "Interrupted", "Progress", "Tracer", "trace", "tracer"]

@@ -1,4 +1,4 @@
-"""Which surface points see which lights: one shadow ray each, without any shading."""
+"""Which surface points see which lights: one shadow ray each, without any shading; and what colour they are."""
 
 from __future__ import annotations
 
@@ -66,6 +66,16 @@ class ShadowRays:
             way, length = to_light / length, length * SHADOW_END
         blocked = self._surface.blocked(bounded_ray(at.start, way, length), active)
         return np.asarray(~np.asarray(blocked.numpy(), dtype=bool))
+
+    def albedo(self, face: NDArray[np.int32], position: F64) -> F64:
+        """(N, 3) linear albedo of points (N, 3) on triangles (N,): the file's colours where the proxy shows them."""
+        import mitsuba as mi
+
+        from mirelight.lighting.kernel.memory import integers
+
+        uv = mi.Point2f(*_columns(_barycentric(self._proxy, face, position)))
+        at = self._surface.at(integers(face), uv, mi.Vector3f(0, 0, 1), mi.Bool(True))
+        return np.asarray(at.albedo.numpy().T, dtype=np.float64)
 
 
 def _vector(rows: F64, mi: Any) -> Any:

@@ -14,20 +14,28 @@ from typing import Any
 import numpy as np
 
 from mirelight.colour import ENGINE_GAMMA
+from mirelight.engine_lights import (
+    EngineLight,
+    EngineLighting,
+    camera_warnings,
+    engine_diffuse,
+    engine_rotation,
+    to_engine,
+)
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
 from mirelight.io.splats import ply
-from mirelight.model import Camera, CompositorSettings, Environment, Job, Lighting, ProxyMesh, Scene, ToneCurve
-from mirelight.realtime import engine, mapping
-from mirelight.realtime.mapping import EngineLight
+from mirelight.lighting.sunsky import resolved
+from mirelight.model import Camera, CompositorSettings, Job, Lighting, ProxyMesh, Scene, ToneCurve
+from mirelight.realtime import engine
 
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
 _FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
 _SHADOW_PIXELS, _SHADOW_BIAS, _NORMAL_OFFSET_BIAS = 2048, 0.3, 0.05  # no acne on proxies of some metres
-_CONSTANT_MAP = (16, 32)  # pixels of the map that stands for a constant environment
+_NO_PROXY = ProxyMesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,22 +74,20 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
             f"camera {camera.name} is orthographic",
             "the engine's relighting follows perspective cameras only",
         )
-    warnings = [*_camera_warnings(camera), *_settings_warnings(job)]
-    engine_lighting, light_warnings = mapping.to_engine(lighting, scene_size(scene), shadows=shadows)
-    warnings += light_warnings
-    if scene.proxy is not None:
-        warnings += mapping.distance_warnings(engine_lighting.lights, _distances(engine_lighting.lights, scene.proxy))
+    lighting = resolved(lighting, job.render.variant)
+    engine_lighting, light_warnings = to_engine(lighting, scene.proxy or _NO_PROXY, shadows=shadows)
+    warnings = (*(f"camera {x}" for x in camera_warnings(camera)), *_settings_warnings(job), *light_warnings)
     description = _describe(job, camera, engine_lighting)
     copy_page(folder, engine.install())
     if scene.splats is not None:
         ply.write(scene.splats, folder / "splats.ply")
     if scene.proxy is not None:
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
-    if lighting.environment is not None:
-        write_hdr(folder / "environment.hdr", _map(lighting.environment))
+    if engine_lighting.environment is not None:
+        write_hdr(folder / "environment.hdr", engine_lighting.environment.radiance)
     with atomic_path(folder / "scene.json") as temporary:
         temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
-    return Exported(folder=folder, description=description, warnings=tuple(warnings))
+    return Exported(folder=folder, description=description, warnings=warnings)
 
 
 def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE) -> None:
@@ -124,7 +130,7 @@ def _with_normals(proxy: ProxyMesh) -> ProxyMesh:
 # --- scene.json ------------------------------------------------------------------------------------------------------
 
 
-def _describe(job: Job, camera: Camera, lighting: mapping.EngineLighting) -> dict[str, Any]:
+def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, Any]:
     scene, relight = job.scene, job.relight
     playcanvas = relight.profile == "playcanvas"
     tone = job.compositor.tone if playcanvas else job.display.tone
@@ -158,13 +164,13 @@ def _describe(job: Job, camera: Camera, lighting: mapping.EngineLighting) -> dic
         out["splat"] = {"file": "splats.ply"}
     if scene.proxy is not None:
         albedo = scene.proxy.albedo
-        surface = {"ownColors": True} if albedo is None else {"diffuse": mapping.engine_diffuse(albedo).tolist()}
+        surface = {"ownColors": True} if albedo is None else {"diffuse": engine_diffuse(albedo).tolist()}
         out["proxy"] = {"file": "proxy.glb", **surface}
     if lighting.environment is not None:
         out["env"] = {
             "equirect": "environment.hdr",
             "intensity": lighting.environment.intensity,
-            "rotation": mapping.engine_rotation(lighting.environment.rotation),
+            "rotation": engine_rotation(lighting.environment.rotation),
         }
     return out
 
@@ -232,24 +238,7 @@ def _light(light: EngineLight, shadow_distance: float) -> dict[str, Any]:
     return out
 
 
-def _map(environment: Environment) -> np.ndarray[Any, np.dtype[np.float32]]:
-    if environment.is_constant:
-        return np.ascontiguousarray(np.broadcast_to(environment.radiance, (*_CONSTANT_MAP, 3)))
-    return environment.radiance
-
-
 # --- what the engine cannot follow -----------------------------------------------------------------------------------
-
-
-def _camera_warnings(camera: Camera) -> list[str]:
-    out = []
-    if not math.isclose(camera.fx, camera.fy, rel_tol=1e-4):
-        out.append(
-            f"camera {camera.name}: fx {camera.fx:g} is taken as fy {camera.fy:g}; the engine's pixels are square"
-        )
-    if abs(camera.cx - camera.width / 2) > 0.01 or abs(camera.cy - camera.height / 2) > 0.01:
-        out.append(f"camera {camera.name}: the principal point is moved to the centre, the only place the engine knows")
-    return out
 
 
 def _settings_warnings(job: Job) -> list[str]:
@@ -274,18 +263,3 @@ def _bounds(scene: Scene) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
         return np.zeros(3), np.zeros(3)
     low = np.min([p.min(axis=0) for p in points], axis=0).astype(np.float64)
     return low, np.max([p.max(axis=0) for p in points], axis=0).astype(np.float64)
-
-
-def scene_size(scene: Scene) -> float:
-    """Diagonal of the bounds of splats and proxy, world units."""
-    low, high = _bounds(scene)
-    return float(np.linalg.norm(high - low))
-
-
-def _distances(lights: tuple[EngineLight, ...], proxy: ProxyMesh) -> dict[str, float]:
-    """From each light that has a position to the proxy's nearest vertex."""
-    return {
-        light.name: float(np.linalg.norm(proxy.vertices - light.position, axis=1).min())
-        for light in lights
-        if light.kind != "directional" and len(proxy.vertices)
-    }

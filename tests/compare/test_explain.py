@@ -18,6 +18,7 @@ from mirelight.compare.explain_light import LitSurface, shadows
 from mirelight.errors import InputError
 from mirelight.io.png import encode_display
 from mirelight.lighting import Tracer
+from mirelight.lighting.engine.raster import rasterise
 from mirelight.lighting.visibility import ShadowRays
 from mirelight.model import (
     AreaLight,
@@ -39,7 +40,6 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
-from mirelight.realtime.raster import rasterise
 
 CAMERA = Camera.look_at((0, 0, 4), (0, 0, 0), 96, 64, yfov=40, near=0.1, far=50)
 

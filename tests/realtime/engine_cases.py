@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mirelight import conventions
+from mirelight.engine_lights import EngineLight, EngineLighting, from_engine, physical_albedo, physical_rotation
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.hdr import read_hdr
 from mirelight.io.mesh import transform
-from mirelight.model import F32, Camera, Environment, ProxyMesh
-from mirelight.realtime.mapping import EngineLight, EngineLighting, physical_rotation
+from mirelight.lighting import trace
+from mirelight.model import F32, Camera, Environment, ProxyMesh, RenderSettings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +27,17 @@ class Case:
     camera: Camera
     lighting: EngineLighting
     relight: F32  # (H, W, 4) what the engine wrote
+
+
+def texture(proxy: ProxyMesh, camera: Camera, lighting: EngineLighting, diffuse: ArrayLike = 0.5) -> F32:
+    """(H, W, 4) what `mirelight.trace` makes of the engine's lights: lit colour and coverage.
+
+    The lights go through physical units, as those of a job do.
+    """
+    job_lighting, _ = from_engine(lighting)
+    albedo = np.broadcast_to(physical_albedo(diffuse), (3,))
+    buffer = trace(replace(proxy, albedo=albedo), job_lighting, camera, RenderSettings(profile="playcanvas"))
+    return np.concatenate([buffer.beauty, buffer.coverage[..., None]], axis=-1)
 
 
 def read_case(folder: Path, assets: Path) -> Case:
@@ -62,7 +75,7 @@ def read_camera(meta: dict[str, Any]) -> Camera:
 
 def _radiance(path: Path) -> F32:
     if path.name == "white.hdr":  # radiance 1 everywhere
-        return np.ones((1, 1, 3), dtype=np.float32)
+        return np.ones((16, 32, 3), dtype=np.float32)
     return read_hdr(path)
 
 

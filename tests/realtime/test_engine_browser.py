@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from mirelight import realtime
+from mirelight.engine_lights import EngineLighting, engine_diffuse, to_engine
 from mirelight.errors import BackendError, InputError, RenderError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.splats import ply
@@ -33,9 +34,9 @@ from mirelight.model import (
     Scene,
     SpotLight,
 )
-from mirelight.realtime import browser, bundle, engine, mapping
-from mirelight.realtime.raster import rasterise
-from mirelight.realtime.shading import engine_lighting
+from mirelight.realtime import browser, bundle, engine
+
+from .engine_cases import texture
 
 CAMERA = Camera.look_at((1, 2.5, 5), (0, -0.4, 0), 200, 150, yfov=45, near=0.1, far=100)
 LIGHTING = Lighting(
@@ -77,8 +78,8 @@ def test_lighting_texture_agrees_with_the_mapped_lights(
 ) -> None:
     proxy = make_job(data).scene.proxy
     assert proxy is not None
-    lights, _ = mapping.to_engine(LIGHTING, 10.0, shadows=False)
-    ours = engine_lighting(rasterise(proxy, CAMERA), lights, mapping.engine_diffuse(np.full(3, 0.5)))
+    lights, _ = to_engine(LIGHTING, proxy, shadows=False)
+    ours = texture(proxy, CAMERA, lights, engine_diffuse(0.5))
     theirs = rendered[1].relight
     both = (ours[..., 3] > 0.5) & (theirs[..., 3] > 0.5)
     error = np.abs(ours - theirs)[both][:, :3].max(axis=1) / theirs[..., :3].max()
@@ -130,11 +131,7 @@ def test_turned_environment_agrees_with_the_model(data: Path, tmp_path: Path) ->
     job, camera = make_job(data), CAMERA.resized(100, 75)
     theirs = realtime.render(job, camera, Lighting(environment=environment), tmp_path).relight
     assert job.scene.proxy is not None
-    ours = engine_lighting(
-        rasterise(job.scene.proxy, camera),
-        mapping.EngineLighting(environment=environment),
-        mapping.engine_diffuse(np.full(3, 0.5)),
-    )
+    ours = texture(job.scene.proxy, camera, EngineLighting(environment=environment), engine_diffuse(0.5))
     both = (ours[..., 3] > 0.5) & (theirs[..., 3] > 0.5)
     error = np.abs(ours - theirs)[both][:, :3].max(axis=1) / theirs[..., :3].max()
     assert np.percentile(error, 99) < 0.05

@@ -3,45 +3,49 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mirelight import conventions
+from mirelight import conventions, engine_lights
+from mirelight.engine_lights import EngineLight, EngineLighting
+from mirelight.lighting import trace
+from mirelight.lighting.engine.raster import Surface, rasterise
 from mirelight.model import (
     F32,
     AreaLight,
     Camera,
     DirectionalLight,
     Environment,
+    Falloff,
     Light,
     Lighting,
     PointLight,
     ProxyMesh,
+    RenderSettings,
     SpotLight,
     SunLight,
 )
-from mirelight.realtime import mapping
-from mirelight.realtime.mapping import EngineLight, EngineLighting
-from mirelight.realtime.raster import Surface, rasterise
-from mirelight.realtime.shading import engine_lighting
 
 ALBEDO = np.array([0.5, 0.3, 0.8])
 FLOOR = ProxyMesh(
     vertices=np.array([[-40, 0, -40], [-40, 0, 40], [40, 0, 40], [40, 0, -40]], dtype=np.float32),
     faces=np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
 )
-SURFACE = rasterise(FLOOR, Camera.look_at((3, 20, 5), (0, 0, 0), 48, 36, yfov=60))
+CAMERA = Camera.look_at((3, 20, 5), (0, 0, 0), 48, 36, yfov=60)
+SURFACE = rasterise(FLOOR, CAMERA)
 
 
-def engine_radiance(light: Light | Environment, size: float = 1e4) -> F32:
+def engine_radiance(light: Light | Environment) -> F32:
     """(H, W, 3) what the engine shows of a physical light on the floor, by the table."""
     lights = () if isinstance(light, Environment) else (light,)
     environment = light if isinstance(light, Environment) else None
-    engine, _ = mapping.to_engine(Lighting(lights=lights, environment=environment), size, shadows=False)
-    return engine_lighting(SURFACE, engine, mapping.engine_diffuse(ALBEDO))[..., :3]
+    lit = Lighting(lights=lights, environment=environment)
+    return trace(replace(FLOOR, albedo=ALBEDO), lit, CAMERA, RenderSettings(profile="playcanvas")).beauty
 
 
 def towards(position: tuple[float, float, float], surface: Surface = SURFACE) -> tuple[F32, F32]:
@@ -105,7 +109,7 @@ def test_environment_is_exact_but_for_prefiltering() -> None:
 
 
 def test_sun_is_a_directional_light_with_soft_shadows() -> None:
-    engine, _ = mapping.to_engine(Lighting(lights=(SunLight(name="s", direction=np.array([0, -1, 0])),)), 10.0)
+    engine, _ = engine_lights.to_engine(Lighting(lights=(SunLight(name="s", direction=np.array([0, -1, 0])),)), FLOOR)
     (light,) = engine.lights
     assert (light.kind, light.cast_shadows) == ("directional", True)
     assert light.penumbra == pytest.approx(math.radians(0.53))
@@ -118,9 +122,9 @@ def test_area_lights_keep_their_far_light_and_are_warned_of(shape: str, projecte
     size = {"rectangle": (0.3, 0.4), "disk": (0.3, 0.4), "sphere": (0.2, 0.2)}[shape]
     pose = conventions.compose((0, 20, 0), conventions.rotation_from_euler((-90, 0, 0)))  # its -Z points down
     light = AreaLight(name="panel", shape=shape, world_from_light=pose, size=size, intensity=900)  # type: ignore[arg-type]
-    engine, warnings = mapping.to_engine(Lighting(lights=(light,)), 100.0, shadows=False)
+    engine, warnings = engine_lights.to_engine(Lighting(lights=(light,)), FLOOR, shadows=False)
     (punctual,) = engine.lights
-    on_axis = punctual.linear_color * mapping.INVERSE_SQUARED_GAIN * math.pi
+    on_axis = punctual.linear_color * engine_lights.INVERSE_SQUARED_GAIN * math.pi
     np.testing.assert_allclose(on_axis, 900 * projected, rtol=1e-6)
     assert "panel" in warnings[0]
 
@@ -129,19 +133,32 @@ def test_what_the_engine_cannot_hold_is_warned_of() -> None:
     sky = np.ones((4, 8, 3), dtype=np.float32)
     sky[0] = 5000
     lamp = PointLight(name="lamp", position=np.zeros(3), range=5.0, radius=0.1)
-    _, warnings = mapping.to_engine(Lighting(lights=(lamp,), environment=Environment(radiance=sky)), 10.0)
+    _, warnings = engine_lights.to_engine(Lighting(lights=(lamp,), environment=Environment(radiance=sky)), FLOOR)
     said = "\n".join(warnings)
     for part in ("lamp: the engine has no radius", "lamp: the engine squares", "5e+03", "casts no shadows"):
         assert part in said
-    _, none = mapping.to_engine(Lighting(lights=(DirectionalLight(name="d", direction=np.array([0, -1, 0])),)), 10.0)
+    sun = DirectionalLight(name="d", direction=np.array([0, -1, 0]))
+    _, none = engine_lights.to_engine(Lighting(lights=(sun,)), FLOOR)
     assert none == ()
 
 
 def test_near_lights_are_warned_of() -> None:
-    lamp = EngineLight(name="lamp", kind="omni", falloff="inverse-squared")
-    (said,) = mapping.distance_warnings((lamp,), {"lamp": 1.0})
-    assert "50%" in said
-    assert mapping.distance_warnings((lamp,), {"lamp": 8.0}) == ()
+    def said(height: float, falloff: Falloff | None = None) -> tuple[str, ...]:
+        lamp = PointLight(name="lamp", position=np.array([40, height, 40]), falloff=falloff)  # above a corner
+        return engine_lights.to_engine(Lighting(lights=(lamp,)), FLOOR)[1]
+
+    (line,) = said(1.0)
+    assert "50%" in line
+    assert said(8.0) == ()
+    assert said(1.0, "inverse-squared") == ()  # written in the engine's terms: nothing is lost
+
+
+@pytest.mark.parametrize("away", [3.0, 300.0])
+def test_a_light_without_range_reaches_everything(away: float) -> None:
+    lamp = PointLight(name="lamp", position=np.array([0.0, away, 0.0]), intensity=1e5)
+    _, d = towards((0.0, away, 0.0))
+    expected = ALBEDO / math.pi * 1e5 * (away / d / (d**2 + 1))[..., None]
+    np.testing.assert_allclose(engine_radiance(lamp), expected, rtol=1e-3)
 
 
 # --- and back --------------------------------------------------------------------------------------------------------
@@ -152,7 +169,7 @@ COLOURS = st.tuples(*[st.floats(0.01, 1.0)] * 3)
 @given(st.floats(0.01, 1e5), COLOURS)
 def test_colour_and_intensity_come_back(intensity: float, color: tuple[float, float, float]) -> None:
     wanted = intensity * np.asarray(color)
-    encoded, engine_intensity = mapping.engine_color(wanted)
+    encoded, engine_intensity = engine_lights.engine_color(wanted)
     light = EngineLight(name="a", kind="omni", color=encoded, intensity=engine_intensity)
     np.testing.assert_allclose(light.linear_color, wanted, rtol=1e-9)
     assert engine_intensity >= 1
@@ -161,7 +178,7 @@ def test_colour_and_intensity_come_back(intensity: float, color: tuple[float, fl
 
 @given(st.floats(-720, 720))
 def test_rotation_comes_back(rotation: float) -> None:
-    back = mapping.physical_rotation(mapping.engine_rotation(rotation))
+    back = engine_lights.physical_rotation(engine_lights.engine_rotation(rotation))
     assert math.cos(math.radians(back - rotation)) == pytest.approx(1)
 
 
@@ -179,8 +196,8 @@ def test_lights_come_back() -> None:
             outer_cone_angle=0.6,
         ),
     )
-    engine, _ = mapping.to_engine(Lighting(lights=lights), 10.0, shadows=False)
-    back, warnings = mapping.from_engine(engine)
+    engine, _ = engine_lights.to_engine(Lighting(lights=lights), FLOOR, shadows=False)
+    back, warnings = engine_lights.from_engine(engine)
     assert warnings == ()
     for before, after in zip(lights, back.lights, strict=True):
         assert type(before) is type(after)
@@ -190,9 +207,40 @@ def test_lights_come_back() -> None:
                 np.testing.assert_allclose(getattr(after, name), getattr(before, name), rtol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["omni", "spot", "directional"])
+@pytest.mark.parametrize("falloff", ["linear", "inverse-squared"])
+@pytest.mark.parametrize("intensity", [0.4, 3.0])
+def test_the_engines_lights_come_back(kind: Any, falloff: Falloff, intensity: float) -> None:
+    before = EngineLight(
+        name="a",
+        kind=kind,
+        color=np.array([0.9, 0.5, 0.2]),
+        intensity=intensity,
+        position=np.array([1.0, 2.0, 3.0]),
+        direction=np.array([0.0, -1.0, 0.0]),
+        range=7.0,
+        falloff=falloff,
+        inner_cone_angle=20.0,
+        outer_cone_angle=45.0,
+        cast_shadows=True,
+    )
+    physical, _ = engine_lights.from_engine(EngineLighting(lights=(before,)))
+    engine, warnings = engine_lights.to_engine(physical, FLOOR)
+    (after,) = engine.lights
+    assert warnings == ()
+    np.testing.assert_allclose(after.linear_color, before.linear_color, rtol=1e-9)
+    assert (after.kind, after.cast_shadows) == (before.kind, True)
+    if kind != "directional":
+        assert after.falloff == before.falloff
+        assert after.range == pytest.approx(before.range)
+        np.testing.assert_allclose(after.position, before.position)
+    if kind == "spot":
+        assert (after.inner_cone_angle, after.outer_cone_angle) == pytest.approx((20.0, 45.0))
+
+
 def test_linear_falloff_is_equal_at_half_the_range() -> None:
     lamp = EngineLight(name="lamp", kind="omni", intensity=4.0, range=6.0)
-    back, (said,) = mapping.from_engine(EngineLighting(lights=(lamp,)))
+    back, (said,) = engine_lights.from_engine(EngineLighting(lights=(lamp,)))
     light = back.lights[0]
     assert isinstance(light, PointLight)
     # engine: L (1 - d / R) albedo; physical: I / d² (1 - (d / R)^4) albedo / pi
@@ -200,7 +248,11 @@ def test_linear_falloff_is_equal_at_half_the_range() -> None:
     assert "linear falloff" in said
 
 
-def test_ambient_becomes_a_constant_environment() -> None:
-    back, _ = mapping.from_engine(EngineLighting(ambient=np.array([0.5, 0.2, 0.1])))
+def test_ambient_becomes_a_constant_environment_and_comes_back() -> None:
+    ambient = np.array([0.5, 0.2, 0.1])
+    back, _ = engine_lights.from_engine(EngineLighting(ambient=ambient))
     assert back.environment is not None
-    np.testing.assert_allclose(back.environment.radiance[0, 0], np.array([0.5, 0.2, 0.1]) ** 2.2, rtol=1e-6)
+    np.testing.assert_allclose(back.environment.radiance[0, 0], ambient**2.2, rtol=1e-6)
+    engine, _ = engine_lights.to_engine(back, FLOOR, shadows=False)
+    assert engine.environment is None
+    np.testing.assert_allclose(engine.ambient, ambient, rtol=1e-6)

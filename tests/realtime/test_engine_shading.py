@@ -8,24 +8,22 @@ import numpy as np
 import pytest
 
 from mirelight import conventions
+from mirelight.engine_lights import EngineLight, EngineLighting
+from mirelight.lighting.engine.ambient import ambient_light, ambient_tile
+from mirelight.lighting.engine.raster import rasterise
 from mirelight.model import F32, Camera, Environment, ProxyMesh
-from mirelight.realtime.ambient import ambient_light, ambient_tile
-from mirelight.realtime.mapping import EngineLight, EngineLighting
-from mirelight.realtime.raster import rasterise
-from mirelight.realtime.shading import engine_lighting
 
-from .engine_cases import Case, read_case
+from .engine_cases import Case, read_case, texture
 
 EDGE_PIXELS = 2  # pixels on silhouettes that may be decided the other way
 
 
 def p99(case: Case) -> float:
     """99th percentile of the error inside both coverages, relative to the brightest light."""
-    surface = rasterise(case.proxy, case.camera)
-    covered = case.relight[..., 3] > 0.5
-    assert np.count_nonzero(covered != surface.coverage) <= EDGE_PIXELS
-    ours = engine_lighting(surface, case.lighting)
-    both = covered & surface.coverage
+    ours = texture(case.proxy, case.camera, case.lighting)
+    covered, seen = case.relight[..., 3] > 0.5, ours[..., 3] > 0.5
+    assert np.count_nonzero(covered != seen) <= EDGE_PIXELS
+    both = covered & seen
     error = np.abs(ours - case.relight)[both][:, :3].max(axis=1)
     return float(np.percentile(error, 99) / case.relight[..., :3].max())
 
@@ -46,7 +44,7 @@ def test_smooth_meshes_agree_with_the_engine(shared: Path, name: str, bound: flo
 
 def test_shadowed_case_agrees_where_it_is_lit(shared: Path) -> None:
     case = read_case(shared / "realtime" / "stage_dir_pcss", shared / "realtime" / "assets")
-    ours = engine_lighting(rasterise(case.proxy, case.camera), case.lighting)
+    ours = texture(case.proxy, case.camera, case.lighting)
     lit = (case.relight[..., 3] > 0.5) & (ours[..., 3] > 0.5) & (ours[..., 0] > 0.02)
     ratio = case.relight[lit][:, :3] / ours[lit][:, :3]
     assert np.median(ratio) == pytest.approx(1, abs=1e-3)
@@ -64,7 +62,7 @@ ABOVE = Camera.look_at((0, 4, 0), (0, 0, 0), 41, 41, yfov=60)
 
 def centre(lighting: EngineLighting, diffuse: float = 1.0) -> F32:
     """The floor's light straight below the origin."""
-    return engine_lighting(rasterise(FLOOR, ABOVE), lighting, diffuse)[20, 20, :3]
+    return texture(FLOOR, ABOVE, lighting, diffuse)[20, 20, :3]
 
 
 def omni(**changed: object) -> EngineLighting:
@@ -103,12 +101,16 @@ def test_spot_cone_is_shrunk_and_smooth() -> None:
     assert centre(omni(inner_cone_angle=5.0, outer_cone_angle=15.0, **aimed)).max() == 0
 
 
-def test_ambient_is_decoded_and_replaced_by_an_environment() -> None:
+def test_ambient_is_decoded_and_a_constant_environment_is_one() -> None:
     ambient = np.array([0.2, 0.4, 0.8])
     np.testing.assert_allclose(centre(EngineLighting(ambient=ambient)), ambient**2.2, rtol=1e-6)
-    white = Environment(radiance=np.ones((1, 1, 3), dtype=np.float32), intensity=0.7)
-    found = centre(EngineLighting(ambient=ambient, environment=white))
-    np.testing.assert_allclose(found, 0.7 * 256 / 255, rtol=0.004)  # 8 bits
+    gray = Environment(radiance=np.full((1, 1, 3), 0.7, dtype=np.float32), intensity=3.0)
+    np.testing.assert_allclose(centre(EngineLighting(environment=gray)), 2.1, rtol=1e-6)
+
+
+def test_an_environments_light_is_stored_in_eight_bits() -> None:
+    white = Environment(radiance=np.ones((4, 8, 3), dtype=np.float32), intensity=0.7)
+    np.testing.assert_allclose(centre(EngineLighting(environment=white)), 0.7 * 256 / 255, rtol=0.004)
 
 
 @pytest.mark.parametrize("rotation", [0.0, 90.0, 200.0])

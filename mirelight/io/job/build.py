@@ -111,7 +111,7 @@ def build(source: Source, table: JobTable) -> Job:
     return Job(
         source=source.path,
         scene=Scene(splats=splats, proxy=proxy, cameras=found, lightings=lightings, captured=captured),
-        render=model.RenderSettings(**_settings(table.render)),
+        render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
         compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
         relight=relight_settings(table),
         display=model.DisplaySettings(**_settings(table.display)),

@@ -7,9 +7,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from mirelight.engine_lights import DEFAULT_RANGE
 from mirelight.io.job.fields import (
     Color,
     Direction,
+    DisplayColor,
     GltfPath,
     LightName,
     Name,
@@ -22,6 +24,7 @@ from mirelight.io.job.fields import (
     wrong,
 )
 from mirelight.io.job.scene_tables import Environment, Transform
+from mirelight.model import Falloff
 
 _DIRECTION = "[x, y, z], the way the light travels."
 _POSITION = "[x, y, z] in world units."
@@ -188,6 +191,45 @@ class AreaTable(LightTable):
         return self
 
 
+class PlayCanvasTable(LightTable):
+    """A light component of the real-time engine, in its own units and with its defaults."""
+
+    type: Literal["playcanvas"]
+    kind: Literal["omni", "spot", "directional"] = Field(description="The component's type.")
+    color: DisplayColor = Field(default=[1.0, 1.0, 1.0], description="Display-encoded [r, g, b], 0 to 1 (2.2 power).")
+    intensity: NotNegative = Field(default=1.0, description="The component's intensity.")
+    position: Vec3 | None = Field(default=None, description="[x, y, z] in world units; not of directional.")
+    direction: Direction | None = Field(default=None, description="[x, y, z], the way the light travels; not of omni.")
+    target: Vec3 | None = Field(default=None, description=_TARGET)
+    range: Positive = Field(default=DEFAULT_RANGE, description="Distance at which the light has faded to nothing.")
+    falloff: Falloff = Field(
+        default="linear", description="1 - d / range, or 16 / (d² + 1) with a squared window at the range."
+    )
+    inner_cone_angle: Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)] = Field(
+        default=40.0, description="Half angle in degrees at which a spot starts to fade."
+    )
+    outer_cone_angle: Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)] = Field(
+        default=45.0, description="Half angle in degrees at which it is gone."
+    )
+    cast_shadows: bool = Field(default=False, description="Whether it casts shadows, in the profile playcanvas.")
+
+    @model_validator(mode="after")
+    def _check(self) -> PlayCanvasTable:
+        pose = {"position": self.position, "direction": self.direction, "target": self.target}
+        for key in {"omni": ("direction", "target"), "directional": ("position", "target"), "spot": ()}[self.kind]:
+            if pose[key] is not None:
+                raise wrong(f"a {key} of a light of kind {self.kind}", "leave it out", at=key)
+        needed = "direction" if self.kind == "directional" else "position"
+        if pose[needed] is None:
+            raise wrong(f"a light of kind {self.kind} without {needed}", f"add {needed} = [x, y, z]")
+        if self.kind == "spot" and self.position is not None:
+            _aimed(self, self.position, self.target)
+            if self.inner_cone_angle > self.outer_cone_angle:
+                found = f"{self.inner_cone_angle:g}, and outer_cone_angle is {self.outer_cone_angle:g}"
+                raise wrong(found, "make the inner angle the smaller one", at="inner_cone_angle")
+        return self
+
+
 def _aimed(light: Table, position: list[float], target: list[float] | None) -> None:
     one_way(light, ("direction",), ("target",), needed="add direction = [x, y, z] or target = [x, y, z]")
     if target == position:
@@ -204,7 +246,8 @@ AnyLight: TypeAlias = Annotated[
     | Annotated[PointTable, Tag("type=point")]
     | Annotated[SpotTable, Tag("type=spot")]
     | Annotated[SunTable, Tag("type=sun")]
-    | Annotated[AreaTable, Tag("type=area")],
+    | Annotated[AreaTable, Tag("type=area")]
+    | Annotated[PlayCanvasTable, Tag("type=playcanvas")],
     Discriminator(_light_type),
 ]
 

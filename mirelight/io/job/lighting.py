@@ -11,12 +11,14 @@ import numpy as np
 
 from mirelight import conventions
 from mirelight.conventions import Matrix
+from mirelight.engine_lights import EngineLight, physical_light
 from mirelight.io.job.light_tables import (
     AnyLight,
     AreaTable,
     DirectionalTable,
     LightsFromTable,
     Lit,
+    PlayCanvasTable,
     PointTable,
     SpotTable,
     SunTable,
@@ -117,6 +119,8 @@ def _light(table: AnyLight) -> Light:
     name = table.name or table.type
     color = np.asarray(table.color)
     match table:
+        case PlayCanvasTable():
+            return _engine_light(table)
         case DirectionalTable():
             return DirectionalLight(
                 name=name,
@@ -174,10 +178,28 @@ def _light(table: AnyLight) -> Light:
             )
 
 
-def _direction(table: SpotTable | AreaTable) -> Matrix:
+def _engine_light(table: PlayCanvasTable) -> Light:
+    """In physical units; the profile playcanvas gets the engine's own numbers back."""
+    light = EngineLight(
+        name=table.name or table.kind,
+        kind=table.kind,
+        color=np.asarray(table.color),
+        intensity=table.intensity,
+        position=np.asarray(table.position or (0, 0, 0)),
+        direction=np.array([0.0, -1.0, 0.0]) if table.kind == "omni" else _direction(table),
+        range=table.range,
+        falloff=table.falloff,
+        inner_cone_angle=table.inner_cone_angle,
+        outer_cone_angle=table.outer_cone_angle,
+        cast_shadows=table.cast_shadows,
+    )
+    return replace(physical_light(light), group=table.group)
+
+
+def _direction(table: SpotTable | AreaTable | PlayCanvasTable) -> Matrix:
     if table.direction is not None:
         return conventions.unit(table.direction)
-    return conventions.unit(np.subtract(table.target or (0, 0, 0), table.position))
+    return conventions.unit(np.subtract(table.target or (0, 0, 0), table.position or (0, 0, 0)))
 
 
 def _environment(table: EnvironmentTable, files: LightFiles) -> Environment:

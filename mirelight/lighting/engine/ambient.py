@@ -8,11 +8,13 @@ Source: PlayCanvas 2.23, `env-lighting.js`, `reproject-texture.js`, chunks ambie
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.engine_lights import engine_rotation
 from mirelight.model import F64, Environment
-from mirelight.realtime.mapping import engine_rotation
 
 WIDTH, HEIGHT, SEAM = 64, 32, 1  # pixels of the ambient tile; the map lies inside a seam
 SAMPLES = 2048
@@ -42,6 +44,7 @@ def ambient_light(environment: Environment, normals: F64) -> F64:
     return _decoded(_bilinear(_encoded(ambient_tile(environment)), column, row)) * environment.intensity
 
 
+@lru_cache(maxsize=8)  # by identity: the frames of a job share their environments
 def ambient_tile(environment: Environment) -> F64:
     """(HEIGHT, WIDTH, 3) mean radiance about each direction of the map, seam included, before encoding."""
     if environment.is_constant:

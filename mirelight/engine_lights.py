@@ -1,4 +1,4 @@
-"""Physical light units and the engine's, in one table used both ways.
+"""Physical light units and those of the real-time engine, in one table used both ways.
 
 PlayCanvas 2.23 (WebGL2, clustered lighting, its default) shades a Lambert surface as ``albedo * L * N·L * falloff``,
 without 1/pi, with ``L = color^2.2 * intensity`` (intensity >= 1).
@@ -10,19 +10,23 @@ without 1/pi, with ``L = color^2.2 * intensity`` (intensity >= 1).
 | sun of some diameter         | directional with PCSS shadows         | width of the penumbra |
 | point, I candela             | omni, inverse squared,                | falloff 16 / (d² + 1) |
 |                              | L = I color / (16 pi)                 | instead of 16 / d² |
-| range r of a point or spot   | range r; none: RANGE_FACTOR scenes    | window (1 - (d/r)^4)², not 1 - (d/r)^4 |
+| range r of a point or spot   | range r; none: RANGE_FACTOR times the | window (1 - (d/r)^4)², |
+|                              | way to the furthest surface           | not 1 - (d/r)^4 |
 | spot, half angles i and o    | in degrees, divided by CONE_SHRINK    | smoothstep(t), not t² |
 | area light                   | omni or spot, same candela on axis    | no area, no soft shadows |
 | environment, rotation r      | the same map, rotation -r - 90        | 64 x 32 pixels of 8 bit, 64 at most |
+| constant radiance c          | scene ambient c^(1/2.2)               | - |
+| falloff "linear"             | omni or spot, max(0, 1 - d / range),  | physical light obeys the inverse |
+|                              | equal to its candela at half the range| square law |
 
-The engine's own numbers, where a file holds them, come back by the same rows read from right to left.
+The engine's own numbers, where a job gives them, come back by the same rows read from right to left.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,11 +35,14 @@ from mirelight import colour
 from mirelight.model import (
     F64,
     AreaLight,
+    Camera,
     DirectionalLight,
     Environment,
+    Falloff,
     Light,
     Lighting,
     PointLight,
+    ProxyMesh,
     SpotLight,
     SunLight,
 )
@@ -44,12 +51,9 @@ from mirelight.model.arrays import freeze
 INVERSE_SQUARED_GAIN = 16.0  # the engine's falloff is 16 / (d² + 1), windowed
 CONE_SHRINK = 0.99  # clustered lighting stores cone angles times this, so that the shadow map's edge is not seen
 DEFAULT_RANGE = 10.0  # of the engine's light component, world units
-RANGE_FACTOR = 10.0  # range of a light without one, in scene diagonals: the window then stays above 0.9998
+RANGE_FACTOR = 10.0  # range of a light without one, in ways to the furthest surface: the window stays above 0.9998
 NEAR_LIGHT = 3.0  # world units; nearer than this the engine's d² + 1 loses more than a tenth
 ENVIRONMENT_LIMIT = 64.0  # brightest radiance that the engine's RGBP encoding holds
-IMPORT_LIMIT = 2.0  # the engine's glTF importer clamps KHR_lights_punctual intensities to 0..2
-
-Falloff: TypeAlias = Literal["linear", "inverse-squared"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,30 +135,38 @@ def physical_rotation(rotation: float) -> float:
 # --- physical to engine ----------------------------------------------------------------------------------------------
 
 
-def to_engine(lighting: Lighting, scene_size: float, *, shadows: bool = True) -> tuple[EngineLighting, tuple[str, ...]]:
+def to_engine(lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True) -> tuple[EngineLighting, tuple[str, ...]]:
     """The engine's lights for a physical lighting, and a line for each thing that the engine cannot follow.
 
     Args:
         lighting: physical units.
-        scene_size: diagonal of the scene's bounds, world units; decides the range of lights that have none.
-        shadows: whether the lights cast shadow maps.
+        proxy: what is lit, world space; lights without a range reach all of it.
+        shadows: False: no light casts shadow maps.
     """
     warnings: list[str] = []
-    lights = tuple(_engine_light(light, scene_size, shadows, warnings) for light in lighting.lights)
+    lights = tuple(_engine_light(light, proxy, shadows, warnings) for light in lighting.lights)
+    near = {
+        light.name for light in lighting.lights if not isinstance(light, PointLight | SpotLight) or not light.falloff
+    }
+    warnings += _distance_warnings([light for light in lights if light.name in near], proxy)
     environment = lighting.environment
-    if environment is not None:
-        brightest = float(environment.radiance.max(initial=0.0)) * environment.intensity
-        if brightest > ENVIRONMENT_LIMIT:
-            warnings.append(
-                f"{environment.name}: radiance up to {brightest:.3g} is prefiltered by the engine into "
-                f"8-bit tiles that hold at most {ENVIRONMENT_LIMIT:g}; add its sun as a light of its own"
-            )
-        if shadows:
-            warnings.append(f"{environment.name}: the engine's environment light casts no shadows")
+    if environment is None:
+        return EngineLighting(lights=lights), tuple(warnings)
+    if shadows:
+        warnings.append(f"{environment.name}: the engine's environment light casts no shadows")
+    if environment.is_constant:
+        ambient = engine_diffuse(environment.radiance[0, 0].astype(np.float64) * environment.intensity)
+        return EngineLighting(lights=lights, ambient=ambient), tuple(warnings)
+    brightest = float(environment.radiance.max(initial=0.0)) * environment.intensity
+    if brightest > ENVIRONMENT_LIMIT:
+        warnings.append(
+            f"{environment.name}: radiance up to {brightest:.3g} is prefiltered by the engine into "
+            f"8-bit tiles that hold at most {ENVIRONMENT_LIMIT:g}; add its sun as a light of its own"
+        )
     return EngineLighting(lights=lights, environment=environment), tuple(warnings)
 
 
-def _engine_light(light: Light, scene_size: float, shadows: bool, warnings: list[str]) -> EngineLight:
+def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, warnings: list[str]) -> EngineLight:
     if isinstance(light, AreaLight):
         light = _without_area(light, warnings)
     if isinstance(light, DirectionalLight | SunLight):
@@ -165,42 +177,50 @@ def _engine_light(light: Light, scene_size: float, shadows: bool, warnings: list
             color=color,
             intensity=intensity,
             direction=light.direction,
-            cast_shadows=shadows,
+            cast_shadows=shadows and (isinstance(light, SunLight) or light.shadows),
             penumbra=math.radians(light.angular_diameter) if isinstance(light, SunLight) else 0.0,
         )
     if light.radius > 0:
         warnings.append(f"{light.name}: the engine has no radius for this light; its shadow edges differ")
-    if math.isfinite(light.range):
-        warnings.append(f"{light.name}: the engine squares the range's window, so it is darker towards the range")
-    color, intensity = engine_color(light.color * light.intensity / (INVERSE_SQUARED_GAIN * math.pi))
-    if isinstance(light, PointLight):
-        return EngineLight(
-            name=light.name,
-            kind="omni",
-            color=color,
-            intensity=intensity,
-            position=light.position,
-            range=_engine_range(light.range, scene_size),
-            falloff="inverse-squared",
-            cast_shadows=shadows,
-        )
-    return EngineLight(
+    if light.falloff == "linear":
+        color, intensity = engine_color(light.color * light.intensity / _linear_candela(light.range))
+    else:
+        if math.isfinite(light.range) and light.falloff is None:
+            warnings.append(f"{light.name}: the engine squares the range's window, so it is darker towards the range")
+        color, intensity = engine_color(light.color * light.intensity / (INVERSE_SQUARED_GAIN * math.pi))
+    omni = EngineLight(
         name=light.name,
-        kind="spot",
+        kind="omni",
         color=color,
         intensity=intensity,
         position=light.position,
+        range=light.range if math.isfinite(light.range) else RANGE_FACTOR * _furthest(light.position, proxy),
+        falloff=light.falloff or "inverse-squared",
+        cast_shadows=shadows and light.shadows,
+    )
+    if isinstance(light, PointLight):
+        return omni
+    return replace(
+        omni,
+        kind="spot",
         direction=light.direction,
-        range=_engine_range(light.range, scene_size),
-        falloff="inverse-squared",
         inner_cone_angle=math.degrees(light.inner_cone_angle) / CONE_SHRINK,
         outer_cone_angle=min(math.degrees(light.outer_cone_angle) / CONE_SHRINK, 90.0),
-        cast_shadows=shadows,
     )
 
 
-def _engine_range(physical: float, scene_size: float) -> float:
-    return physical if math.isfinite(physical) else RANGE_FACTOR * max(scene_size, 1e-3)
+def _linear_candela(reach: float) -> float:
+    """Candela that, by the inverse square law, light a surface at half the range as a linear falloff of 1 does."""
+    half, window = reach / 2, 1 - 0.5**4
+    return math.pi * half**2 / 2 / window
+
+
+def _furthest(position: F64, proxy: ProxyMesh) -> float:
+    """From a light to the proxy's furthest corner, at least a millimetre of a metre's world."""
+    if not len(proxy.vertices):
+        return 1.0
+    low, high = proxy.bounds
+    return max(float(np.linalg.norm(np.maximum(np.abs(position - low), np.abs(position - high)))), 1e-3)
 
 
 def _without_area(light: AreaLight, warnings: list[str]) -> PointLight | SpotLight:
@@ -222,60 +242,95 @@ def _without_area(light: AreaLight, warnings: list[str]) -> PointLight | SpotLig
     )
 
 
-def distance_warnings(lights: tuple[EngineLight, ...], nearest: dict[str, float]) -> tuple[str, ...]:
-    """A line for each light that stands so near to the proxy that 16 / (d² + 1) departs from the inverse square law.
+def camera_warnings(camera: Camera) -> tuple[str, ...]:
+    """A line for each thing of a camera that GsplatRelighting, which copies fov, near and far, does not follow."""
+    out = []
+    if camera.projection == "orthographic":
+        out.append(f"{camera.name} is orthographic; the engine's relighting follows perspective cameras only")
+    elif not math.isclose(camera.fx, camera.fy, rel_tol=1e-4):
+        out.append(f"{camera.name}: fx {camera.fx:g} is not fy {camera.fy:g}; the engine's pixels are square")
+    if abs(camera.cx - camera.width / 2) > 0.01 or abs(camera.cy - camera.height / 2) > 0.01:
+        out.append(f"{camera.name}: the principal point is off the centre, the only place the engine knows")
+    return tuple(out)
 
-    Args:
-        nearest: distance from each light, by name, to the proxy's nearest vertex, world units.
-    """
-    return tuple(
-        f"{light.name}: {nearest[light.name]:.3g} units from the proxy, where the engine's 16 / (d² + 1) gives "
-        f"{nearest[light.name] ** 2 / (nearest[light.name] ** 2 + 1):.0%} of the inverse square law"
-        for light in lights
-        if light.falloff == "inverse-squared" and nearest.get(light.name, math.inf) < NEAR_LIGHT
-    )
+
+def _distance_warnings(lights: list[EngineLight], proxy: ProxyMesh) -> list[str]:
+    """A line for each light that stands so near to the proxy that 16 / (d² + 1) departs from the inverse square law."""
+    out = []
+    for light in lights:
+        if light.kind == "directional" or not len(proxy.vertices):
+            continue
+        nearest = float(np.linalg.norm(proxy.vertices - light.position, axis=1).min())
+        if nearest < NEAR_LIGHT:
+            kept = nearest**2 / (nearest**2 + 1)
+            out.append(
+                f"{light.name}: {nearest:.3g} units from the proxy, where the engine's 16 / (d² + 1) gives {kept:.0%} "
+                "of the inverse square law"
+            )
+    return out
 
 
 # --- engine to physical ----------------------------------------------------------------------------------------------
 
 
 def from_engine(lighting: EngineLighting, name: str = "lighting") -> tuple[Lighting, tuple[str, ...]]:
-    """The physical lighting for an engine's, and a line for each thing that physical light does not do."""
-    warnings: list[str] = []
-    lights = tuple(_physical_light(light, warnings) for light in lighting.lights)
-    environment = lighting.environment
+    """The physical lighting for an engine's, and a line for each thing that physical light does not do.
+
+    :func:`to_engine` gives the engine's lighting back.
+    """
+    lights = tuple(physical_light(light) for light in lighting.lights)
+    environment, warnings = lighting.environment, physical_warnings(lights)
     if lighting.ambient.any():
         if environment is None:
             radiance = physical_albedo(lighting.ambient).astype(np.float32).reshape(1, 1, 3)
             environment = Environment(name="ambient", radiance=radiance)
         else:
-            warnings.append("the scene's ambient colour is left out: the environment replaces it, as in the engine")
-    return Lighting(name=name, lights=lights, environment=environment), tuple(warnings)
+            warnings += ("the scene's ambient colour is left out: the environment replaces it, as in the engine",)
+    return Lighting(name=name, lights=lights, environment=environment), warnings
 
 
-def _physical_light(light: EngineLight, warnings: list[str]) -> Light:
+def physical_warnings(lights: tuple[Light, ...]) -> tuple[str, ...]:
+    """A line for each light whose engine's falloff physical light does not follow."""
+    return tuple(
+        f"{light.name}: linear falloff becomes the inverse square law, equal at half the range"
+        for light in lights
+        if isinstance(light, PointLight | SpotLight) and light.falloff == "linear"
+    )
+
+
+def physical_light(light: EngineLight) -> DirectionalLight | PointLight | SpotLight:
+    """One light of the engine in physical units."""
     linear = light.linear_color
     peak = float(linear.max()) or 1.0
     color = linear / peak
     if light.kind == "directional":
-        return DirectionalLight(name=light.name, direction=light.direction, color=color, intensity=peak * math.pi)
-    if light.falloff == "linear":
-        # The linear falloff has no physical counterpart: equal light at half the range, where it is 1/2.
-        half, window = light.range / 2, 1 - 0.5**4
-        candela = peak * math.pi * half**2 / 2 / window
-        reach = light.range
-        warnings.append(f"{light.name}: linear falloff becomes the inverse square law, equal at half the range")
-    else:
-        candela, reach = peak * math.pi * INVERSE_SQUARED_GAIN, light.range
+        return DirectionalLight(
+            name=light.name,
+            direction=light.direction,
+            color=color,
+            intensity=peak * math.pi,
+            shadows=light.cast_shadows,
+        )
+    gain = _linear_candela(light.range) if light.falloff == "linear" else math.pi * INVERSE_SQUARED_GAIN
     if light.kind == "omni":
-        return PointLight(name=light.name, position=light.position, color=color, intensity=candela, range=reach)
+        return PointLight(
+            name=light.name,
+            position=light.position,
+            color=color,
+            intensity=peak * gain,
+            range=light.range,
+            falloff=light.falloff,
+            shadows=light.cast_shadows,
+        )
     return SpotLight(
         name=light.name,
         position=light.position,
         direction=light.direction,
         color=color,
-        intensity=candela,
-        range=reach,
+        intensity=peak * gain,
+        range=light.range,
         inner_cone_angle=math.radians(min(light.inner_cone_angle, light.outer_cone_angle - 1e-6) * CONE_SHRINK),
         outer_cone_angle=math.radians(light.outer_cone_angle * CONE_SHRINK),
+        falloff=light.falloff,
+        shadows=light.cast_shadows,
     )

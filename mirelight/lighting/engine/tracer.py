@@ -1,0 +1,161 @@
+"""The engine's lighting texture as a lighting buffer: its light laws and culling, with shadows traced exactly.
+
+One point a pixel, at its centre; no indirect light. So a difference from a frame of the engine is that frame's own
+error: the resolution, bias and blur of its shadow maps, and the bits of its targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.engine_lights import EngineLight, to_engine
+from mirelight.lighting.develop import refuse_if_too_large
+from mirelight.lighting.engine.raster import Surface, rasterise
+from mirelight.lighting.engine.shading import ambient, received
+from mirelight.lighting.layers import Layers
+from mirelight.lighting.sunsky import resolved
+from mirelight.lighting.visibility import ShadowRays
+from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings, Variant
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """The pixels of a camera that see the proxy, N of them, and their points."""
+
+    camera: Camera
+    surface: Surface
+    albedo: F64  # (N, 3) linear
+
+    @property
+    def pixels(self) -> NDArray[np.bool_]:
+        """(H, W) True at those pixels."""
+        return self.surface.coverage
+
+    @property
+    def position(self) -> F64:
+        """(N, 3) world space."""
+        return self.surface.position[self.pixels].astype(np.float64)
+
+    @property
+    def normal(self) -> F64:
+        """(N, 3) unit."""
+        return self.surface.normal[self.pixels].astype(np.float64)
+
+    @property
+    def face(self) -> NDArray[np.int32]:
+        """(N,) triangle of each."""
+        return self.surface.face[self.pixels]
+
+
+class EngineTracer:
+    """A proxy made ready for the engine's light; called as :class:`mirelight.lighting.Tracer` is.
+
+    Of the settings only the variant and the threads count: there is nothing to sample.
+
+    Args:
+        proxy: world space.
+        settings: `scalar_rgb` computes in LLVM, as the compositor does: single rays from Python would take hours.
+        layers: False: one layer, "beauty".
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+    """
+
+    def __init__(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True) -> None:
+        self._proxy = proxy
+        self._layers = layers
+        self._variant: Variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
+        self._threads = settings.threads
+        self._rays: ShadowRays | None = None
+        self._seen: _Seen | None = None  # the last camera's, as many lightings share it
+
+    def trace(
+        self, lighting: Lighting, camera: Camera, *, progress: Callable[[int, int], None] | None = None
+    ) -> LightingBuffer:
+        """The lighting texture that the engine would make.
+
+        Args:
+            lighting: physical units; `mirelight.engine_lights` says what the engine makes of them.
+            camera: the splat camera; pixels coincide with its own.
+            progress: called once, when all is done.
+
+        Returns:
+            A layer for each light or group and the environment, all of it direct; coverage 0 or 1; variance 0.
+
+        Raises:
+            RenderError: the frame does not fit in memory.
+        """
+        lighting = resolved(lighting, self._variant)
+        layers = Layers.of(lighting, emissive=False, separate=self._layers)
+        refuse_if_too_large(camera, layers)
+        engine, _ = to_engine(lighting, self._proxy)
+        seen = self._look(camera)
+        light = np.zeros((len(layers.names), len(seen.albedo), 3))
+        for lamp, layer in zip(engine.lights, layers.of_light, strict=False):
+            light[layer] += self._lit(lamp, seen)
+        if lighting.environment is not None:
+            light[layers.environment] += ambient(engine, seen.normal)
+        if progress is not None:
+            progress(camera.width * camera.height, camera.width * camera.height)
+        return _buffer(seen, layers.names, light)
+
+    def _look(self, camera: Camera) -> _Seen:
+        """What the engine's rasteriser sees; kept for the next lighting of the same camera."""
+        if self._seen is None or self._seen.camera is not camera:
+            surface = rasterise(self._proxy, camera, variant=self._variant, threads=self._threads)
+            self._seen = _Seen(camera, surface, self._albedo(surface))
+        return self._seen
+
+    def _albedo(self, surface: Surface) -> F64:
+        hit = surface.coverage
+        if self._proxy.albedo is not None:
+            return np.broadcast_to(self._proxy.albedo, (int(hit.sum()), 3))
+        if not hit.any():
+            return np.zeros((0, 3))
+        return self._ray_caster().albedo(surface.face[hit], surface.position[hit].astype(np.float64))
+
+    def _lit(self, lamp: EngineLight, seen: _Seen) -> F64:
+        """(N, 3) one lamp's light on the seen points."""
+        light = received(lamp, seen.position, seen.normal)
+        lit = light.any(axis=1)
+        if lamp.cast_shadows and lit.any():
+            way = np.append(-lamp.direction, 0) if lamp.kind == "directional" else np.append(lamp.position, 1)
+            visible = self._ray_caster().visible(seen.face[lit], seen.position[lit], seen.camera.position, way)
+            light[lit] *= visible[:, None]
+        return light
+
+    def _ray_caster(self) -> ShadowRays:
+        if self._rays is None:
+            self._rays = ShadowRays(self._proxy, self._variant, self._threads)
+        return self._rays
+
+
+def _buffer(seen: _Seen, names: tuple[str, ...], light: F64) -> LightingBuffer:
+    """The light (K, N, 3) of K layers as pictures."""
+    surface, pixels = seen.surface, seen.pixels
+
+    def picture(values: F64) -> F32:
+        out = np.zeros((*pixels.shape, 3), dtype=np.float32)
+        out[pixels] = values
+        return out
+
+    dark = np.zeros((*pixels.shape, 3), dtype=np.float32)
+    return LightingBuffer(
+        camera=seen.camera,
+        coverage=pixels.astype(np.float32),
+        layers=tuple(
+            LightLayer(name=name, direct=picture(seen.albedo * own), indirect=dark, variance=dark)
+            for name, own in zip(names, light, strict=True)
+        ),
+        depth=surface.depth,
+        position=surface.position,
+        normal=surface.normal,
+        geometric_normal=surface.geometric_normal,
+        albedo=picture(seen.albedo),
+        variance=dark,
+        spp=1,
+    )

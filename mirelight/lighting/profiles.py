@@ -1,0 +1,30 @@
+"""What lights a proxy in each profile: paths in `physical`, the real-time engine's own light model in `playcanvas`."""
+
+from __future__ import annotations
+
+from mirelight.lighting.engine import EngineTracer
+from mirelight.lighting.trace import Tracer
+from mirelight.model import Camera, Lighting, LightingBuffer, ProxyMesh, RenderSettings
+
+
+def tracer(
+    proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True, aovs: bool = True
+) -> Tracer | EngineTracer:
+    """What lights a proxy in the settings' profile; arguments as for :class:`Tracer`.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+    """
+    if settings.profile == "playcanvas":
+        return EngineTracer(proxy, settings, layers=layers)
+    return Tracer(proxy, settings, layers=layers, aovs=aovs)
+
+
+def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: RenderSettings) -> LightingBuffer:
+    """Light a proxy once; what :func:`tracer` gives does the same for many frames of one proxy.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+        RenderError: the frame's film does not fit in memory.
+    """
+    return tracer(proxy, settings).trace(lighting, camera)

@@ -129,7 +129,7 @@ class Counted:
 def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     stand_ins = Counted()
     monkeypatch.setattr("mirelight.compositor.Compositor", stand_ins.compositor)
-    monkeypatch.setattr("mirelight.lighting.Tracer", stand_ins.tracer)
+    monkeypatch.setattr("mirelight.lighting.tracer", stand_ins.tracer)
     return stand_ins
 
 

@@ -30,6 +30,7 @@ SECTIONS = {
     "lights of type spot": "SpotTable",
     "a spot's cone as in KHR": "KhrConeTable",
     "lights of type area": "AreaTable",
+    "lights of type playcanvas": "PlayCanvasTable",
     "lights_from": "LightsFromTable",
     "lightings": "LightingTable",
     "captured": "CapturedTable",

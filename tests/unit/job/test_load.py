@@ -108,7 +108,7 @@ half = true
         )
     )
     assert loaded.render == model.RenderSettings(
-        spp=7, noise=0.01, max_depth=3, seed=11, variant="scalar_rgb", denoise=True, threads=2
+        profile="playcanvas", spp=7, noise=0.01, max_depth=3, seed=11, variant="scalar_rgb", denoise=True, threads=2
     )
     assert loaded.compositor == model.CompositorSettings(
         profile="playcanvas",

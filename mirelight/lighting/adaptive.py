@@ -72,16 +72,16 @@ class Estimate:
 
 
 def _sum_around(image: F64) -> F64:
-    """Sum over the window round each pixel, itself left out, edges cut."""
+    """Sum over the window round each pixel, itself left out."""
+    return window_sum(image, WINDOW) - image
+
+
+def window_sum(image: F64, reach: int) -> F64:
+    """Sum over the (2 reach + 1)² pixels round each, edges cut."""
     h, w = image.shape
     table = np.zeros((h + 1, w + 1))
     np.cumsum(np.cumsum(image, axis=0), axis=1, out=table[1:, 1:])
-    top, bottom = _ends(h)
-    left, right = _ends(w)
-    total = table[bottom][:, right] - table[top][:, right] - table[bottom][:, left] + table[top][:, left]
-    return np.asarray(total - image)
-
-
-def _ends(n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    at = np.arange(n)
-    return np.maximum(at - WINDOW, 0), np.minimum(at + WINDOW + 1, n)
+    (top, bottom), (left, right) = (
+        (np.maximum(np.arange(n) - reach, 0), np.minimum(np.arange(n) + reach + 1, n)) for n in (h, w)
+    )
+    return np.asarray(table[bottom][:, right] - table[top][:, right] - table[bottom][:, left] + table[top][:, left])

@@ -1,21 +1,39 @@
-"""Denoising by Intel Open Image Denoise, only when asked: it is biased, and what it returns carries no variance."""
+"""Denoising by Intel Open Image Denoise, only when asked: it is biased. The noisy picture is kept beside it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.errors import BackendError
+from mirelight.lighting.adaptive import window_sum
 from mirelight.model import F32, LightingBuffer, LightLayer
 
+REACH = 7  # pixels to each side over which the noisy variance is averaged
 
-def denoise(buffer: LightingBuffer) -> LightingBuffer:
-    """The beauty and every layer denoised, guided by albedo and normals that are denoised first.
 
-    Denoised layers do not add up to the denoised beauty, so they are scaled to it pixel by pixel. `variance` becomes
-    None: it described the noisy picture, and nothing says how far a denoised one is from the truth.
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """One beauty from three sets of samples, (H, W, 3) each; the errors of the last two are independent."""
+
+    half: F32
+    quarter: F32
+    other_quarter: F32
+
+
+def denoise(buffer: LightingBuffer, parts: Parts | None, *, layers: bool = True) -> LightingBuffer:
+    """The beauty denoised, and every layer, guided by albedo and normals that are denoised first.
+
+    Denoised layers do not add up to the denoised beauty, so they are scaled to it pixel by pixel; with `layers` False
+    the noisy ones are. `noisy` holds the layers as they were, with their variance.
+
+    `variance` becomes an estimate of the denoised beauty's mean square error, bias included: one half of the samples is
+    denoised and compared with two quarters of independent noise, E[(D - B)(D - C)] = E[(D - truth)²] (cross-validation
+    in the manner of Rousselle, Knaus and Zwicker's dual buffers, 2012). That holds on the average over a frame; a pixel
+    of its own tells too little, so the noisy variance, averaged over a window, is scaled to it. None without `parts`.
 
     Raises:
         BackendError: the optional package `pyoidn` is not installed.
@@ -30,17 +48,56 @@ def denoise(buffer: LightingBuffer) -> LightingBuffer:
         device.commit()
         clean = _Denoiser(pyoidn, device, buffer)
         beauty = clean(buffer.beauty)
-        layers = [
-            LightLayer(
-                name=x.name, direct=clean(x.direct), indirect=clean(x.indirect) if x.indirect.any() else x.indirect
-            )
-            for x in buffer.layers
-        ]
+        made = [_cleaned(x, clean) for x in buffer.layers] if layers else list(buffer.layers)
+        half = clean(parts.half) if parts is not None else None
+    return replace(
+        buffer,
+        layers=_fitted(made, beauty),
+        noisy=buffer.layers,
+        variance=None if parts is None or half is None else _error(buffer, parts, half),
+    )
+
+
+def _cleaned(layer: LightLayer, clean: _Denoiser) -> LightLayer:
+    indirect = clean(layer.indirect) if layer.indirect.any() else layer.indirect
+    return LightLayer(name=layer.name, direct=clean(layer.direct), indirect=indirect)
+
+
+def _fitted(layers: list[LightLayer], beauty: F32) -> tuple[LightLayer, ...]:
+    """The layers scaled so that they add up to the beauty; where all are black and it is not, the first gets it."""
     total = sum((x.total for x in layers), np.zeros_like(beauty))
     lit = total > 0
     scale: F32 = np.where(lit, beauty / np.where(lit, total, np.float32(1)), np.float32(0))
-    fitted = tuple(LightLayer(name=x.name, direct=x.direct * scale, indirect=x.indirect * scale) for x in layers)
-    return replace(buffer, layers=fitted, variance=None)
+    missing: F32 = np.where(lit, np.float32(0), beauty)
+    return tuple(
+        LightLayer(name=x.name, direct=x.direct * scale + (missing if k == 0 else 0), indirect=x.indirect * scale)
+        for k, x in enumerate(layers)
+    )
+
+
+def _error(buffer: LightingBuffer, parts: Parts, half: F32) -> F32 | None:
+    """(H, W, 3) mean square error of the denoised half, in proportion to the noisy variance round each pixel.
+
+    Errors count relative to brightness, as in `LightingBuffer.relative_noise`. The proportion is never taken above 1:
+    denoised is then as good as noisy.
+    """
+    if buffer.variance is None:
+        return None
+    around = _mean_around(buffer.variance, buffer.coverage > 0)
+    covered = buffer.coverage > 0
+    bright = half[covered]
+    weight = 1 / np.maximum(bright**2 + np.float32(0.01) * bright.mean(initial=0) ** 2, np.float32(1e-30))
+    before = np.sum(around[covered] * weight, dtype=np.float64)
+    product = (half - parts.quarter)[covered] * (half - parts.other_quarter)[covered]
+    after = np.sum(product * weight, dtype=np.float64)
+    return np.asarray(around * np.float32(np.clip(after / before, 0, 1) if before > 0 else 0))
+
+
+def _mean_around(image: F32, covered: NDArray[np.bool_]) -> F32:
+    """Mean over the covered pixels of a window round each, which is about what the denoiser mixes."""
+    count = np.maximum(window_sum(covered.astype(np.float64), REACH), 1)
+    sums = [window_sum(np.where(covered, image[..., c], 0).astype(np.float64), REACH) / count for c in range(3)]
+    return np.asarray(np.where(covered[..., None], np.stack(sums, axis=-1), 0), dtype=np.float32)
 
 
 class _Denoiser:

@@ -24,7 +24,6 @@ class Sums:
     light: F32  # K * 2: radiance, direct and indirect
     squares: F32  # K, and 1 for the beauty where layers are separate: of the radiance summed over each batch
     surface: F32  # H * W * SURFACE
-    half: F32 | None = None  # of the beauty over every other batch
 
 
 def develop(

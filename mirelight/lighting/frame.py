@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mirelight.lighting import grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
+from mirelight.lighting.denoise import Parts
 from mirelight.lighting.develop import develop
 from mirelight.lighting.layers import Layers, sun_shares
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
@@ -51,7 +52,7 @@ class FrameInProgress:
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
         self._surface, self._sky, self._view = surface, sky, view or View(camera)
-        self._film = Film(len(self.samples), layers, aovs=aovs, halves=settings.denoise)
+        self._film = Film(len(self.samples), layers, aovs=aovs, parts=settings.denoise)
         lists, shares = grid.build(lighting.lights, surface.bounds), sun_shares(lighting)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
         self._sun = bool(shares.any())
@@ -103,6 +104,21 @@ class FrameInProgress:
         sums, squares, hits = self._film.beauty()
         shape = self.camera.height, self.camera.width
         return Estimate.of(sums, squares, hits, self.samples, self._batch, shape)
+
+    def parts(self) -> Parts | None:
+        """The frame in three that share no samples; None where they were not kept apart or batches are too few."""
+        count = self.samples // self._batch
+        if not self._film.in_parts or count.min() < 4:
+            return None
+        shape = self.camera.height, self.camera.width, 3
+        total, _, _ = self._film.beauty()
+        half, quarter = self._film.parts().reshape(2, -1)
+        sums = half, quarter, total - half - quarter
+        counts = (count + 1) // 2, (count + 2) // 4, count // 4
+        means = (
+            x.reshape(-1, 3) / (self._batch * k[:, None]).astype(np.float32) for x, k in zip(sums, counts, strict=True)
+        )
+        return Parts(*(x.reshape(shape) for x in means))
 
     def develop(self) -> LightingBuffer:
         """The means. The film is used up; ask once, at the end."""

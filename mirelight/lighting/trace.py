@@ -33,16 +33,6 @@ class Interrupted(KeyboardInterrupt):
         super().__init__("interrupted")
 
 
-def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: RenderSettings) -> LightingBuffer:
-    """Light a proxy once; :class:`Tracer` does the same for many frames of one proxy.
-
-    Raises:
-        BackendError: the variant cannot be used on this machine.
-        RenderError: the frame's film does not fit in memory.
-    """
-    return Tracer(proxy, settings).trace(lighting, camera)
-
-
 class Tracer:
     """A proxy made ready for tracing. Later frames compile nothing, whatever lights, environment and camera do.
 
@@ -100,12 +90,12 @@ class Tracer:
             _sample(frame, settings, progress or _ignore)
         except KeyboardInterrupt:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
-        buffer = frame.develop()
-        if self.settings.denoise:
-            from mirelight.lighting.denoise import denoise
+        if not settings.denoise:
+            return frame.develop()
+        from mirelight.lighting.denoise import denoise
 
-            return denoise(buffer)
-        return buffer
+        parts = frame.parts()
+        return denoise(frame.develop(), parts, layers=self._layers)
 
     def irradiance(self, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
         """Light that falls on points of the proxy from the side that their normals point to, direct and indirect.
@@ -128,7 +118,7 @@ class Tracer:
 
         lighting = resolved(lighting, self.settings.variant)
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
-        settings = replace(self.settings, spp=spp, noise=None)
+        settings = replace(self.settings, spp=spp, noise=None, denoise=False)
         sky, view = self._sky_of(lighting.environment), Probes(points, normals)
         layers = Layers.of(lighting, emissive=self._emissive, separate=False)
         frame = FrameInProgress(self._surface, sky, lighting, row, layers, settings, aovs=False, view=view)

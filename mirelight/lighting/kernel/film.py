@@ -18,14 +18,15 @@ class Film:
     light: (layer, direct and indirect, pixel, rgb).
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
-    half: (pixel, rgb) of the beauty over every other batch; only where `halves` asks for it.
+    parts: (2, pixel, rgb) of the beauty over every second batch and over one in four; only where they are asked for.
 
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
     """
 
-    def __init__(self, pixels: int, layers: Layers, *, aovs: bool, halves: bool) -> None:
+    def __init__(self, pixels: int, layers: Layers, *, aovs: bool, parts: bool) -> None:
         count = max(len(layers.names), 1)
-        self.aovs, self._separate, self._layer_count = aovs, layers.separate, count
+        self.aovs, self.in_parts = aovs, parts
+        self._separate, self._layer_count = layers.separate, count
         self._pixels = dr.opaque(mi.UInt32, pixels)
         self._layers = dr.opaque(mi.UInt32, count)
         self.sky_layer = dr.opaque(mi.UInt32, layers.environment)
@@ -33,10 +34,10 @@ class Film:
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
         self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
         self._surface = dr.zeros(mi.Float, pixels * SURFACE)
-        self._half = dr.zeros(mi.Float, pixels * 3) if halves else None
+        self._parts = dr.zeros(mi.Float, 2 * pixels * 3 if parts else 1)
         self._launch = mi.Float(0)
         self._stride = mi.UInt32(0)
-        dr.eval(self._light, self._squares, self._surface, self._half)
+        dr.eval(self._light, self._squares, self._surface, self._parts)
 
     # --- in the kernel ---
 
@@ -90,16 +91,17 @@ class Film:
         _put(self._light, indirect, (layer * 2 + 1) * row + place)
         _put(self._squares, squares, layer * row + place)
         dr.eval(self._light, self._squares)
-        if self._separate or self._half is not None:
+        if self._separate or self.in_parts:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
             before = dr.gather(mi.UInt32, first_batches, here // 3)
-            squares, half = _beauty_sums(self._launch, here, before, b, n, 2 * self._layers)
+            squares, second, fourth = _beauty_sums(self._launch, here, before, b, n, 2 * self._layers)
             if self._separate:
                 _put(self._squares, squares, self._layers * row + place)
-            if self._half is not None:
-                _put(self._half, half, place)
-            dr.eval(self._squares, self._half)
+            if self.in_parts:
+                _put(self._parts, second, place)
+                _put(self._parts, fourth, row + place)
+            dr.eval(self._squares, self._parts)
         self._launch = mi.Float(0)
         dr.sync_thread()
 
@@ -111,10 +113,13 @@ class Film:
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
         return total.numpy(), self._squares.numpy()[-size:], hits.numpy()
 
+    def parts(self) -> Any:
+        """NumPy array, flat."""
+        return self._parts.numpy()
+
     def sums(self) -> Sums:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""
-        half = None if self._half is None else self._half.numpy()
-        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), half)
+        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy())
 
 
 @dr.syntax
@@ -133,17 +138,19 @@ def _layer_sums(launch: Any, place: Any, batches: Any, stride: Any) -> Any:
 
 @dr.syntax
 def _beauty_sums(launch: Any, place: Any, before: Any, batches: Any, stride: Any, rows: Any) -> Any:
-    """(sum of squared batches, sum of those with an even number) of one channel over all layers."""
-    squares, even, batch = mi.Float(0), mi.Float(0), mi.UInt32(0)
+    """(squared batches, batches 0, 2, 4 …, batches 1, 5, 9 …), each summed, of one channel over all layers."""
+    squares, second, fourth, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
     while batch < batches:
         total, row = mi.Float(0), mi.UInt32(0)
         while row < rows:
             total += dr.gather(mi.Float, launch, place + (row * batches + batch) * stride)
             row += 1
         squares += dr.square(total)
-        even += dr.select(((before + batch) & 1) == 0, total, 0)
+        number = before + batch
+        second += dr.select((number & 1) == 0, total, 0)
+        fourth += dr.select((number & 3) == 1, total, 0)
         batch += 1
-    return squares, even
+    return squares, second, fourth
 
 
 @dr.syntax

@@ -1,4 +1,4 @@
-"""Are two renderers' means the same? Block means over independent seeds, Welch's t, Šidák's correction."""
+"""Are two renderers' means the same, or one's and a formula's? Means over independent seeds, t, Šidák's correction."""
 
 from __future__ import annotations
 
@@ -29,13 +29,28 @@ def worst_and_allowed(
     for size in (block, min(a.shape[1:3])):
         x, y = block_means(a, size), block_means(b, size)
         spread = x.var(axis=0, ddof=1) / len(x) + y.var(axis=0, ddof=1) / len(y)
-        difference = x.mean(axis=0) - y.mean(axis=0)
-        floor = rounding * np.maximum(np.abs(x.mean(axis=0)), np.abs(y.mean(axis=0)))
-        some = spread > 0
-        t.append(np.maximum(np.abs(difference[some]) - floor[some], 0) / np.sqrt(spread[some]))
+        t.append(_scores(x.mean(axis=0), y.mean(axis=0), spread, rounding))
     every = np.concatenate(t)
-    freedom = len(a) + len(b) - 2
-    p = 1 - (1 - false_alarm) ** (1 / len(every))
+    return float(every.max()), _bound(len(every), len(a) + len(b) - 2, false_alarm)
+
+
+def worst_against_truth(
+    measured: Array, truth: Array, *, false_alarm: float = 1e-4, rounding: float = 2e-5
+) -> tuple[float, float]:
+    """The same for means (K, N) of independent seeds against N true values."""
+    spread = measured.var(axis=0, ddof=1) / len(measured)
+    t = _scores(measured.mean(axis=0), truth, spread, rounding)
+    return float(t.max(initial=0.0)), _bound(max(len(t), 1), len(measured) - 1, false_alarm)
+
+
+def _scores(a: Array, b: Array, spread: Array, rounding: float) -> Array:
+    """|t| of differences beyond rounding; a difference without any spread counts as endless."""
+    beyond = np.maximum(np.abs(a - b) - rounding * np.maximum(np.abs(a), np.abs(b)), 0)
+    some = (spread > 0) | (beyond > 0)
+    return np.asarray(beyond[some] / np.sqrt(np.maximum(spread[some], 1e-300)))
+
+
+def _bound(count: int, freedom: int, false_alarm: float) -> float:
+    p = 1 - (1 - false_alarm) ** (1 / count)
     z = NormalDist().inv_cdf(1 - p / 2)
-    bound = z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)  # Cornish-Fisher
-    return float(every.max()), float(bound)
+    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)  # Cornish-Fisher

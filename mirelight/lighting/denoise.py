@@ -86,7 +86,9 @@ def _error(buffer: LightingBuffer, parts: Parts, half: F32) -> F32 | None:
     around = _mean_around(buffer.variance, buffer.coverage > 0)
     covered = buffer.coverage > 0
     bright = half[covered]
-    weight = 1 / np.maximum(bright**2 + np.float32(0.01) * bright.mean(initial=0) ** 2, np.float32(1e-30))
+    if not bright.any():
+        return around
+    weight = 1 / (bright**2 + np.float32(0.01) * bright.mean() ** 2)
     before = np.sum(around[covered] * weight, dtype=np.float64)
     product = (half - parts.quarter)[covered] * (half - parts.other_quarter)[covered]
     after = np.sum(product * weight, dtype=np.float64)

@@ -17,14 +17,24 @@ from numpy.typing import NDArray
 from mirelight.errors import InputError, OutputError
 from mirelight.io.exr import Metadata, is_whole, read_header, write_exr
 from mirelight.io.png import encode_display, read_png_text, write_png
-from mirelight.model import Camera, DisplaySettings, Frame, LightingBuffer, OutputSettings, Provenance, SplatLayer
+from mirelight.model import (
+    Camera,
+    DisplaySettings,
+    Frame,
+    LightingBuffer,
+    LightLayer,
+    OutputSettings,
+    Provenance,
+    SplatLayer,
+)
 
 FINGERPRINT = "mirelight/fingerprint"
 PROVENANCE = "mirelight/provenance"
 CAMERA = "mirelight/camera"
 LIGHTS = "mirelight/lights"
+SAMPLING = "mirelight/sampling"
 
-_MAX_LAYER_NAME = 40  # Blender cuts channel names at 63 characters
+_MAX_LAYER_NAME = 38  # Blender cuts channel names at 63 characters
 
 
 def write(
@@ -106,7 +116,8 @@ def _images(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
 
 def _colours(images: Mapping[str, NDArray[Any]]) -> frozenset[str]:
     """Names of colours; noise and its square can be too small for 16 bits."""
-    return frozenset(name for name, x in images.items() if x.ndim == 3 and name not in ("noise", "variance"))
+    squares = ("noise", "variance")
+    return frozenset(name for name, x in images.items() if x.ndim == 3 and not name.endswith(squares))
 
 
 def _splat_images(splats: SplatLayer) -> dict[str, NDArray[Any]]:
@@ -119,17 +130,32 @@ def _splat_images(splats: SplatLayer) -> dict[str, NDArray[Any]]:
 
 def _lighting_images(lighting: LightingBuffer, output: OutputSettings) -> dict[str, NDArray[Any]]:
     out: dict[str, NDArray[Any]] = {"lighting": np.dstack([lighting.beauty, lighting.coverage])}
+    if lighting.noisy:
+        out["lighting_noisy"] = sum((x.total for x in lighting.noisy), np.zeros_like(lighting.beauty))
     if output.layers:
-        names = layer_names(tuple(layer.name for layer in lighting.layers))
-        for name, layer in zip(names, lighting.layers, strict=True):
-            out |= {f"{name}_direct": layer.direct, f"{name}_indirect": layer.indirect}
+        out |= _layer_images(lighting.layers, "", variance=output.aovs)
+        out |= _layer_images(lighting.noisy, "_noisy", variance=output.aovs)
     if output.aovs:
         out |= {"depth.Z": lighting.depth, "albedo": lighting.albedo}
         out |= _xyz("position", lighting.position)
         out |= _xyz("normal", lighting.normal)
         out |= _xyz("geometric_normal", lighting.geometric_normal)
-        if lighting.variance is not None:
-            out["variance"] = lighting.variance
+        optional = {
+            "sun_visibility.Y": lighting.sun_visibility,
+            "ambient_occlusion.Y": lighting.ambient_occlusion,
+            "samples.Y": lighting.samples,
+            "variance": lighting.variance,
+        }
+        out |= {name: image for name, image in optional.items() if image is not None}
+    return out
+
+
+def _layer_images(layers: tuple[LightLayer, ...], suffix: str, *, variance: bool) -> dict[str, NDArray[Any]]:
+    out: dict[str, NDArray[Any]] = {}
+    for name, layer in zip(layer_names(tuple(layer.name for layer in layers)), layers, strict=True):
+        out |= {f"{name}_direct{suffix}": layer.direct, f"{name}_indirect{suffix}": layer.indirect}
+        if variance and layer.variance is not None:
+            out[f"{name}_variance"] = layer.variance
     return out
 
 
@@ -183,12 +209,20 @@ def _texts(frame: Frame) -> dict[str, str]:
     found = {CAMERA: _json(_camera_values(frame.camera))}
     if frame.lighting is not None:
         names = tuple(layer.name for layer in frame.lighting.layers)
+        found[SAMPLING] = _json(_sampling_values(frame.lighting))
         found[LIGHTS] = _json(dict(zip(layer_names(names), names, strict=True)))
     if frame.made_by is not None:
         found[PROVENANCE] = _json(_provenance_values(frame.made_by))
         if frame.made_by.fingerprint:
             found[FINGERPRINT] = frame.made_by.fingerprint
     return found
+
+
+def _sampling_values(lighting: LightingBuffer) -> dict[str, Any]:
+    """The error that the lighting reached, and how many samples its pixels got."""
+    samples = lighting.samples
+    of_pixels = None if samples is None else {k: float(getattr(samples, k)()) for k in ("min", "mean", "max")}
+    return {"relative_noise": lighting.relative_noise, "denoised": bool(lighting.noisy), "samples": of_pixels}
 
 
 def _camera_values(camera: Camera) -> dict[str, Any]:

@@ -36,6 +36,8 @@ def make_frame(lights: tuple[str, ...] = ("key", "Lampe über Tür", "environmen
     own = blended / np.where(alpha > 0, alpha, np.float32(1))
     unlit = np.concatenate([colour.srgb_decode(own) * alpha, alpha], axis=-1)
     layers = tuple(LightLayer(name=name, direct=plane(3), indirect=plane(3)) for name in lights)
+    tiny = np.float32(1e-9)
+    noisy = tuple(LightLayer(name=n, direct=plane(3), indirect=plane(3), variance=plane(3) * tiny) for n in lights)
     lighting = LightingBuffer(
         camera=camera,
         coverage=plane(),
@@ -45,7 +47,11 @@ def make_frame(lights: tuple[str, ...] = ("key", "Lampe über Tür", "environmen
         normal=plane(3),
         geometric_normal=plane(3),
         albedo=plane(3),
-        variance=plane(3) * np.float32(1e-9),
+        sun_visibility=plane(),
+        ambient_occlusion=plane(),
+        variance=plane(3) * tiny,
+        samples=np.round(plane() * 64),
+        noisy=noisy,
     )
     splats = SplatLayer(camera=camera, color=blended, transmittance=transmittance, depth=plane(), median_depth=plane())
     made_by = Provenance(
@@ -65,7 +71,7 @@ def make_frame(lights: tuple[str, ...] = ("key", "Lampe über Tür", "environmen
         lighting=lighting,
         splats=splats,
         made_by=made_by,
-        noise=plane(3) * np.float32(1e-9),
+        noise=plane(3) * tiny,
     )
 
 

@@ -14,7 +14,7 @@ import pytest
 from mirelight.errors import InputError, OutputError
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import layer_names, read_fingerprint, world_to_camera, world_to_ndc, write
-from mirelight.model import Camera, Frame, OutputSettings
+from mirelight.model import F32, Camera, Frame, OutputSettings
 
 Projection: TypeAlias = Literal["perspective", "orthographic"]
 
@@ -30,38 +30,47 @@ def test_every_layer_comes_back_bit_for_bit(frame: Frame, tmp_path: Path) -> Non
         "factor": frame.factor,
         "noise": frame.noise,
         "lighting": np.concatenate([lighting.beauty, lighting.coverage[..., None]], axis=-1),
-        "light_key_direct": lighting.layers[0].direct,
-        "light_key_indirect": lighting.layers[0].indirect,
-        "light_Lampe__ber_T_r_direct": lighting.layers[1].direct,
-        "light_Lampe__ber_T_r_indirect": lighting.layers[1].indirect,
-        "light_environment_direct": lighting.layers[2].direct,
-        "light_environment_indirect": lighting.layers[2].indirect,
+        "lighting_noisy": sum((x.total for x in lighting.noisy), np.zeros_like(lighting.beauty)),
         "depth": lighting.depth[..., None],
         "position": lighting.position,
         "normal": lighting.normal,
         "geometric_normal": lighting.geometric_normal,
         "albedo": lighting.albedo,
+        "sun_visibility": _plane(lighting.sun_visibility),
+        "ambient_occlusion": _plane(lighting.ambient_occlusion),
+        "samples": _plane(lighting.samples),
         "variance": lighting.variance,
         "transmittance": splats.transmittance[..., None],
         "splat_depth": splats.depth[..., None],
         "splat_median_depth": splats.median_depth[..., None],
     }
+    for name, light, noisy in zip(
+        ("light_key", "light_Lampe__ber_T_r", "light_environment"), lighting.layers, lighting.noisy, strict=True
+    ):
+        expected |= {f"{name}_direct": light.direct, f"{name}_indirect": light.indirect}
+        expected |= {f"{name}_direct_noisy": noisy.direct, f"{name}_indirect_noisy": noisy.indirect}
+        expected[f"{name}_variance"] = noisy.variance
     assert set(image.layers) == set(expected)
     for name, values in expected.items():
         assert values is not None
         assert np.array_equal(image.layer(name), values), name
 
 
+def _plane(values: F32 | None) -> F32:
+    assert values is not None
+    return values[..., None]
+
+
 def test_layers_of_lights_sum_to_the_lighting(frame: Frame, tmp_path: Path) -> None:
     write(frame, tmp_path / "a.exr")
     image = read_exr(tmp_path / "a.exr")
-    total = sum(image.layer(name) for name in image.layers if name.startswith("light_"))
+    total = sum(image.layer(name) for name in image.layers if name.startswith("light_") and name.endswith("direct"))
     assert np.allclose(total, image.layer("lighting")[..., :3], rtol=1e-6)
 
 
 def test_what_may_be_left_out(frame: Frame, tmp_path: Path) -> None:
     write(frame, tmp_path / "a.exr", output=OutputSettings(layers=False, aovs=False))
-    assert set(read_exr(tmp_path / "a.exr").layers) == {"", "unlit", "factor", "lighting"}
+    assert set(read_exr(tmp_path / "a.exr").layers) == {"", "unlit", "factor", "lighting", "lighting_noisy"}
     write(replace(frame, unlit=None, factor=None, splats=None, made_by=None), tmp_path / "b.exr")
     assert "unlit" not in read_exr(tmp_path / "b.exr").layers
     write(replace(frame, lighting=None), tmp_path / "c.exr")
@@ -207,3 +216,13 @@ def test_other_suffixes_are_refused(frame: Frame, tmp_path: Path) -> None:
     for name in ("a.jpg", "a"):
         with pytest.raises(OutputError, match=r"written as \.exr or \.png"):
             write(frame, tmp_path / name)
+
+
+def test_the_reached_error_and_the_samples_are_said(frame: Frame, tmp_path: Path) -> None:
+    write(frame, tmp_path / "a.exr")
+    said = json.loads(read_exr(tmp_path / "a.exr").metadata["mirelight/sampling"])
+    assert frame.lighting is not None and frame.lighting.samples is not None
+    assert said["relative_noise"] == frame.lighting.relative_noise
+    assert said["relative_noise"] > 0
+    assert said["samples"]["max"] == frame.lighting.samples.max()
+    assert said["denoised"] is True

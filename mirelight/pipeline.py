@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -175,12 +175,14 @@ def render(
     *,
     is_done: Callable[[FrameTask], bool] = lambda task: False,
     sink: Callable[[FrameTask, Frame], None],
+    partial: Callable[[FrameTask, Frame], None] = lambda task, frame: None,
     progress: Progress | None = None,
 ) -> RenderSummary:
     """Make the frames of `tasks` that `is_done` does not know yet, and give each to `sink` as soon as it is there.
 
     Whatever `sink` has received before an error or an interrupt stays; running again with the same tasks goes on after
-    it. `is_done` is asked right before a camera's frames would be made.
+    it. `is_done` is asked right before a camera's frames would be made. `partial` receives the frame that Ctrl-C stops
+    while it is lit, as far as it got; its provenance says so and has no fingerprint.
     """
     told = progress or Silent()
     told.started(tasks)
@@ -198,7 +200,7 @@ def render(
             continue
         view = studio.look(missing[0].camera)
         for task in missing:
-            sink(task, view.frame(task, told))
+            sink(task, view.frame(task, told, partial))
             rendered += 1
             told.finished(task, False)
     return RenderSummary(rendered=rendered, skipped=skipped)
@@ -251,18 +253,26 @@ class _View:
         self._lighting_camera = relight.lighting_camera(camera, studio.job.relight)
         self._captured: LightingBuffer | None = None
 
-    def frame(self, task: FrameTask, progress: Progress) -> Frame:
+    def frame(self, task: FrameTask, progress: Progress, partial: Callable[[FrameTask, Frame], None]) -> Frame:
         job = self._studio.job
         made_by = provenance.of_frame(job, task.lighting.name if task.lighting else "", task.fingerprint)
         if task.lighting is None:
             return relight.apply(self._splats, None, job.relight, made_by=made_by)
+        from mirelight.lighting import Interrupted
 
         compared = job.relight.mode == "ratio" and self._splats is not None
         passes = 2 if compared and self._captured is None else 1
         if passes == 2 and job.scene.captured is not None:
             self._captured = self._trace(job.scene.captured, _part(progress, task, 0, passes))
-        lit = self._trace(task.lighting, _part(progress, task, passes - 1, passes))
         captured = self._captured if compared else None
+        try:
+            lit = self._trace(task.lighting, _part(progress, task, passes - 1, passes))
+        except Interrupted as stopped:
+            if stopped.buffer is not None:
+                unfinished = replace(made_by, fingerprint="", partial=True)
+                so_far = relight.apply(self._splats, stopped.buffer, job.relight, captured=captured, made_by=unfinished)
+                partial(task, so_far)
+            raise
         return relight.apply(self._splats, lit, job.relight, captured=captured, made_by=made_by)
 
     def _trace(self, lighting: Lighting, progress: Callable[[int, int], None]) -> LightingBuffer:

@@ -35,7 +35,14 @@ def run_render(args: argparse.Namespace) -> int:
             files = FrameFiles(work.output, work.display)
             files.prepare()
             with stop.Watched(told) as watched:
-                pipeline.render(work, tasks, is_done=files.exist, sink=files.write, progress=watched)
+                pipeline.render(
+                    work,
+                    tasks,
+                    is_done=files.exist,
+                    sink=files.write,
+                    partial=files.write_partial,
+                    progress=watched,
+                )
     except BaseException as e:
         code = stop.exit_code(e)
         if code is None:
@@ -84,6 +91,9 @@ def _say_what_is_left(told: progress.Tally, files: FrameFiles | None) -> None:
     if files is not None and told.total:
         done = f"{told.there} of {_frames(told.total)} are in {_shown(files.folder)}"
         line = f"interrupted; {done}, and the same command goes on from there"
+        if files.partial:
+            paths = ", ".join(_shown(path) for path in files.partial)
+            print(f"mirelight: the frame in progress, as far as it got: {paths}", file=sys.stderr)
     print(f"mirelight: {line}", file=sys.stderr)
 
 
@@ -91,7 +101,7 @@ def _frames(count: int) -> str:
     return f"{count} frame" if count == 1 else f"{count} frames"
 
 
-def _shown(folder: Path) -> str:
-    """The folder as the user would name it from here."""
+def _shown(path: Path) -> str:
+    """The path as the user would name it from here."""
     here = Path.cwd()
-    return str(folder.relative_to(here)) if folder.is_relative_to(here) else str(folder)
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import resource
@@ -128,10 +129,36 @@ def test_interrupted(folder: Path, number: signal.Signals, code: int) -> None:
     assert process.returncode == code, stderr
     assert "Traceback" not in stderr and stdout == ""
     last = stderr.splitlines()[-1]
-    there = len(list((folder / "out").glob("*.png")))
+    there = len([path for path in (folder / "out").glob("*.png") if ".partial" not in path.name])
     assert last.startswith("mirelight: interrupted; ") and last.endswith("the same command goes on from there")
     assert f"{there} of 400 frames are in out" in last
     assert not [name for name in files(folder / "out") if name.startswith(".")]  # no temporary file is left
+
+
+def test_the_frame_that_an_interrupt_stops_is_kept_apart(folder: Path, run: Run) -> None:
+    """Its files are usable pictures, are not taken for the frame, and go when the frame is done."""
+    long = ["render", "job.toml", "--camera", "front", "--lighting", "night"]
+    out = folder / "out"
+    for seconds in (3, 10, 30, 90):  # until the signal comes after the first samples, however slow the machine is
+        process = subprocess.Popen(
+            [*COMMAND, *long, "--set", "render.spp=1000000"], cwd=folder, stderr=subprocess.PIPE, text=True
+        )
+        time.sleep(seconds)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=120)
+        assert process.returncode == 130 and "Traceback" not in stderr
+        if out.exists() and files(out):
+            break
+    partial = ["front.night.partial.exr", "front.night.partial.png"]
+    assert files(out) == partial, stderr
+    assert "mirelight: the frame in progress, as far as it got: " + ", ".join(f"out/{x}" for x in partial) in stderr
+    image = read_exr(out / partial[0])
+    assert image.channels["R"].max() > 0 and np.isfinite(image.channels["R"]).all()
+    assert json.loads(image.metadata["mirelight/provenance"])["partial"] is True
+    assert 0 < json.loads(image.metadata["mirelight/sampling"])["samples"]["min"] < 1_000_000
+    assert read_fingerprint(out / partial[0]) is None and read_fingerprint(out / partial[1]) is None
+    done = run(*long)
+    assert done.returncode == 0 and files(out) == ["front.night.exr", "front.night.png"]
 
 
 def test_a_terminal_sees_a_live_line(folder: Path) -> None:

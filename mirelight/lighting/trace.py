@@ -16,7 +16,7 @@ from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
 from mirelight.lighting.sunsky import resolved
-from mirelight.model import F32, F64, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
+from mirelight.model import F32, F64, I32, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.sky import Sky
@@ -110,21 +110,51 @@ class Tracer:
             (N, 3) linear irradiance. What a proxy that glows sends out itself at the point counts as reflected.
 
         Raises:
-            BackendError: the variant `scalar_rgb`, which has no arrays to trace.
+            BackendError: the variant `scalar_rgb`.
         """
-        if self._surface is None:
-            raise BackendError("irradiance at points needs the variant llvm_ad_rgb or cuda_ad_rgb")
         from mirelight.lighting.kernel.probes import Probes
 
+        surface = self._on_device()
         lighting = resolved(lighting, self.settings.variant)
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)
         sky, view = self._sky_of(lighting.environment), Probes(points, normals)
         layers = Layers.of(lighting, emissive=self._emissive, separate=False)
-        frame = FrameInProgress(self._surface, sky, lighting, row, layers, settings, aovs=False, view=view)
+        frame = FrameInProgress(surface, sky, lighting, row, layers, settings, aovs=False, view=view)
         _sample(frame, settings, _ignore)
         buffer = frame.develop()
         return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
+
+    def nearest_along(self, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
+        """The nearest point of the proxy on each line, both ways.
+
+        Args:
+            origins: (N, 3) world space.
+            ways: (N, 3) unit directions.
+            reach: farthest distance, world units.
+
+        Returns:
+            (N,) face, -1 where there is none; (N, 3) barycentric weights of its corners; (N,) distance.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+        """
+        from mirelight.lighting.kernel.probes import nearest_along
+
+        return nearest_along(self._on_device(), origins, ways, reach)
+
+    def recolor(self, vertex_colors: F32) -> None:
+        """Other vertex colours (V, 3) for a proxy that had some when it was made ready.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+        """
+        self._on_device().recolor(vertex_colors)
+
+    def _on_device(self) -> Surface:
+        if self._surface is None:
+            raise BackendError("points of the proxy need the variant llvm_ad_rgb or cuda_ad_rgb")
+        return self._surface
 
     def _sky_of(self, environment: Environment | None) -> Sky:
         """The environment on the device, prepared when it changes."""

@@ -18,7 +18,7 @@ from mirelight.lighting.materials import (
     pack_glow,
     pack_materials,
 )
-from mirelight.model import ProxyMesh
+from mirelight.model import F32, ProxyMesh
 
 # A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
 # the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
@@ -66,6 +66,10 @@ class Surface:
         if self.atlas is not None and self.atlas.texels is not None and proxy.uvs is not None:
             self.texels = floats(self.atlas.texels)
             self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
+
+    def recolor(self, vertex_colors: F32) -> None:
+        """Other vertex colours for a mesh that has some."""
+        self.colors = _vectors(vertex_colors)
 
     # --- rays ---
 

@@ -1,0 +1,193 @@
+"""Colours for a proxy, from the splats that lie on it and the light that they were captured under.
+
+A splat shows c = a E / pi, so a = pi c / E, with E traced at the splat's own place on the proxy. What the estimate is
+for is the light that surfaces send each other: a surface's own albedo cancels in a ratio. So the mean colour around a
+vertex counts and fine texture does not, and vertices are enough to hold it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import colour, conventions, sh
+from mirelight.errors import RenderError
+from mirelight.lighting.trace import Tracer
+from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud
+
+REACH = 0.01  # of the bounds' diagonal: splats farther off the proxy say nothing about it
+MOST_SPLATS = 1 << 16  # evenly taken where there are more
+SPP = 16  # samples a splat and round: many splats share a vertex
+ROUNDS = 3  # of light by colours and colours by light; the first two bring all but 3 %
+FLOOR = 0.01  # of the mean irradiance: where there was no light, no colour can be told
+DARKEST, BRIGHTEST = 0.01, 0.95
+UNLIT = 0.01  # of the mean irradiance: a front darker than this is the inside of something, and the back was seen
+_START = 0.5  # albedo that the first round's light is traced with
+_FILL_STEPS = 256  # edges from a vertex with splats to the farthest without that takes its colour
+
+Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Deposits:
+    """Splats where they lie on the proxy."""
+
+    face: I32  # (N,)
+    corners: F32  # (N, 3) barycentric weights of the face's corners
+    weight: F64  # (N,) opacity times extent, less with the distance
+    color: F64  # (N, 3) linear, what is seen from all sides
+
+
+def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> ProxyMesh:
+    """The proxy with vertex colours that look like the splats under the captured light.
+
+    Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
+    on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E). Vertices on an edge
+    between faces that look different ways are split, so that a corner of a room keeps the colours of its walls apart.
+    E holds light reflected by the proxy, so colours and light are found in turns.
+
+    Args:
+        splats: in world space; their colour averaged over directions is used, decoded from sRGB.
+        proxy: in world space. Its own colours are left out, its glow is not.
+        captured: what the splats were captured under.
+        settings: seed, depth and variant of the tracing.
+
+    Raises:
+        RenderError: no splat lies on the proxy.
+        BackendError: the variant `scalar_rgb`.
+    """
+    if not len(proxy.faces):
+        return proxy
+    mesh = _split_by_orientation(proxy)
+    tracer = Tracer(mesh, settings, layers=False, aovs=False)
+    deposits = _deposits(splats, mesh, tracer)
+    neighbours = _neighbours(mesh)
+    colors = np.asarray(mesh.vertex_colors)
+    for done in range(ROUNDS):
+        light = _irradiance(tracer, mesh, deposits, captured)
+        found = _albedo(mesh, deposits, light, neighbours)
+        # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
+        colors = np.sqrt(found * colors) if done else found
+        tracer.recolor(colors)
+    return replace(mesh, vertex_colors=colors)
+
+
+def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
+    """The mesh in plain gray, a vertex for each of the six main directions that its faces look along."""
+    faces = proxy.faces.astype(np.int64)
+    n = _normals(proxy)
+    axis = np.abs(n).argmax(axis=1)
+    way = 2 * axis + (np.take_along_axis(n, axis[:, None], axis=1)[:, 0] < 0)
+    kept, corner = np.unique(faces * 6 + way[:, None], return_inverse=True)
+    old = kept // 6
+
+    def of_old(values: F32 | None) -> F32 | None:
+        return None if values is None else values[old]
+
+    return replace(
+        proxy,
+        vertices=proxy.vertices[old],
+        faces=corner.reshape(faces.shape).astype(np.int32),
+        normals=of_old(proxy.normals),
+        uvs=of_old(proxy.uvs),
+        vertex_colors=np.full((len(old), 3), _START, np.float32),
+        materials=tuple(replace(m, base_color=np.ones(3), base_color_texture=None) for m in proxy.materials),
+        albedo=None,
+    )
+
+
+def _normals(mesh: ProxyMesh) -> F64:
+    """(F, 3) unit normals of the faces; degenerate ones have length 0."""
+    v = mesh.vertices[mesh.faces].astype(np.float64)
+    n = np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0])
+    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300))
+
+
+def _deposits(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer) -> Deposits:
+    low, high = mesh.bounds
+    reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
+    step = max(-(-len(splats) // MOST_SPLATS), 1)
+    means, scales = (x[::step].astype(np.float64) for x in (splats.means, splats.scales))
+    axes = conventions.rotation_from_quaternion(splats.quats[::step])  # columns
+    by_size = np.argsort(scales, axis=1, kind="stable")
+    face = np.full(len(means), -1, np.int32)
+    corners, distance = np.zeros((len(means), 3), np.float32), np.zeros(len(means))
+    for k in range(3):
+        todo = np.flatnonzero(face < 0)
+        if not len(todo):
+            break
+        ways = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
+        face[todo], corners[todo], distance[todo] = tracer.nearest_along(means[todo], ways, reach)
+    near = np.flatnonzero(face >= 0)
+    if not len(near):
+        raise RenderError(
+            f"no splat lies within {reach:.3g} world units of the proxy, so it cannot take their colours; "
+            "check both transforms, or give the proxy an albedo"
+        )
+    extent = np.minimum(np.take_along_axis(scales, by_size, axis=1)[near, 1:], reach).prod(axis=1)
+    closeness = np.maximum(1 - (distance[near] / reach) ** 2, 1e-3) ** 2
+    shown = np.maximum(0.5 + sh.C0 * splats.sh[::step][near, 0], 0)
+    return Deposits(
+        face=face[near],
+        corners=corners[near],
+        weight=splats.opacities[::step][near] * extent * closeness,
+        color=colour.srgb_decode(shown).astype(np.float64),
+    )
+
+
+def _irradiance(tracer: Tracer, mesh: ProxyMesh, deposits: Deposits, captured: Lighting) -> F64:
+    """(N, 3) at the splats' places, on the side that was seen: the front, unless that is the dark inside."""
+    v = mesh.vertices[mesh.faces[deposits.face]].astype(np.float64)
+    points = (v * deposits.corners[:, :, None]).sum(axis=1)
+    normals = _normals(mesh)[deposits.face]
+    light = tracer.irradiance(captured, points, normals, SPP).astype(np.float64)
+    brightness = light.mean(axis=1)
+    inside = np.flatnonzero(brightness <= UNLIT * brightness.mean())
+    if len(inside):
+        light[inside] = np.maximum(light[inside], tracer.irradiance(captured, points[inside], -normals[inside], SPP))
+    return light
+
+
+def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, neighbours: Int) -> F32:
+    """(V, 3) sums of the splats' colours over sums of their light."""
+    values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1) * deposits.weight[:, None]
+    sums = np.zeros((len(mesh.vertices), 7))
+    for k in range(3):
+        _add(sums, mesh.faces[deposits.face, k], values * deposits.corners[:, k, None])
+    c, e, w = np.split(_filled(sums, neighbours), [3, 6], axis=1)
+    mean = np.average(light.mean(axis=1), weights=deposits.weight)
+    found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
+    return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
+
+
+def _neighbours(mesh: ProxyMesh) -> Int:
+    """(E, 2) pairs of vertices that share an edge or a place, both ways round."""
+    f = mesh.faces.astype(np.int64)
+    _, first, place = np.unique(mesh.vertices + np.float32(0), axis=0, return_index=True, return_inverse=True)
+    same = np.stack([np.arange(len(mesh.vertices)), first[place.ravel()]], axis=1)
+    pairs = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]], same])
+    return np.concatenate([pairs, pairs[:, ::-1]])
+
+
+def _filled(sums: F64, neighbours: Int) -> F64:
+    """Means from sums; vertices without a splat take the mean of their neighbours', from the known ones outwards."""
+    out = sums / np.maximum(sums[:, 6:], 1e-300)
+    known = sums[:, 6] > 0
+    for _ in range(_FILL_STEPS):
+        reached = neighbours[~known[neighbours[:, 0]] & known[neighbours[:, 1]]]
+        if not len(reached):
+            break
+        _add(out, reached[:, 0], out[reached[:, 1]])
+        new = np.unique(reached[:, 0])
+        out[new] /= out[new, 6:]
+        known[new] = True
+    out[~known] = sums.sum(axis=0) / sums[:, 6].sum()
+    return out
+
+
+def _add(sums: F64, rows: NDArray[np.integer], values: F64) -> None:
+    """Adds values (N, C) to rows, those that meet in one row too."""
+    for k in range(sums.shape[1]):
+        sums[:, k] += np.bincount(rows, values[:, k], minlength=len(sums))

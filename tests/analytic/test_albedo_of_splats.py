@@ -1,0 +1,252 @@
+"""Albedo estimated from splats that were baked from a known one, under light whose field is known or traced apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mirelight import colour, sh
+from mirelight.errors import RenderError
+from mirelight.lighting import Tracer
+from mirelight.lighting.albedo import BRIGHTEST, colored_by
+from mirelight.model import (
+    Camera,
+    DirectionalLight,
+    Environment,
+    Lighting,
+    Material,
+    PointLight,
+    ProxyMesh,
+    RenderSettings,
+    SplatCloud,
+)
+
+F64 = NDArray[np.float64]
+SETTINGS = RenderSettings(spp=16, max_depth=6, seed=3)
+RED, GREEN, WHITE = np.array([0.6, 0.1, 0.08]), np.array([0.12, 0.45, 0.1]), np.array([0.7, 0.7, 0.7])
+
+
+def quad(corner: Any, along: Any, across: Any, parts: int = 1) -> tuple[F64, NDArray[np.int32]]:
+    """A parallelogram of parts x parts quads that faces along x across."""
+    c, a, b = (np.asarray(x, np.float64) for x in (corner, along, across))
+    s, t = np.meshgrid(np.linspace(0, 1, parts + 1), np.linspace(0, 1, parts + 1), indexing="ij")
+    vertices = c + s.reshape(-1, 1) * a + t.reshape(-1, 1) * b
+    i = np.arange(parts)[:, None] * (parts + 1) + np.arange(parts)
+    first = i.ravel()
+    one = np.stack([first, first + parts + 1, first + parts + 2], axis=1)
+    two = np.stack([first, first + parts + 2, first + 1], axis=1)
+    return vertices, np.concatenate([one, two]).astype(np.int32)
+
+
+def joined(*pieces: tuple[F64, NDArray[np.int32]], weld: bool = False) -> ProxyMesh:
+    starts = np.cumsum([0] + [len(v) for v, _ in pieces])
+    vertices = np.concatenate([v for v, _ in pieces])
+    faces = np.concatenate([f + s for (_, f), s in zip(pieces, starts, strict=False)])
+    if weld:
+        vertices, place = np.unique(vertices, axis=0, return_inverse=True)
+        faces = place.ravel()[faces]
+    return ProxyMesh(vertices=vertices.astype(np.float32), faces=faces.astype(np.int32))
+
+
+def splats_on(points: F64, normals: F64, color: F64, size: float) -> SplatCloud:
+    """Flat splats of linear colours; the quaternion turns z onto the normal."""
+    half = np.stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], 0 * normals[:, 0]], axis=1)
+    half[half[:, 0] < 1e-9] = [0, 1, 0, 0]
+    fields: dict[str, Any] = {
+        "means": points,
+        "quats": half / np.linalg.norm(half, axis=1, keepdims=True),
+        "scales": np.tile([size, size, size / 20], (len(points), 1)),
+        "opacities": np.full(len(points), 0.9),
+        "sh": ((colour.srgb_encode(color) - 0.5) / sh.C0)[:, None],
+    }
+    return SplatCloud(**fields)
+
+
+def lit(towards: tuple[float, float, float], lux: float) -> Lighting:
+    return Lighting(lights=(DirectionalLight(name="sun", direction=np.asarray(towards, np.float64), intensity=lux),))
+
+
+def test_floor_under_a_sun() -> None:
+    """A floor with no bounces: a = pi c / (E cos), whatever the colour and its change from place to place."""
+    floor = joined(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), parts=8))
+    rng = np.random.default_rng(1)
+    at = np.stack([rng.uniform(-1, 1, 6000), rng.normal(0, 0.002, 6000), rng.uniform(-1, 1, 6000)], axis=1)
+    albedo = np.where(at[:, :1] < 0, RED, GREEN)
+    color = albedo * 2.5 * np.cos(np.radians(40)) / np.pi
+    sun = lit((0.0, -np.cos(np.radians(40)), np.sin(np.radians(40))), 2.5)
+    up = np.tile([0.0, 1.0, 0.0], (len(at), 1))
+    found = colored_by(splats_on(at, up, color, 0.02), floor, sun, SETTINGS)
+    assert found.albedo is None and found.vertex_colors is not None
+    for side, wanted in ((-1, RED), (1, GREEN)):
+        inner = side * found.vertices[:, 0] > 0.3
+        # 1.01: one percent of the light is added where it divides
+        np.testing.assert_allclose(found.vertex_colors[inner], np.tile(wanted / 1.01, (inner.sum(), 1)), rtol=0.005)
+
+
+@pytest.mark.parametrize("facing", [1, -1])
+def test_what_lies_inside_is_not_what_was_seen(facing: int) -> None:
+    """A closed box of either winding: only its outside is lit, so only that can be what the splats show."""
+    half = 0.5
+    sides, normals = [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            n = np.eye(3)[axis] * sign
+            a = np.eye(3)[(axis + 1) % 3]
+            b = np.cross(n, a)
+            sides.append(quad(half * (n - a - b), a, b, parts=4))
+            normals.append(n)
+    box = joined(*sides)
+    if facing < 0:
+        box = replace(box, faces=box.faces[:, ::-1])
+    rng = np.random.default_rng(2)
+    n = np.repeat(normals, 400, axis=0)
+    at = rng.uniform(-half, half, n.shape)
+    at = np.where(np.abs(n) > 0.5, half * n, at)
+    sky = Lighting(environment=Environment(radiance=np.full((1, 1, 3), 0.8, np.float32)))
+    found = colored_by(splats_on(at, n, np.tile(GREEN * 0.8, (len(at), 1)), 0.02), box, sky, SETTINGS)
+    assert found.vertex_colors is not None
+    np.testing.assert_allclose(found.vertex_colors, np.tile(GREEN / 1.01, (len(found.vertices), 1)), rtol=0.01)
+
+
+# --- a room whose walls light each other -----------------------------------------------------------------------------
+
+WALLS: dict[str, tuple[Any, Any, Any, F64]] = {  # open towards +Z; corner, edges, albedo
+    "floor": ((-1, -1, 1), (2, 0, 0), (0, 0, -2), WHITE),
+    "ceiling": ((-1, 1, -1), (2, 0, 0), (0, 0, 2), WHITE),
+    "back": ((-1, -1, -1), (2, 0, 0), (0, 2, 0), WHITE),
+    "left": ((-1, -1, 1), (0, 0, -2), (0, 2, 0), RED),
+    "right": ((1, -1, -1), (0, 0, 2), (0, 2, 0), GREEN),
+}
+LAMP = Lighting(lights=(PointLight(name="lamp", position=np.array([0.3, 0.6, 0.2]), intensity=4.0),))
+LOW_LAMP = Lighting(lights=(PointLight(name="low", position=np.array([-0.5, -0.4, -0.3]), intensity=4.0),))
+
+
+@cache
+def true_room() -> ProxyMesh:
+    pieces = [quad(*where[:3], 6) for where in WALLS.values()]
+    colors = np.concatenate([np.tile(w[3], (len(v), 1)) for w, (v, _) in zip(WALLS.values(), pieces, strict=True)])
+    return replace(joined(*pieces), vertex_colors=colors, albedo=None)
+
+
+@cache
+def room_splats() -> SplatCloud:
+    """2,000 splats a wall, showing what the true room sends out under the lamp."""
+    rng = np.random.default_rng(5)
+    at, normal, albedo = [], [], []
+    for corner, along, across, color in WALLS.values():
+        s, t = rng.uniform(0, 1, (2, 2000, 1))
+        at.append(np.asarray(corner) + s * np.asarray(along) + t * np.asarray(across))
+        n = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
+        normal.append(np.tile(n, (2000, 1)))
+        albedo.append(np.tile(color, (2000, 1)))
+    points, normals = np.concatenate(at), np.concatenate(normal)
+    light = Tracer(true_room(), replace(SETTINGS, seed=77)).irradiance(LAMP, points, normals, 256)
+    return splats_on(points, normals, np.concatenate(albedo) * light / np.pi, 0.02)
+
+
+@cache
+def found_room(parts: int, weld: bool) -> ProxyMesh:
+    gray = joined(*(quad(*where[:3], parts) for where in WALLS.values()), weld=weld)
+    return colored_by(room_splats(), gray, LAMP, SETTINGS)
+
+
+def wall_colors(room: ProxyMesh, name: str) -> NDArray[np.float32]:
+    """Vertex colours of the faces of one wall."""
+    corner, along, across, _ = WALLS[name]
+    n = np.cross(along, across)
+    v = room.vertices[room.faces].astype(np.float64)
+    on = np.abs((v - np.asarray(corner)) @ n).max(axis=1) < 1e-4
+    assert room.vertex_colors is not None
+    return np.asarray(room.vertex_colors[room.faces[on].ravel()])
+
+
+@pytest.mark.parametrize(("parts", "weld"), [(6, False), (6, True), (1, True)])
+def test_walls_keep_their_own_colours(parts: int, weld: bool) -> None:
+    """Also where walls share the vertices of their edges, and where a wall is two triangles."""
+    room = found_room(parts, weld)
+    for name, (_, _, _, wanted) in WALLS.items():
+        colors = wall_colors(room, name)
+        assert len(colors) == 6 * parts * parts
+        np.testing.assert_allclose(colors.mean(axis=0), wanted, rtol=0.05, atol=0.005)
+        np.testing.assert_allclose(colors, np.tile(wanted, (len(colors), 1)), rtol=0.12, atol=0.02)
+
+
+def test_bounced_light_has_the_right_colour_under_another_light() -> None:
+    """Next to the red wall the floor's indirect light is that of the true room; a gray one has it wrong."""
+    camera = Camera.look_at((0, 0, 3.2), (0, 0, 0), 32, 32, yfov=36)
+    settings = replace(SETTINGS, spp=256)
+
+    def spread(room: ProxyMesh) -> NDArray[np.float32]:
+        """Indirect irradiance, over pi."""
+        buffer = Tracer(room, settings).trace(LOW_LAMP, camera)
+        indirect = sum((x.indirect for x in buffer.layers), np.zeros_like(buffer.albedo))
+        return np.asarray(indirect / buffer.albedo, np.float32)
+
+    true, found = spread(true_room()), spread(found_room(1, True))
+    gray = spread(replace(true_room(), albedo=np.full(3, 0.5)))
+    error = np.abs(found - true).mean(axis=(0, 1)) / true.mean(axis=(0, 1))
+    assert np.all(error < 0.04)
+    assert np.all(np.abs(gray - true).mean(axis=(0, 1)) / true.mean(axis=(0, 1)) > 4 * error)
+
+
+# --- the rest --------------------------------------------------------------------------------------------------------
+
+
+def test_same_seed_same_bits() -> None:
+    gray = joined(*(quad(*where[:3], 6) for where in WALLS.values()))
+    again = colored_by(room_splats(), gray, LAMP, SETTINGS)
+    first = found_room(6, False)
+    assert first.vertex_colors is not None and again.vertex_colors is not None
+    np.testing.assert_array_equal(again.vertex_colors, first.vertex_colors)
+
+
+def test_surface_stays_and_glow_stays() -> None:
+    """Vertices are split, never moved; the file's own colours go, its emission does not."""
+    lamp = Material(name="lamp", base_color=np.array([0.2, 0.9, 0.1]), emissive=np.array([3.0, 2.0, 1.0]))
+    gray = joined(*(quad(*where[:3], 2) for where in WALLS.values()), weld=True)
+    normals = np.tile(np.array([0, 1, 0], np.float32), (len(gray.vertices), 1))
+    gray = replace(
+        gray,
+        materials=(Material(), lamp),
+        normals=normals,
+        face_materials=(np.arange(len(gray.faces)) % 2).astype(np.int32),
+    )
+    found = colored_by(room_splats(), gray, LAMP, SETTINGS)
+    np.testing.assert_array_equal(found.vertices[found.faces], gray.vertices[gray.faces])
+    assert found.face_materials is not None and found.normals is not None
+    assert found.normals.shape == found.vertices.shape
+    np.testing.assert_array_equal(found.materials[1].emissive, lamp.emissive)
+    np.testing.assert_array_equal(found.materials[1].base_color, np.ones(3))
+
+
+def test_vertices_without_splats_take_their_neighbours_colour() -> None:
+    """Splats cover half of a strip; the other half, and an island beside it, are filled."""
+    strip = joined(quad((-1, 0, 0.1), (2, 0, 0), (0, 0, -0.2), parts=12), quad((3, 0, 0), (0.1, 0, 0), (0, 0, -0.1)))
+    rng = np.random.default_rng(1)
+    at = np.stack([rng.uniform(-1, 0, 3000), np.zeros(3000), rng.uniform(-0.1, 0.1, 3000)], axis=1)
+    color = np.tile(RED / np.pi, (len(at), 1))
+    found = colored_by(splats_on(at, np.tile([0.0, 1, 0], (3000, 1)), color, 0.01), strip, lit((0, -1, 0), 1), SETTINGS)
+    assert found.vertex_colors is not None
+    np.testing.assert_allclose(found.vertex_colors, np.tile(RED / 1.01, (len(found.vertices), 1)), rtol=0.01)
+
+
+def test_dark_capture_tells_no_colour_but_stays_finite() -> None:
+    gray = joined(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)))
+    at = np.zeros((10, 3))
+    splats = splats_on(at, np.tile([0.0, 1, 0], (10, 1)), np.tile(RED, (10, 1)), 0.02)
+    found = colored_by(splats, gray, Lighting(), SETTINGS)
+    assert found.vertex_colors is not None
+    np.testing.assert_allclose(found.vertex_colors, BRIGHTEST)
+
+
+def test_splats_elsewhere_are_refused_in_one_line() -> None:
+    gray = joined(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)))
+    far = splats_on(np.tile([0.0, 5.0, 0.0], (10, 1)), np.tile([0.0, 1, 0], (10, 1)), np.tile(RED, (10, 1)), 0.02)
+    with pytest.raises(RenderError, match=r"no splat lies within 0\.0283 world units of the proxy") as error:
+        colored_by(far, gray, lit((0, -1, 0), 1), SETTINGS)
+    assert "\n" not in str(error.value)

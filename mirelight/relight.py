@@ -187,19 +187,18 @@ def _engine_tint(lighting: LightingBuffer, settings: RelightSettings, size: tupl
 
 
 def _ratio(new: LightingBuffer, captured: LightingBuffer, settings: RelightSettings) -> F32:
-    """min((L_new + d m) / (L_captured + d m), max) wherever the proxy covers anything, filled outwards from there.
+    """min((E_new + d m) / (E_captured + d m), max) wherever the proxy covers anything, filled outwards from there.
 
-    L is the lit proxy's radiance (premultiplied over coverage), m the mean luminance of L_captured over the proxy. It
-    is the ratio of two averages over a pixel, and it is applied in full at partly covered pixels: the splats there are
-    the same surface. (Against path-traced truth, averaging sub-pixel ratios costs 0.4 dB, fading by coverage 0.1 to
-    0.4 dB.)
+    E is the lit proxy's radiance (premultiplied over coverage) over its albedo, so light alone, and m the mean
+    luminance of E_captured over the proxy. It is the ratio of two averages over a pixel, and it is applied in full at
+    partly covered pixels: the splats there are the same surface. (Against path-traced truth, averaging sub-pixel ratios
+    costs 0.4 dB, fading by coverage 0.1 to 0.4 dB.)
     """
     covered = captured.coverage.sum(dtype=np.float64)
-    mean = colour.luminance(captured.beauty).sum(dtype=np.float64) / covered if covered > 0 else 0.0
-    floor = np.float32(max(settings.delta * mean, _NO_LIGHT))
-    radiance_new = _divide(new.beauty, new.coverage[..., None])
-    radiance_captured = _divide(captured.beauty, captured.coverage[..., None])
-    ratio = np.minimum((radiance_new + floor) / (radiance_captured + floor), np.float32(settings.max_ratio))
+    light_new, light_captured = (_divide(_divide(x.beauty, x.coverage[..., None]), x.albedo) for x in (new, captured))
+    summed = (colour.luminance(light_captured) * captured.coverage).sum(dtype=np.float64)
+    floor = np.float32(max(settings.delta * summed / covered, _NO_LIGHT)) if covered > 0 else np.float32(_NO_LIGHT)
+    ratio = np.minimum((light_new + floor) / (light_captured + floor), np.float32(settings.max_ratio))
     seen = np.minimum(new.coverage, captured.coverage) > 0
     return _filled_outwards(ratio, seen, settings.background)
 

@@ -52,7 +52,7 @@ def lit(radiance: Any, coverage: Any = 1.0, view: Camera | None = None) -> Light
         position=up * 2,
         normal=up,
         geometric_normal=up,
-        albedo=np.abs(up) * 0.5,
+        albedo=np.where(cover[..., None] > 0, np.full(3, 0.5), 0),
         variance=np.full((*shape, 3), 0.04),
     )
 

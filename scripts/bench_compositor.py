@@ -145,7 +145,7 @@ def stages(device: Device, scene: Scene, result: Result, repeats: int) -> None:
         if not isinstance(lists, TileLists):
             raise SystemExit(f"{scene.name}: too many pairs of splats and tiles")
         frame = new_frame(device, band, depth=False, channels=0)
-        blend(Source(device, kernel, records, None, 0, False), lists, band, frame)
+        blend(Source(device, kernel.fragment, 0, False), [records], lists, band, frame)
         mark("blend and untile")
         result.visible, result.pairs = len(order), lists.pairs
     result.stages = {name: median(times) for name, times in taken.items()}

@@ -95,13 +95,24 @@ def _range(device: Device, low: Array, high: Array, cells: Array, size: int) -> 
     return begin, dr.select(empty, 0, until - begin + 1)
 
 
-def _total(device: Device, counts: Array) -> int:
-    """Their sum, which may not fit into 32 bits."""
-    return int(device.dr.sum(device.types.UInt64(counts))[0])
+def _places(device: Device, counts: Array, most: int) -> tuple[Array, int]:
+    """Where each owner's elements begin if they lie one after another, and how many there are in all.
+
+    Args:
+        counts: elements of each owner, at most `most`.
+    """
+    dr = device.dr
+    if len(counts) * most < 1 << 32:
+        until = dr.cumsum(counts)
+        dr.eval(until)
+        return until - counts, int(until[len(counts) - 1])
+    return dr.prefix_sum(counts), int(dr.sum(device.types.UInt64(counts))[0])  # the sum may not fit into 32 bits
 
 
-def _spread(device: Device, counts: Array, total: int, first: Array, owner: Array) -> tuple[Array, Array]:
-    """For each owner `counts` elements one after another: first, first + 1, … beside the owner itself; `total` in all.
+def _spread(
+    device: Device, counts: Array, places: Array, total: int, first: Array, owner: Array
+) -> tuple[Array, Array]:
+    """For each owner `counts` elements from its place on: first, first + 1, … beside the owner itself; `total` in all.
 
     One loop that scatters costs less than marking the first elements and a prefix maximum over all of them.
     """
@@ -113,7 +124,7 @@ def _spread(device: Device, counts: Array, total: int, first: Array, owner: Arra
         dr.scatter(owners, owner, place)
         return left - 1, place + 1, value + 1
 
-    dr.while_loop((counts, dr.prefix_sum(counts), first), lambda left, *_: left > 0, put)
+    dr.while_loop((counts, places, first), lambda left, *_: left > 0, put)
     dr.eval(ascending, owners)
     return ascending, owners
 
@@ -122,22 +133,22 @@ def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileL
     """Bin depth-sorted records into the tiles of a band, or say that `memory` bytes do not suffice."""
     ranks = device.dr.arange(device.types.UInt32, len(records) // RECORD)
     first, count = _rows(device, records, ranks, band)
-    items = _total(device, count)
+    places, items = _places(device, count, band.rows)
     if items == 0:
         return _no_lists(device, band.tiles)
     if items * ITEM_BYTES > memory or items > MOST_ELEMENTS:
         return TooLarge(items * ITEM_BYTES)
-    row, rank = _spread(device, count, items, first, ranks)
+    row, rank = _spread(device, count, places, items, first, ranks)
 
-    first, count = _tiles_of_row(device, records, rank, row, band)
-    pairs = _total(device, count)
+    first, count, length = _tiles_of_row(device, records, rank, row, band)
+    places, pairs = _places(device, count, band.columns)
     if pairs == 0:
         return _no_lists(device, band.tiles)
     needed = items * ITEM_BYTES + pairs * PAIR_BYTES
     if needed > memory or pairs > MOST_ELEMENTS:
         return TooLarge(needed)
-    tile, rank = _spread(device, count, pairs, first, rank)
-    return _lists_of(device, tile, rank, band.tiles)
+    tile, rank = _spread(device, count, places, pairs, first, rank)
+    return _lists_of(device, tile, rank, length)
 
 
 def _rows(device: Device, records: Array, rank: Array, band: Band) -> tuple[Array, Array]:
@@ -151,8 +162,8 @@ def _rows(device: Device, records: Array, rank: Array, band: Band) -> tuple[Arra
     return first, count
 
 
-def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band: Band) -> tuple[Array, Array]:
-    """First tile of each splat within a row of tiles, and the number of them.
+def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band: Band) -> tuple[Array, Array, Array]:
+    """First tile of each splat within a row of tiles, their number, and how many splats each tile of the band has.
 
     The ellipse's widest points within the row's strip of pixel centres lie at its extremes, or at the strip's border.
     """
@@ -173,21 +184,21 @@ def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band:
     columns = dr.opaque(types.UInt32, band.columns)
     column, count = _range(device, edge(-1), edge(+1), columns, device.tile_width)
     first = row * columns + column
-    dr.eval(first, count)
-    return first, count
+    # By how much the number of splats changes from one tile to the next. The size is compiled in: a power of two.
+    change = dr.zeros(types.UInt32, 1 << band.tiles.bit_length())
+    for place, by in ((first, 1), (first + count, 0xFFFFFFFF)):
+        dr.scatter_reduce(dr.ReduceOp.Add, change, types.UInt32(by), place, count > 0, mode=dr.ReduceMode.Expand)
+    dr.eval(first, count, change)
+    return first, count, dr.gather(types.UInt32, dr.cumsum(change), dr.arange(types.UInt32, band.tiles))
 
 
-def _lists_of(device: Device, tile: Array, rank: Array, tiles: int) -> TileLists:
-    """Pairs of tile and splat, which come in depth order, sorted by tile."""
+def _lists_of(device: Device, tile: Array, rank: Array, length: Array) -> TileLists:
+    """Pairs of tile and splat, which come in depth order, sorted by tile; `length` of them in each."""
     dr, UInt32 = device.dr, device.types.UInt32
-    permutation = counting_permutation(device, tile, max(1, (tiles - 1).bit_length()))
-    ranks, ascending = dr.gather(UInt32, rank, permutation), dr.gather(UInt32, tile, permutation)
-    dr.eval(ranks, ascending)
-    bound = _lower_bounds(device, ascending, tiles + 1)
-    wanted = dr.arange(UInt32, tiles)
-    start, end = dr.gather(UInt32, bound, wanted), dr.gather(UInt32, bound, wanted + 1)
-    filled = start < end
-    dr.eval(start, end, filled)
+    permutation = counting_permutation(device, tile, max(1, (len(length) - 1).bit_length()))
+    ranks, start = dr.gather(UInt32, rank, permutation), dr.prefix_sum(length)
+    end, filled = start + length, length > 0
+    dr.eval(ranks, start, end, filled)
     return TileLists(ranks, start, end, filled, len(rank))
 
 
@@ -196,21 +207,3 @@ def _no_lists(device: Device, tiles: int) -> TileLists:
     dr, types = device.dr, device.types
     none = dr.zeros(types.UInt32, tiles)
     return TileLists(dr.zeros(types.UInt32, 1), none, none, dr.zeros(types.Bool, tiles), 0)
-
-
-def _lower_bounds(device: Device, ascending: Array, count: int) -> Array:
-    """For each value 0..count-1, the first position in `ascending` that is not below it."""
-    dr, UInt32 = device.dr, device.types.UInt32
-    wanted = dr.arange(UInt32, count)
-    end = dr.opaque(UInt32, len(ascending))
-
-    def halve(low: Array, high: Array) -> tuple[Array, Array]:
-        middle = (low + high) >> 1
-        below = dr.gather(UInt32, ascending, middle) < wanted
-        return dr.select(below, middle + 1, low), dr.select(below, high, middle)
-
-    low, _ = dr.while_loop(
-        (dr.zeros(UInt32, count), end + dr.zeros(UInt32, count)), lambda low, high: low < high, halve
-    )
-    dr.eval(low)
-    return low

@@ -9,51 +9,71 @@ import numpy as np
 
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
-from mirelight.compositor.kernel import SplatKernel
+from mirelight.compositor.kernel import FragmentRule
 from mirelight.compositor.queue import Pixels, for_each_tile
-from mirelight.compositor.record import BLUE, DEPTH, OFFSET, REACH, RECORD, RED, S11, S12, S22, SCALE, VALUE_ROW, X, Y
+from mirelight.compositor.record import (
+    BLUE,
+    DEPTH,
+    OCTAVE,
+    OFFSET,
+    REACH,
+    RECORD,
+    RED,
+    S11,
+    S12,
+    S22,
+    SCALE,
+    VALUE_ROW,
+    X,
+    Y,
+)
 from mirelight.compositor.resolve import Frame, untile
 
 NEARLY_OPAQUE = 2.0**-20  # profiles without a stop of their own end a pixel here: what lies behind adds less than 1e-6
 VALUES = 8  # first of a splat's arrays that is accumulated
-SIGN = 0x80000000
-_ROUNDER = 1.5 * 2**23  # adding it leaves a float's nearest integer in its low bits
+_MANTISSA, _ONE = 0x7FFFFF, 0x3F800000  # bits of a float: its fraction, and the number 1
 
 
 def _exp2_coefficients(degree: int) -> list[float]:
-    """Of the near-minimax polynomial of 2^f on [-½, ½], lowest power first, by interpolation at Chebyshev nodes."""
-    nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)) / 2
-    return [float(c) for c in np.linalg.solve(np.vander(nodes, increasing=True), np.exp2(nodes))]
+    """Of the polynomial that `_exp2` evaluates on [1, 2), lowest power first: interpolated at Chebyshev nodes.
+
+    2^f - f lies in (0.91, 1] for f in [0, 1), so (1 + 2^f - f) / 2 keeps one exponent; f added to its bits: 2^f / 2.
+    """
+    nodes = 1.5 + np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)) / 2
+    wanted = (2 + np.exp2(nodes - 1) - nodes) / 2
+    return [float(c) for c in np.linalg.solve(np.vander(nodes, increasing=True), wanted)]
 
 
 EXP2 = _exp2_coefficients(5)  # relative error 2e-7 (degree 4: 4e-6)
 
 
-def _exp2(device: Device, x: Array, scale: float) -> Array:
-    """scale 2^x, x >= 0."""
+def _exp2(device: Device, steps: Array, octaves: int) -> Array:
+    """2^(steps / OCTAVE - octaves), without meaning where that underflows.
+
+    The steps are added to a float's bits, as in Schraudolph's exponential (Neural Computation 11, 1999); the polynomial
+    of their fraction makes up for the bits' being linear between powers of two.
+    """
     dr, types = device.dr, device.types
-    shifted = x + _ROUNDER
-    whole = dr.reinterpret_array(types.Int32, shifted) << 23
-    part = x - (shifted - _ROUNDER)
+    bits = types.Int32(steps)
+    part = dr.reinterpret_array(types.Float, (bits & _MANTISSA) | _ONE)
+    scale = 2.0**-octaves
     total = types.Float(scale * EXP2[-1])
     for c in reversed(EXP2[:-1]):
         total = dr.fma(total, part, scale * c)
-    return dr.reinterpret_array(types.Float, dr.reinterpret_array(types.Int32, total) + whole)
+    return dr.reinterpret_array(types.Float, dr.reinterpret_array(types.Int32, total) + bits)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Source:
-    """Depth-sorted splats, and how one becomes alphas over a tile.
+    """How a splat is read, and how it becomes alphas over a tile.
 
     A splat is a list of arrays, one splat a lane: x, y, s11, s12, s22, reach, scale, offset, and what is accumulated:
     colour, other values, depth.
     """
 
     device: Device
-    kernel: SplatKernel
-    records: Array  # (n * RECORD,)
-    values: Array | None  # (n * VALUE_ROW,) other values
-    channels: int
+    rule: FragmentRule
+    channels: int  # other values beside the colour
     depth: bool  # whether depths are blended
 
     @property
@@ -61,13 +81,16 @@ class Source:
         """Arrays of a splat."""
         return VALUES + 3 + self.channels + self.depth
 
-    def load(self, rank: Array, ok: Array) -> list[Array]:
-        """Splats by their place in the depth order; lanes that are not `ok` read zeros, whose alpha is 0."""
+    def load(self, data: list[Array], rank: Array, ok: Array) -> list[Array]:
+        """Splats by their place in the depth order, from records and rows of other values if there are any.
+
+        Lanes that are not `ok` read zeros, whose alpha is below the clip.
+        """
         dr, types, lanes = self.device.dr, self.device.types, self.device.persistent_lanes
-        row = dr.gather(types.ArrayXf, self.records, rank, ok, shape=(RECORD, lanes))
+        row = dr.gather(types.ArrayXf, data[0], rank, ok, shape=(RECORD, lanes))
         splat = [row[s] for s in (X, Y, S11, S12, S22, REACH, SCALE, OFFSET, *range(RED, BLUE + 1))]
-        if self.values is not None:
-            more = dr.gather(types.ArrayXf, self.values, rank, ok, shape=(VALUE_ROW, lanes))
+        if self.channels:
+            more = dr.gather(types.ArrayXf, data[1], rank, ok, shape=(VALUE_ROW, lanes))
             splat += [more[i] for i in range(self.channels)]
         if self.depth:
             splat.append(row[DEPTH])
@@ -78,74 +101,101 @@ class Source:
         x, y, s11, s12, s22, reach, *rest = splat
         return [x, y, s11, s12, s22, self.device.dr.select(where, 0, reach), *rest]
 
+    @property
+    def octaves(self) -> int:
+        """Of exponents above those of alpha: a record of zeros has alpha 2^-octaves, which is below the clip."""
+        return 0 if self.rule.truncated else int(np.ceil(-np.log2(self.rule.alpha_clip)))
+
+    @property
+    def least(self) -> float:
+        """The exponent at the clip."""
+        return 0 if self.rule.truncated else OCTAVE * float(np.log2(self.rule.alpha_clip) + self.octaves)
+
     def exponents(self, splat: list[Array], x0: Array, y0: Array) -> Iterator[Array]:
-        """e of every pixel of the tile whose first pixel centre is (x0, y0), row by row."""
+        """Exponents at every pixel of the tile whose first pixel centre is (x0, y0), row by row."""
         dr = self.device.dr
         x, y, s11, s12, s22, reach, *_ = splat
-        along = [s11 * (x0 - x + float(i)) for i in range(self.device.tile_width)]
+        peak = reach + self.least
+        dx, dy = x0 - x, y0 - y
+        first = dr.fma(s11, dx, s12 * dy)
+        along = [dr.fma(s11, float(i), first) if i else first for i in range(self.device.tile_width)]
         for j in range(self.device.tile_height):
-            dy = y0 - y + float(j)
-            v, skew = s22 * dy, s12 * dy
-            room = dr.fma(-v, v, reach)
+            v = s22 * (dy + float(j))
+            room = dr.fma(-v, v, peak)
             for a in along:
-                u = a + skew
+                u = dr.fma(s12, float(j), a) if j else a
                 yield dr.fma(-u, u, room)
 
+    def hit(self, exponent: Array) -> Array:
+        """Whether alpha reaches the clip."""
+        return exponent > self.least
+
     def alpha(self, splat: list[Array], exponent: Array) -> Array:
-        """Alpha where the exponent is positive."""
+        """Alpha where it reaches the clip."""
         dr = self.device.dr
-        positive = dr.select(exponent > 0, exponent, 0)  # numbers that underflow cost a hundred cycles each
-        if self.kernel.truncated:
-            return dr.fma(_exp2(self.device, positive, 1.0), splat[VALUES - 2], -splat[VALUES - 1])
-        alpha = _exp2(self.device, positive, self.kernel.alpha_clip)
-        return dr.select(alpha > self.kernel.alpha_max, self.kernel.alpha_max, alpha)
+        if not self.device.masks:
+            exponent = dr.select(exponent > 0, exponent, 0)
+        alpha = _exp2(self.device, exponent, self.octaves)
+        if self.rule.truncated:
+            return dr.fma(alpha, splat[VALUES - 2], -splat[VALUES - 1])
+        return dr.select(alpha > self.rule.alpha_max, self.rule.alpha_max, alpha)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class _Over:
     """Front-to-back compositing of one pixel: transmittance, sums of weight times value, median depth."""
 
     source: Source
 
+    @property
+    def results(self) -> int:
+        return 4 + self.source.channels + 2 * self.source.depth
+
     def fresh(self) -> list[float]:
-        return [1.0] + [0.0] * (3 + self.source.channels + 2 * self.source.depth)
+        stops = self.source.rule.stop is not None
+        return [1.0] + [0.0] * (self.results - 1) + [1.0] * stops
 
     def finished(self, tile: Pixels) -> Array:
-        """Pixels that have stopped have a negative transmittance, or 0 where the profile has no stop of its own."""
-        dr, Int32 = self.source.device.dr, self.source.device.types.Int32
-        bits, *more = (dr.reinterpret_array(Int32, pixel[0]) for pixel in tile)
-        for word in more:
-            bits = bits & word if self.source.kernel.stop is not None else bits | word
-        return bits < 0 if self.source.kernel.stop is not None else bits == 0
+        dr, stop = self.source.device.dr, self.source.rule.stop
+        running = 0 if stop is None else -1
+        most = tile[0][running]
+        for pixel in tile[1:]:
+            most = dr.select(pixel[running] > most, pixel[running], most)
+        return most < (NEARLY_OPAQUE if stop is None else stop)
 
     def fragment(self, splat: list[Array], exponent: Array, pixel: list[Array]) -> list[Array]:
-        dr, types, stop = self.source.device.dr, self.source.device.types, self.source.kernel.stop
-        before, hit = pixel[0], exponent > 0
-        alpha = self.source.alpha(splat, exponent)
-        left = dr.fma(-alpha, before, before)
-        if stop is None:
-            kept, after = hit, dr.select(hit, left, before)
-            after = dr.select(after < NEARLY_OPAQUE, 0, after)
-        else:  # the fragment that would cross the limit is not blended; of stopped pixels `left` is negative
-            kept = hit & (left >= stop)
-            stopped = dr.reinterpret_array(types.Float, dr.reinterpret_array(types.UInt32, before) | SIGN)
-            after = dr.select(kept, left, dr.select(hit, stopped, before))
-        weight = dr.select(kept, alpha * before, 0)
-        out = [after]
-        out += [dr.fma(weight, v, p) for v, p in zip(splat[VALUES:], pixel[1:], strict=False)]
+        dr, stop = self.source.device.dr, self.source.rule.stop
+        before = pixel[0 if stop is None else -1]
+        weight = dr.select(self.source.hit(exponent), self.source.alpha(splat, exponent) * before, 0)
+        left = before - weight
+        kept = True if stop is None else left >= stop
+
+        def where_kept(new: Array, old: Array) -> Array:
+            return new if stop is None else dr.select(kept, new, old)
+
+        out = [where_kept(left, pixel[0])]
+        out += [
+            where_kept(dr.fma(weight, v, p), p)
+            for v, p in zip(splat[VALUES:], pixel[1 : self.results - self.source.depth], strict=True)
+        ]
         if self.source.depth:
-            out.append(dr.select(kept & (before > 0.5) & (left <= 0.5), splat[-1], pixel[-1]))
-        return out
+            median = pixel[self.results - 1]
+            out.append(dr.select(kept & (before > 0.5) & (left <= 0.5), splat[-1], median))
+        return out + [left] * (stop is not None)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class _EightBit:
     """Back-to-front compositing of one pixel of an RGBA8 target, which clamps and rounds after every splat."""
 
     source: Source
 
+    @property
+    def results(self) -> int:
+        return 3
+
     def fresh(self) -> list[float]:
-        return [0.0] * 3
+        return [0.0] * self.results
 
     def finished(self, tile: Pixels) -> Array:
         """Never: what lies in front comes last."""
@@ -159,25 +209,29 @@ class _EightBit:
             added = alpha * value
             over = dr.fma(-alpha, below, dr.select(added < 1, added, 1) + below)
             level = dr.floor(dr.fma(dr.select(over < 1, over, 1), 255, 0.5)) * (1 / 255)
-            out.append(dr.select(exponent > 0, level, below))
+            out.append(dr.select(self.source.hit(exponent), level, below))
         return out
 
 
-def blend(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
-    """Blend a band's tiles into `frame`, front to back."""
+def blend(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Frame) -> None:
+    """Blend a band's tiles into `frame`, front to back.
+
+    Args:
+        data: records in depth order, and as many rows of other values where `source` has channels.
+    """
     over = _Over(source)
-    states = for_each_tile(source.device, lists, band, source, over)
+    states = for_each_tile(source.device, lists, band, source, data, over)
     values = 4 + source.channels  # slots: transmittance, colour, other values, depth, median
     images = {"transmittance": range(1), "color": range(1, 4)}
     if source.channels:
         images["values"] = range(4, values)
     if source.depth:
         images |= {"depth": range(values, values + 1), "median": range(values + 1, values + 2)}
-    untile(source.device, states, over.fresh(), lists, band, frame, images)
+    untile(source.device, states, over.fresh()[: over.results], lists, band, frame, images)
 
 
-def blend_eight_bit(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
+def blend_eight_bit(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Frame) -> None:
     """Blend a band's colours as the engine's RGBA8 target does. The records run back to front."""
     program = _EightBit(source)
-    states = for_each_tile(source.device, lists, band, source, program)
+    states = for_each_tile(source.device, lists, band, source, data, program)
     untile(source.device, states, program.fresh(), lists, band, frame, {"color": range(3)})

@@ -131,15 +131,15 @@ class Compositor:
             return empty_frame(device, whole, depth=depth, channels=channels)
         frame = new_frame(device, whole, depth=depth, channels=channels)
         records = _records(device, projected, order, settings)
-        rows = None if values is None else sorted_values(device, values, order)
-        source = Source(device, kernel, records, rows, channels, depth)
+        data = [records] if values is None else [records, sorted_values(device, values, order)]
+        source = Source(device, kernel.fragment, channels, depth)
         for band, lists in _bands(device, records, whole, memory, what):
-            blend(source, lists, band, frame)
+            blend(source, data, lists, band, frame)
         if settings.eight_bit and settings.profile == "playcanvas":
             records = _records(device, projected, device.dr.reverse(order), settings)
-            source = Source(device, kernel, records, None, 0, False)
+            source = Source(device, kernel.fragment, 0, False)
             for band, lists in _bands(device, records, whole, memory, what):
-                blend_eight_bit(source, lists, band, frame)
+                blend_eight_bit(source, [records], lists, band, frame)
         return frame
 
 

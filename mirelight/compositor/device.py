@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
@@ -16,9 +17,9 @@ from mirelight.model import Variant
 Array: TypeAlias = Any  # a Dr.Jit array; its types exist only once a variant is loaded
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Device:
-    """One loaded variant."""
+    """One loaded variant; two of the same settings are equal."""
 
     dr: ModuleType  # drjit
     types: ModuleType  # drjit.llvm or drjit.cuda
@@ -26,6 +27,21 @@ class Device:
     tile_width: int  # px; one lane blends a whole tile, so its pixels share registers with its neighbours'
     tile_height: int  # px
     persistent_lanes: int  # lanes that take tiles from the queue
+    masks: bool  # whether instructions leave masked lanes alone; else what underflows there costs a hundred cycles
+
+    def frozen(self, trace: Callable[..., Array]) -> Callable[..., Array]:
+        """A function of arrays that is traced once and replayed from then on, whatever their sizes.
+
+        Tracing the blend in Python costs as much as blending a small frame. What `trace` uses besides its arguments is
+        compiled in. Each of its kernels has to read one array of its own size directly: Dr.Jit takes the launch's size
+        from it.
+        """
+        return self.dr.freeze(lambda *arrays: trace(*arrays), auto_opaque=False, limit=16, warn_after=1 << 30)  # type: ignore[no-any-return]
+
+    def later(self) -> None:
+        """What is traced from here on stands behind all before it in the kernel."""
+        jit = self.dr.JitBackend
+        self.dr.detail.new_scope(jit.CUDA if self.variant == "cuda_ad_rgb" else jit.LLVM)
 
     def constant(self, value: float) -> Array:
         """A float that kernels load instead of having it compiled in."""
@@ -69,7 +85,7 @@ def open_device(variant: Variant, threads: int | None) -> Device:
     """
     dr, types = backend.drjit(variant, threads)
     if variant == "cuda_ad_rgb":
-        return Device(dr, types, variant, 4, 4, 1 << 16)
+        return Device(dr, types, variant, 4, 4, 1 << 16, True)
     width = _vector_width(variant)
     tile = (4, 8) if width == 16 else (4, 4)  # 32 vector registers hold twice the pixels of 16
-    return Device(dr, types, variant, *tile, width * max(1, dr.thread_count()))
+    return Device(dr, types, variant, *tile, width * max(1, dr.thread_count()), width == 16)

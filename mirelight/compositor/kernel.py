@@ -26,6 +26,16 @@ E4 = float(np.exp(-4.0))  # the truncated kernel's value at its edge
 
 
 @dataclass(frozen=True, slots=True)
+class FragmentRule:
+    """How a fragment's alpha follows from its exponent, and when a pixel ends: all that is compiled into the blend."""
+
+    alpha_clip: float  # fragments below are dropped
+    alpha_max: float  # upper clamp of a fragment's alpha; 1: none
+    truncated: bool  # the kernel minus its value at d² = 8, rescaled
+    stop: float | None  # a fragment that would leave less transmittance is not blended and ends its pixel
+
+
+@dataclass(frozen=True, slots=True)
 class SplatKernel:
     """How one profile rasterises. Lengths in pixels of the frame."""
 
@@ -39,6 +49,11 @@ class SplatKernel:
     least_compensation: float  # floor of the squared opacity compensation of antialiased clouds
     min_variance: float  # px² (low-pass included): splats whose major variance is smaller are dropped
     max_variance: float  # px²: variances along the axes are clamped to it
+
+    @property
+    def fragment(self) -> FragmentRule:
+        """What holds for single fragments, whatever the frame."""
+        return FragmentRule(self.alpha_clip, self.alpha_max, self.truncated, self.stop)
 
 
 def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:

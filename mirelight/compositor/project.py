@@ -13,7 +13,7 @@ from mirelight.compositor.cloud import Cloud, View, clamp, dot, from_eye
 from mirelight.compositor.color import evaluated, stored
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.kernel import E4, SplatKernel
-from mirelight.compositor.record import HALF_LOG2E, RECORD, SLACK
+from mirelight.compositor.record import HALF_LOG2E, OCTAVE, RECORD, SLACK
 from mirelight.model import CompositorSettings
 
 
@@ -64,7 +64,7 @@ def project(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, setti
         visible &= largest >= device.constant(kernel.min_variance)
 
     reach, level, lost = _reach(device, kernel, opacity)
-    root = HALF_LOG2E**0.5  # powers of two instead of e
+    root = (HALF_LOG2E * OCTAVE) ** 0.5
     conditional = dr.rsqrt(shape.yy)
     s11 = root * dr.sqrt(shape.yy / shape.determinant)
     s12 = -root * shape.xy * conditional / dr.sqrt(shape.determinant)
@@ -146,10 +146,10 @@ def _limited(device: Device, c: _Covariance, most: float) -> tuple[_Covariance, 
 
 
 def _reach(device: Device, kernel: SplatKernel, opacity: Array) -> tuple[Array, Array, Array]:
-    """Where alpha meets the clip, in powers of two below the centre's; and a record's SCALE and OFFSET."""
+    """Where alpha meets the clip, in steps of OCTAVE below the centre's; and a record's SCALE and OFFSET."""
     dr, clip = device.dr, device.constant(kernel.alpha_clip)
     if not kernel.truncated:
-        return dr.log2(opacity / clip), clip, device.types.Float(0)
+        return OCTAVE * dr.log2(opacity / clip), clip, device.types.Float(0)
     lost = opacity * (E4 / (1 - E4))
     level = clip + lost
-    return dr.log2(opacity * (1 / (1 - E4)) / level), level, lost
+    return OCTAVE * dr.log2(opacity * (1 / (1 - E4)) / level), level, lost

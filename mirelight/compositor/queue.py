@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
+from collections.abc import Callable, Hashable, Iterator
+from functools import lru_cache, partial
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 
-UNROLL = 3  # splats an iteration, so that a pixel's state is loaded and stored a third as often
+UNROLL = 3
 NO_TILE = 0xFFFFFFFF
 
 PACKET = 16  # floats written at a time
@@ -21,15 +21,15 @@ Pixels: TypeAlias = list[list[Array]]
 Splat: TypeAlias = list[Array]
 
 
-class SplatSource(Protocol):
-    """Where splats come from. A splat is a list of arrays, one splat a lane."""
+class SplatSource(Hashable, Protocol):
+    """Where splats come from. A splat is a list of arrays, one splat a lane. Hashable: equal ones are compiled once."""
 
     @property
     def slots(self) -> int:
         """Arrays of a splat."""
         ...
 
-    def load(self, rank: Array, ok: Array) -> Splat:
+    def load(self, data: list[Array], rank: Array, ok: Array) -> Splat:
         """The splats at `rank`; where not `ok`, one that nothing is seen of."""
         ...
 
@@ -42,8 +42,13 @@ class SplatSource(Protocol):
         ...
 
 
-class PixelProgram(Protocol):
+class PixelProgram(Hashable, Protocol):
     """What happens in one pixel. Its state is a list of floats."""
+
+    @property
+    def results(self) -> int:
+        """Floats at the front of a pixel's state that are kept when its tile is finished."""
+        ...
 
     def fresh(self) -> list[float]:
         """The state of a pixel that nothing was blended into; each number is 0 or 1."""
@@ -75,35 +80,63 @@ def row_of(device: Device, tile: Array, columns: Array) -> Array:
     return types.UInt32((types.Float(tile) + 0.5) / types.Float(columns))
 
 
-def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSource, program: PixelProgram) -> Array:
-    """Run `program` over every tile's list of splats.
+def for_each_tile(
+    device: Device, lists: TileLists, band: Band, source: SplatSource, data: list[Array], program: PixelProgram
+) -> Array:
+    """Run `program` over every tile's list of splats, which `source` finds in `data`.
 
     One symbolic loop holds the state of whole tiles and the next splats, which are loaded while those before them are
     blended. Which lane gets which tile depends on timing, what it computes there does not: the result is the same bits
     for any number of threads.
 
     Returns:
-        the final states, (tiles * pixels of a tile * slots of a state,); undefined where a tile's list is empty.
+        the final states, (tiles * pixels of a tile * results of a state,); undefined where a tile's list is empty.
     """
+    dr, types = device.dr, device.types
+    UInt32 = types.UInt32
+    room = 1 << (band.tiles - 1).bit_length()  # tiles; a power of two, so that few sizes are traced
+    if lists.pairs == 0:
+        return dr.empty(types.Float, room * device.tile_width * device.tile_height * program.results)
+    order = UInt32(tile_order(band.columns, band.rows))
+    order = dr.gather(UInt32, order, dr.compress(dr.gather(types.Bool, lists.filled, order)))
+    scalars = [dr.opaque(UInt32, v) for v in (len(order), band.columns, band.first_row)]
+    lanes = dr.zeros(UInt32, device.persistent_lanes)
+    return _loop(device, source, program, room)(lanes, order, lists.ranks, lists.start, lists.end, *scalars, *data)
+
+
+@lru_cache(maxsize=64)
+def _loop(device: Device, source: SplatSource, program: PixelProgram, room: int) -> Callable[..., Array]:
+    """The loop of `for_each_tile`, ready to run."""
+    return device.frozen(partial(_trace, device, source, program, room))
+
+
+def _trace(
+    device: Device,
+    source: SplatSource,
+    program: PixelProgram,
+    room: int,
+    zeros: Array,
+    order: Array,
+    ranks: Array,
+    starts: Array,
+    ends: Array,
+    tiles: Array,
+    columns: Array,
+    first_row: Array,
+    *data: Array,
+) -> Array:
+    """One lane for each of `zeros` fetches tiles until `order` is used up."""
     dr, types = device.dr, device.types
     Float, UInt32, Bool = types.Float, types.UInt32, types.Bool
     pixels = device.tile_width * device.tile_height
-    lanes = device.persistent_lanes
-    packets = pixels * len(program.fresh()) // PACKET  # one large packet costs far less than several small ones
-    out = dr.empty(Float, band.tiles * packets * PACKET)
+    packets = pixels * program.results // PACKET  # one large packet costs far less than several small ones
+    out = dr.empty(Float, room * packets * PACKET)
     queue = dr.zeros(UInt32, 1)
-    if lists.pairs == 0:
-        return out
-    order = UInt32(tile_order(band.columns, band.rows))
-    order = dr.gather(UInt32, order, dr.compress(dr.gather(Bool, lists.filled, order)))
-    tiles, columns = dr.opaque(UInt32, len(order)), dr.opaque(UInt32, band.columns)
-    first_row = dr.opaque(UInt32, band.first_row)
-    ranks, starts, ends = lists.ranks, lists.start, lists.end
 
     def switch(
         tile: Array, position: Array, end: Array, x: Array, y: Array, state: Pixels
     ) -> tuple[Array, Array, Array, Array, Array, Pixels]:
-        flat = [slot for pixel in state for slot in pixel]
+        flat = [slot for pixel in state for slot in pixel[: program.results]]
         for i in range(packets):
             packet = types.ArrayXf(flat[i * PACKET : (i + 1) * PACKET])
             dr.scatter(out, packet, tile * packets + i, tile != NO_TILE)
@@ -127,7 +160,8 @@ def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSou
         coming = []
         for i in range(UNROLL):
             ok = position + i < end
-            coming.append(source.load(dr.gather(UInt32, ranks, position + i, ok), ok))
+            coming.append(source.load(list(data), dr.gather(UInt32, ranks, position + i, ok), ok))
+        device.later()  # else Dr.Jit would emit the loads after the blend
         shown = [source.hidden(splat, done) for splat in held]  # those of the tile before are not for this one
         exponents = [source.exponents(splat, x, y) for splat in shown]
         blended = []
@@ -137,12 +171,12 @@ def for_each_tile(device: Device, lists: TileLists, band: Band, source: SplatSou
             blended.append(pixel)
         return tile != NO_TILE, tile, position + UNROLL, end, x, y, coming, blended
 
-    zero, one = dr.full(Float, 0, lanes), dr.full(Float, 1, lanes)
+    zero, one = Float(zeros), Float(zeros) + 1
     start = (
-        dr.full(Bool, True, lanes),
-        dr.full(UInt32, NO_TILE, lanes),
-        dr.full(UInt32, UNROLL, lanes),  # position and end of a list that is done
-        dr.full(UInt32, 0, lanes),
+        zeros == 0,
+        zeros + NO_TILE,
+        zeros + UNROLL,  # position and end of a list that is done
+        zeros,
         zero,
         zero,
         [[zero] * source.slots for _ in range(UNROLL)],

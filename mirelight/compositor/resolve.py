@@ -80,9 +80,7 @@ def untile(
             for s in taken
         ]
         targets.append(getattr(frame, name))
-        dr.scatter(
-            targets[-1], types.ArrayXf([dr.abs(v) for v in values] if name == "transmittance" else values), place
-        )
+        dr.scatter(targets[-1], types.ArrayXf(values), place)
     dr.eval(targets)
 
 
@@ -106,7 +104,7 @@ def layer_of(frame: Frame, camera: Camera, settings: CompositorSettings) -> Spla
     size = (frame.height, frame.width)
     transmittance = _cropped(frame.transmittance.numpy().reshape(size), camera)
     if frame.depth is None or frame.median is None:
-        mean = median = np.zeros_like(transmittance)
+        mean = median = np.zeros(transmittance.shape, np.float32)  # not zeros_like, which writes them
     else:
         covered = 1 - transmittance
         total = _cropped(frame.depth.numpy().reshape(size), camera)

@@ -13,7 +13,7 @@ from mirelight import backend
 from mirelight.compositor import Compositor, composite, order, queue, reference
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.blend import Source, blend
-from mirelight.compositor.device import open_device
+from mirelight.compositor.device import Array, open_device
 from mirelight.compositor.memory import check_indices, cloud_bytes, frame_bytes
 from mirelight.compositor.resolve import Frame
 from mirelight.errors import BackendError, RenderError
@@ -47,9 +47,9 @@ def test_bands_change_nothing(monkeypatch: pytest.MonkeyPatch, settings: Composi
     whole = compositor.composite(LARGER)
     seen: list[Band] = []
 
-    def counted(source: Source, lists: TileLists, band: Band, frame: Frame) -> None:
+    def counted(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Frame) -> None:
         seen.append(band)
-        blend(source, lists, band, frame)
+        blend(source, data, lists, band, frame)
 
     monkeypatch.setattr("mirelight.compositor.compositor.blend", counted)
     monkeypatch.setattr(front_door, "MOST_TILES", 500)
@@ -105,13 +105,39 @@ def compiled(run: object) -> int:
 
 
 @pytest.mark.parametrize("settings", [PHYSICAL, COMPACT], ids=["physical", "playcanvas"])
-def test_nothing_is_compiled_for_another_camera_count_or_size(settings: CompositorSettings) -> None:
+def test_nothing_is_compiled_for_another_camera_or_count_and_at_most_one_kernel_for_another_size(
+    settings: CompositorSettings,
+) -> None:
     splats = cloud(5000, degree=2)
     Compositor(splats, settings).composite(LARGER)
-    other = replace(Camera.look_at((-2, 1, 1), (0, 0, 0), 257, 131, yfov=95), cx=100.0, near=0.2, far=30.0)
+    other = replace(Camera.look_at((-2, 1, 1), (0, 0, 0), 301, 190, yfov=95), cx=100.0, near=0.2, far=30.0)
     assert compiled(lambda: Compositor(splats, settings).composite(LARGER)) == 0
     assert compiled(lambda: Compositor(splats, settings).composite(other)) == 0
     assert compiled(lambda: Compositor(cloud(4321, degree=2), settings).composite(other)) == 0
+    tiny = replace(other, width=57, height=33)  # tiles in another power of two
+    compiled_for_size = compiled(lambda: Compositor(splats, settings).composite(tiny))
+    assert compiled_for_size <= 1
+    assert compiled(lambda: Compositor(splats, settings).composite(replace(tiny, width=49))) == 0
+
+
+def test_the_blend_is_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Later frames of other sizes, counts and cameras replay it, and give what a fresh trace gives."""
+    splats = cloud(3000)
+    Compositor(splats).composite(LARGER)
+    views = [LARGER, replace(LARGER, width=301, cx=100.0), Camera.look_at((-2, 1, 1), (0, 0, 0), 310, 195, yfov=95)]
+
+    def never(*_: object) -> None:
+        raise AssertionError("traced again")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Source, "exponents", never)
+        replayed = [
+            Compositor(cloud(count), PHYSICAL).composite(view)
+            for count, view in zip((3000, 777, 5000), views, strict=True)
+        ]
+    queue._loop.cache_clear()
+    for layer, count, view in zip(replayed, (3000, 777, 5000), views, strict=True):
+        assert same_bits(layer, composite(cloud(count), view))
 
 
 @pytest.mark.parametrize("bits", [1, 5, 14, 18])

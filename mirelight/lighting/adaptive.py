@@ -20,7 +20,7 @@ WINDOW = 3  # pixels to each side that a pixel's noise is estimated from
 MOST_SAMPLES = 1 << 16  # where a noise target gives up
 GROWTH = 4.0  # most that one look multiplies a pixel's samples by, as early estimates are rough
 MARGIN = 0.985  # of the target is aimed at, so that the last look is seldom one too few
-STEP = 16  # samples that a pixel gets at once
+STEP = 16  # samples that a pixel gets at once: a pass, and a batch
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -56,7 +56,7 @@ class FrameInProgress:
         lists, shares = grid.build(lighting.lights, surface.bounds), sun_shares(lighting)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
         self._sun = bool(shares.any())
-        self._batch = batch_size(settings.spp)
+        self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
         self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
         low, high = surface.bounds

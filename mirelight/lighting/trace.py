@@ -170,10 +170,10 @@ def _ignore(done: int, total: int) -> None:
 
 
 def _with_pilot(settings: RenderSettings) -> RenderSettings:
-    """Under a noise target, enough samples everywhere for a first look, in whole passes."""
+    """Under a noise target, samples everywhere for a first look: whole batches, two at least."""
     if settings.noise is None:
         return settings
-    return replace(settings, spp=-(-settings.spp // PASS) * PASS)
+    return replace(settings, spp=max(-(-settings.spp // PASS), 2) * PASS)
 
 
 def _sample(frame: FrameInProgress, settings: RenderSettings, progress: Progress) -> None:

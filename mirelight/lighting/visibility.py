@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.surface import Surface
 
 Bool = NDArray[np.bool_]
+_INSIDE = 2.0**-10  # smallest weight of a corner
 
 
 class ShadowRays:
@@ -89,10 +90,16 @@ def _columns(rows: F64) -> list[Any]:
 
 
 def _barycentric(proxy: ProxyMesh, face: NDArray[np.int32], position: F64) -> F64:
-    """(N, 2) weights of each triangle's second and third corner (Ericson 2004, section 3.4)."""
+    """(N, 2) weights of each triangle's second and third corner (Ericson 2004, section 3.4).
+
+    A rasteriser's points may lie past the edge by a share of a pixel, so behind the next face of a concave fold: they
+    are brought back inside.
+    """
     a, b, c = np.moveaxis(proxy.vertices[proxy.faces[face]].astype(np.float64), 1, 0)
     e1, e2, p = b - a, c - a, position - a
     d11, d12, d22 = (np.einsum("ni,ni->n", x, y) for x, y in ((e1, e1), (e1, e2), (e2, e2)))
     d1, d2 = np.einsum("ni,ni->n", p, e1), np.einsum("ni,ni->n", p, e2)
     area = np.maximum(d11 * d22 - d12 * d12, 1e-300)
-    return np.stack([(d22 * d1 - d12 * d2) / area, (d11 * d2 - d12 * d1) / area], axis=-1)
+    second, third = (d22 * d1 - d12 * d2) / area, (d11 * d2 - d12 * d1) / area
+    weights = np.maximum(np.stack([1 - second - third, second, third], axis=-1), _INSIDE)
+    return np.asarray((weights / weights.sum(axis=1, keepdims=True))[:, 1:])

@@ -34,7 +34,7 @@ from mirelight.realtime import engine
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
 _FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
-_SHADOW_PIXELS, _SHADOW_BIAS, _NORMAL_OFFSET_BIAS = 2048, 0.3, 0.05  # no acne on proxies of some metres
+_SHADOW_PIXELS, _SHADOW_BIAS, _NORMAL_OFFSET_BIAS = 2048, 0.1, 0.02  # half of it shows acne on proxies of some metres
 _NO_PROXY = ProxyMesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
@@ -165,7 +165,7 @@ def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, A
     if scene.proxy is not None:
         albedo = scene.proxy.albedo
         surface = {"ownColors": True} if albedo is None else {"diffuse": engine_diffuse(albedo).tolist()}
-        out["proxy"] = {"file": "proxy.glb", **surface}
+        out["proxy"] = {"file": "proxy.glb", "twoSidedShadows": True, **surface}
     if lighting.environment is not None:
         out["env"] = {
             "equirect": "environment.hdr",

@@ -22,6 +22,7 @@ from mirelight.engine_lights import EngineLighting, engine_diffuse, to_engine
 from mirelight.errors import BackendError, InputError, RenderError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.splats import ply
+from mirelight.lighting import trace
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -30,7 +31,9 @@ from mirelight.model import (
     Job,
     Lighting,
     PointLight,
+    ProxyMesh,
     RelightSettings,
+    RenderSettings,
     Scene,
     SpotLight,
 )
@@ -138,6 +141,36 @@ def test_turned_environment_agrees_with_the_model(data: Path, tmp_path: Path) ->
     assert theirs[both][:, 0].max() > 1.5 * theirs[both][:, 0].min()  # it has a direction
 
 
+def test_a_wall_that_turns_its_back_to_the_light_casts_a_shadow(tmp_path: Path) -> None:
+    """The engine would cull it in its shadow maps. Its shadow is compared with the one that rays find."""
+    floor = [(-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)]
+    wall = [(-1, 0, 0), (1, 0, 0), (1, 2, 0), (-1, 2, 0)]  # faces +Z, the light comes from -Z
+    proxy = ProxyMesh(
+        vertices=np.array([*floor, *wall], dtype=np.float32),
+        faces=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], dtype=np.int32),
+    )
+    job = Job(source=Path("test.toml"), scene=Scene(proxy=proxy))
+    camera = Camera.look_at((0, 6, 5), (0, 0, 1), 120, 90, yfov=50, near=0.1, far=50)
+    sun = Lighting(lights=(DirectionalLight(name="sun", direction=np.array([0.0, -1.0, 1.0]), intensity=3.0),))
+    theirs = realtime.render(job, camera, sun, tmp_path).relight
+    ours = trace(proxy, sun, camera, RenderSettings(profile="playcanvas")).beauty
+    dark = (theirs[..., 3] > 0.5) & (theirs[..., 0] < 0.1 * theirs[..., 0].max())
+    shadow = (theirs[..., 3] > 0.5) & (ours[..., 0] == 0)
+    assert shadow.sum() > 500
+    assert (dark & shadow).sum() > 0.93 * (dark | shadow).sum()
+
+
+def test_a_constant_environment_is_the_engines_ambient_colour(data: Path, tmp_path: Path) -> None:
+    """Brighter than white, and exact, where a map would be rounded to 8 bits."""
+    job, camera = make_job(data), CAMERA.resized(64, 48)
+    around = Lighting(environment=Environment(radiance=np.array([[[3.0, 0.4, 0.02]]], dtype=np.float32), intensity=1.5))
+    theirs = realtime.render(job, camera, around, tmp_path).relight
+    covered = theirs[..., 3] > 0.5
+    expected = np.broadcast_to(0.5 * 1.5 * np.array([3.0, 0.4, 0.02]), theirs[covered][:, :3].shape)
+    np.testing.assert_allclose(theirs[covered][:, :3], expected, rtol=2e-3)  # half floats
+    assert "env" not in json.loads((tmp_path / "scene.json").read_text())
+
+
 # --- the page --------------------------------------------------------------------------------------------------------
 
 
@@ -177,7 +210,7 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
 
 def test_export_describes_the_job_in_the_engines_terms(data: Path, tmp_path: Path) -> None:
     job = make_job(data, blend=0.5, brightness=1.5, background=0.25, texture_scale=0.5)
-    sky = Environment(radiance=np.ones((1, 1, 3), dtype=np.float32), intensity=0.5, rotation=30)
+    sky = Environment(radiance=np.ones((2, 4, 3), dtype=np.float32), intensity=0.5, rotation=30)
     exported = realtime.export(job, CAMERA, replace(LIGHTING, environment=sky), tmp_path)
     scene = json.loads((tmp_path / "scene.json").read_text())
     assert scene == json.loads(json.dumps(exported.description))

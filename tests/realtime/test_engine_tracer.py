@@ -58,6 +58,17 @@ def test_shadows_are_exact() -> None:
     assert lit(proxy, replace(lamp, shadows=False)).beauty[dark].min() > 0
 
 
+def test_no_shadow_speckles_along_a_fold() -> None:
+    """Pixels on the crease of a trough lie past their face's edge by a share of a pixel: they are not in its shadow."""
+    left = [(-3, 1, -3), (-3, 1, 3), (0.013, 0, 3), (0.013, 0, -3)]
+    right = [(0.013, 0, -3), (0.013, 0, 3), (3, 1, 3), (3, 1, -3)]
+    for turn in (0.0, 0.3, 1.1):
+        eye = (8 * np.sin(turn) * 0.2, 8.0, 0.5 * np.cos(turn))
+        camera = Camera.look_at(eye, (0, 0, 0), 120, 120, yfov=40)
+        buffer = trace(quads(left, right), Lighting(lights=(DOWN,)), camera, SETTINGS)
+        assert buffer.beauty[buffer.coverage == 1].min() > 0.4
+
+
 def test_every_light_has_a_layer_and_groups_share_one() -> None:
     floor = quads(level(5, 0))
     lamps = [PointLight(name=f"lamp{k}", position=np.array([k, 2.0, 0.0]), intensity=10.0 + k) for k in range(3)]

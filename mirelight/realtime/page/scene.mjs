@@ -111,9 +111,11 @@ async function addSplats(app, splat) {
 
 async function addProxy(app, proxy, relighting) {
     const asset = await load(app, 'proxy', 'container', proxy.file);
-    const entity = asset.resource.instantiateRenderEntity({ castShadows: true, receiveShadows: true });
+    const castShadows = !proxy.twoSidedShadows;
+    const entity = asset.resource.instantiateRenderEntity({ castShadows, receiveShadows: true });
     for (const component of entity.findComponents('render')) {
         component.layers = [relighting.layer.id];
+        if (!castShadows) relighting.layer.addShadowCasters(component.meshInstances.map(twoSided));
         for (const instance of component.meshInstances) {
             instance.material = proxyMaterial(proxy, instance.material);
             relighting.configureMaterial(instance.material);
@@ -121,6 +123,17 @@ async function addProxy(app, proxy, relighting) {
     }
     place(entity, proxy);
     app.root.addChild(entity);
+}
+
+// The engine culls back faces in shadow maps too, so that a wall which turns its back to a light casts no shadow. This
+// copy is drawn into shadow maps alone, from both sides.
+function twoSided(instance) {
+    const material = new pc.StandardMaterial();
+    material.cull = pc.CULLFACE_NONE;
+    material.update();
+    const caster = new pc.MeshInstance(instance.mesh, material, instance.node);
+    caster.castShadow = true;
+    return caster;
 }
 
 // A matt material: gray (or `diffuse`, display-encoded), or the file's own colours where `ownColors` is set.

@@ -199,7 +199,7 @@ def tube(
     turn = angle[None, :] - np.linspace(0, rest, len(p))[:, None]
     r = np.broadcast_to(np.asarray(radius, dtype=np.float64), (len(p),))[:, None, None]
     ring = r * (np.cos(turn)[..., None] * side[:, None] + np.sin(turn)[..., None] * other[:, None])
-    return sheet(p[:, None] + ring, material, solid=solid)
+    return sheet(p[:, None] + ring, material, flip=True, solid=solid)
 
 
 def leaves(

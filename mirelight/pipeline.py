@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from mirelight import engine_lights, provenance, relight
 from mirelight.errors import InputError
-from mirelight.model import Camera, Frame, Job, Lighting, LightingBuffer, SplatLayer
+from mirelight.model import Camera, Frame, Job, Lighting, LightingBuffer, ProxyMesh, SplatLayer
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -115,6 +115,10 @@ def warnings(job: Job, tasks: Sequence[FrameTask]) -> tuple[str, ...]:
         told += [("camera", engine_lights.camera_warnings(x)) for x in cameras.values()]
         if job.scene.proxy is not None:
             told += [(x.name, engine_lights.to_engine(x, job.scene.proxy)[1]) for x in lightings.values()]
+    if job.scene.albedo_from_splats and not job.colors_proxy:
+        told.append(
+            ("proxy.albedo", ("the splats' colours are used in mode 'ratio' with path-traced light; gray here",))
+        )
     return tuple(dict.fromkeys(f"{where}: {line}" for where, lines in told for line in lines))
 
 
@@ -206,6 +210,22 @@ def render(
     return RenderSummary(rendered=rendered, skipped=skipped)
 
 
+def lit_proxy(job: Job) -> ProxyMesh:
+    """The job's proxy as its frames are lit on it: with the splats' colours where `Job.colors_proxy` says so.
+
+    Raises:
+        RenderError: no splat lies on the proxy.
+        BackendError: the splats' colours are wanted, and the variant cannot find them or cannot be used.
+    """
+    scene = job.scene
+    assert scene.proxy is not None, "plan() refuses lights without a proxy"
+    if not job.colors_proxy or scene.splats is None or scene.captured is None:
+        return scene.proxy
+    from mirelight.lighting import colored_by
+
+    return colored_by(scene.splats, scene.proxy, scene.captured, job.render)
+
+
 class _Studio:
     """What all frames of a job share, made when first needed: the splats and the proxy on the compute device."""
 
@@ -235,11 +255,12 @@ class _Studio:
         if self._tracer is None:
             from mirelight.lighting import tracer
 
-            proxy = self.job.scene.proxy
-            assert proxy is not None, "plan() refuses lights without a proxy"
             output = self.job.output
             self._tracer = tracer(
-                proxy, self.job.render, layers=output.exr and output.layers, aovs=output.exr and output.aovs
+                lit_proxy(self.job),
+                self.job.render,
+                layers=output.exr and output.layers,
+                aovs=output.exr and output.aovs,
             )
         return self._tracer.trace(lighting, camera, progress=progress)
 

@@ -42,6 +42,7 @@ def pixel_settings(job: Job) -> dict[str, Any]:
     return {
         "render": render,
         "compositor": compositor,
+        "proxy": {"albedo_from_splats": job.colors_proxy},
         "relight": asdict(job.relight),
         "display": asdict(job.display),
         "output": output,

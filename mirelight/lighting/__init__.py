@@ -5,8 +5,9 @@ Path-traced in the profile `physical`, by the real-time engine's own light model
 
 from __future__ import annotations
 
+from mirelight.lighting.albedo import colored_by
 from mirelight.lighting.engine import EngineTracer
 from mirelight.lighting.profiles import trace, tracer
 from mirelight.lighting.trace import Interrupted, Progress, Tracer
 
-__all__ = ["EngineTracer", "Interrupted", "Progress", "Tracer", "trace", "tracer"]
+__all__ = ["EngineTracer", "Interrupted", "Progress", "Tracer", "colored_by", "trace", "tracer"]

@@ -106,3 +106,4 @@ class Scene:
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()
     captured: Lighting | None = None  # the lighting under which the splats were captured, where known
+    albedo_from_splats: bool = False  # the proxy takes the splats' colours, wherever Job.colors_proxy says so

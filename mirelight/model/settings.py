@@ -93,3 +93,14 @@ class Job:
     display: DisplaySettings = DisplaySettings()
     output: OutputSettings = OutputSettings()
     inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex
+
+    @property
+    def colors_proxy(self) -> bool:
+        """True where frames are lit on a proxy with the splats' colours: asked for, and of use.
+
+        It is of use to a ratio alone. The tint multiplies splats that have their own albedo by a gray proxy's light, as
+        the real-time engine does, and that engine's light model reflects nothing from surface to surface.
+        """
+        scene = self.scene
+        there = scene.splats is not None and scene.captured is not None
+        return scene.albedo_from_splats and there and self.relight.mode == "ratio" and self.render.profile == "physical"

@@ -71,6 +71,7 @@ def make_job(**changed: Any) -> Job:
         "cameras": (camera("front"), camera("side", 1.0)),
         "lightings": (sun("day", 3.0), sun("night", 0.1)),
         "captured": sun("captured", 2.0),
+        "albedo_from_splats": False,
     }
     scene |= {k: changed.pop(k) for k in list(changed) if k in scene}
     fields: dict[str, Any] = {"source": Path("job.toml"), "relight": RelightSettings(mode="ratio"), **changed}
@@ -220,6 +221,7 @@ RELEVANT: dict[str, dict[str, Any]] = {
     "a splat moved": {"splats": replace(cloud(), means=np.full((2, 3), 1e-6))},
     "the proxy moved": {"proxy": moved(triangle())},
     "the proxy's albedo": {"proxy": replace(triangle(), albedo=np.full(3, 0.4))},
+    "the splats' colours on the proxy": {"albedo_from_splats": True},
     "a material": {"proxy": replace(triangle(), materials=(Material(base_color=np.array([1, 0, 0])),))},
     "the camera": {"cameras": (camera("front", 1e-6),)},
     "a light": {"lightings": (sun("day", 3.0000001),)},
@@ -257,6 +259,26 @@ def test_the_fingerprint_stays_with_all_else(changed: dict[str, Any]) -> None:
 def test_captured_light_is_irrelevant_to_a_tint() -> None:
     tint = {"relight": RelightSettings(mode="tint")}
     assert fingerprint(**tint) == fingerprint(**tint, captured=sun("captured", 9.0))
+
+
+@pytest.mark.parametrize(
+    "unused",
+    [
+        {"relight": RelightSettings(mode="tint")},
+        {"render": RenderSettings(profile="playcanvas")},
+        {"splats": None},
+    ],
+    ids=["tint", "the engine's light", "no splats"],
+)
+def test_the_proxy_takes_colours_only_where_they_are_of_use(unused: dict[str, Any]) -> None:
+    """Elsewhere it stays gray, the same frames come out, and a warning says so."""
+    plain, asked = make_job(**unused), make_job(**unused, albedo_from_splats=True)
+    assert pipeline.lit_proxy(asked) is asked.scene.proxy
+    assert pipeline.plan(asked)[0].fingerprint == pipeline.plan(plain)[0].fingerprint
+    told = set(pipeline.warnings(asked, pipeline.plan(asked))) - set(pipeline.warnings(plain, pipeline.plan(plain)))
+    assert told == {"proxy.albedo: the splats' colours are used in mode 'ratio' with path-traced light; gray here"}
+    used = make_job(albedo_from_splats=True)
+    assert not any("proxy.albedo" in line for line in pipeline.warnings(used, pipeline.plan(used)))
 
 
 def test_the_fingerprint_changes_with_versions(monkeypatch: pytest.MonkeyPatch) -> None:

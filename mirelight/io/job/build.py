@@ -58,7 +58,13 @@ class Assets:
         found = mesh.read_mesh(self.path(table.path), textures=table.albedo == "file")
         m = placing.matrix(table.transform)
         found = found if placing.is_identity(m) else mesh.transform(found, m)
-        return replace(found, albedo=None if table.albedo == "file" else np.asarray(table.albedo))
+        match table.albedo:
+            case "file":
+                return replace(found, albedo=None)
+            case "splats":
+                return found  # gray until it is lit: Scene.albedo_from_splats
+            case albedo:
+                return replace(found, albedo=np.asarray(albedo))
 
     def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
         """See :class:`lighting.LightFiles`."""
@@ -110,7 +116,14 @@ def build(source: Source, table: JobTable) -> Job:
     source.refuse(wrong)
     return Job(
         source=source.path,
-        scene=Scene(splats=splats, proxy=proxy, cameras=found, lightings=lightings, captured=captured),
+        scene=Scene(
+            splats=splats,
+            proxy=proxy,
+            cameras=found,
+            lightings=lightings,
+            captured=captured,
+            albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
+        ),
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
         compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
         relight=relight_settings(table),

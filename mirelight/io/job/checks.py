@@ -24,6 +24,7 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
         *_doubled_lights(data),
         *_needs_proxy(data),
         *_ratio(data),
+        *_albedo_from_splats(data),
     ]
 
 
@@ -103,6 +104,20 @@ def _ratio(data: dict[str, Any]) -> Iterator[Mistake]:
     if isinstance(relight, dict) and relight.get("mode") == "ratio" and "captured" not in data:
         remedy = 'add captured, the lighting that the splats were captured under, or use "tint"'
         yield Mistake(("relight", "mode"), "'ratio' needs the captured lighting", remedy)
+
+
+def _albedo_from_splats(data: dict[str, Any]) -> Iterator[Mistake]:
+    proxy, render = data.get("proxy"), data.get("render")
+    if not isinstance(proxy, dict) or proxy.get("albedo") != "splats":
+        return
+    where: Path = ("proxy", "albedo")
+    if "splats" not in data:
+        yield Mistake(where, "'splats', but the job has none", "name splats, or give a number")
+    elif "captured" not in data:
+        remedy = "add captured, the lighting that the splats were captured under, or give a number"
+        yield Mistake(where, "'splats' needs the captured lighting", remedy)
+    if isinstance(render, dict) and render.get("variant") == "scalar_rgb":
+        yield Mistake(where, "'splats' with the variant scalar_rgb", "use llvm_ad_rgb or cuda_ad_rgb, or give a number")
 
 
 def _entries(data: dict[str, Any], key: str) -> list[Any]:

@@ -78,12 +78,12 @@ class SplatsTable(Table):
 
 def _albedo(value: Any) -> Any:
     if isinstance(value, str):
-        if value != "file":
-            raise wrong(shown(value), 'give a number, [r, g, b] or "file"')
+        if value not in ("file", "splats"):
+            raise wrong(shown(value), 'give a number, [r, g, b], "file" or "splats"')
         return value
     values = value if isinstance(value, list) else [value] * 3
     if len(values) != 3 or any(isinstance(v, bool) or not isinstance(v, int | float) for v in values):
-        raise wrong(shown(value), 'give a number, [r, g, b] or "file"')
+        raise wrong(shown(value), 'give a number, [r, g, b], "file" or "splats"')
     if not all(0 <= v <= 1 for v in values):
         raise wrong(f"an albedo of {shown(value)}", "give values from 0 to 1")
     return [float(v) for v in values]
@@ -91,10 +91,16 @@ def _albedo(value: Any) -> Any:
 
 _SHARE = {"type": "number", "minimum": 0, "maximum": 1}
 Albedo: TypeAlias = Annotated[
-    list[float] | Literal["file"],
+    list[float] | Literal["file", "splats"],
     BeforeValidator(_albedo),
     WithJsonSchema(
-        {"anyOf": [_SHARE, {"type": "array", "items": _SHARE, "minItems": 3, "maxItems": 3}, {"const": "file"}]}
+        {
+            "anyOf": [
+                _SHARE,
+                {"type": "array", "items": _SHARE, "minItems": 3, "maxItems": 3},
+                {"enum": ["file", "splats"]},
+            ]
+        }
     ),
 ]
 
@@ -112,7 +118,8 @@ class ProxyTable(Table):
     transform: Transform = Field(default=Transform(), description="Places the mesh, and its file's lights and cameras.")
     albedo: Albedo = Field(
         default=[0.5, 0.5, 0.5],
-        description='Diffuse reflectance: a number, linear [r, g, b], or "file" for the file\'s own base colours.',
+        description='Diffuse reflectance: a number, linear [r, g, b], "file" for the file\'s own base colours, or '
+        '"splats" to estimate it from the splats and the captured light (mode ratio).',
     )
 
 

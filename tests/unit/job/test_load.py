@@ -185,6 +185,16 @@ proxy = { path = "proxy.glb", transform = { rotation_quaternion = [2, 0, 0, 2] }
     assert placed.proxy.albedo is not None and placed.proxy.albedo.tolist() == [0.1, 0.2, 0.3]
 
 
+def test_albedo_of_the_splats(write_job: WriteJob) -> None:
+    """Gray in the file's place, until the pipeline colours it."""
+    lines = 'splats = "splats.ply"\nproxy = { path = "proxy.glb", albedo = "splats" }\n'
+    loaded = job.load(write_job(lines + "captured = { environment = { radiance = 1 } }\n"))
+    assert loaded.scene.albedo_from_splats and loaded.colors_proxy
+    assert loaded.scene.proxy is not None and loaded.scene.proxy.albedo is not None
+    assert loaded.scene.proxy.albedo.tolist() == [0.5, 0.5, 0.5]
+    assert not job.load(write_job('proxy = "proxy.glb"')).scene.albedo_from_splats
+
+
 def test_albedo_of_the_file(write_job: WriteJob) -> None:
     loaded = job.load(write_job('proxy = { path = "proxy.glb", albedo = "file" }'))
     assert loaded.scene.proxy is not None and loaded.scene.proxy.albedo is None

@@ -45,6 +45,29 @@ def test_one_mistake_is_an_input_error_with_its_parts(write_job: WriteJob) -> No
     assert error.remedy == "give a number of at least 1"
 
 
+@pytest.mark.parametrize(
+    ("splats", "albedo", "rest", "expected"),
+    [
+        (True, "splats", "", "'splats' needs the captured lighting; add captured, the lighting that the splats were"),
+        (False, "splats", "", "'splats', but the job has none; name splats, or give a number"),
+        (True, "splat", "", '\'splat\'; give a number, [r, g, b], "file" or "splats"'),
+        (
+            True,
+            "splats",
+            'captured = { environment = { radiance = 1 } }\nrender = { variant = "scalar_rgb" }\n',
+            "'splats' with the variant scalar_rgb; use llvm_ad_rgb or cuda_ad_rgb, or give a number",
+        ),
+    ],
+)
+def test_an_albedo_that_cannot_be_had(
+    complaints: Complaints, splats: bool, albedo: str, rest: str, expected: str
+) -> None:
+    first = 'splats = "splats.ply"\n' if splats else 'lights_from = "proxy"\n'
+    found = complaints(f'{first}proxy = {{ path = "proxy.glb", albedo = "{albedo}" }}\n{rest}')
+    assert len(found) == 1
+    assert found[0].startswith(f"job.toml:2:40: proxy.albedo: {expected}")
+
+
 CASES = {
     name: (lines, expected)
     for name, lines, expected in re.findall(

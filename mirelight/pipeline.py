@@ -114,7 +114,10 @@ def warnings(job: Job, tasks: Sequence[FrameTask]) -> tuple[str, ...]:
         cameras = {id(task.camera): task.camera for task in tasks}
         told += [("camera", engine_lights.camera_warnings(x)) for x in cameras.values()]
         if job.scene.proxy is not None:
-            told += [(x.name, engine_lights.to_engine(x, job.scene.proxy)[1]) for x in lightings.values()]
+            from mirelight.lighting.sunsky import resolved
+
+            known = [resolved(x, job.render.variant) for x in lightings.values()]
+            told += [(x.name, engine_lights.to_engine(x, job.scene.proxy)[1]) for x in known]
     if job.scene.albedo_from_splats and not job.colors_proxy:
         told.append(
             ("proxy.albedo", ("the splats' colours are used in mode 'ratio' with path-traced light; gray here",))

@@ -23,6 +23,7 @@ from mirelight.errors import InputError, RenderError
 from mirelight.lighting import Tracer
 from mirelight.lighting.engine.raster import rasterise
 from mirelight.lighting.layers import Layers
+from mirelight.lighting.sunsky import resolved
 from mirelight.lighting.visibility import ShadowRays
 from mirelight.model import (
     F32,
@@ -63,6 +64,7 @@ def explain(
         BackendError: the variant cannot be used on this machine.
     """
     splats, proxy = require(job, camera)
+    lighting = resolved(lighting, job.render.variant)
     return _Builder(job, splats, proxy, camera, lighting, engine, say).build()
 
 

@@ -154,7 +154,7 @@ class Lighting:
     name: str = "lighting"
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
-    sky: SkyModel | None = None  # instead of an environment; `lighting.sky.resolved` turns it into a sun and a map
+    sky: SkyModel | None = None  # instead of an environment; `lighting.sunsky.resolved` makes a sun and a map of it
 
     @property
     def layer_names(self) -> tuple[str, ...]:

@@ -53,7 +53,7 @@ class FrameInProgress:
         self.samples = np.zeros(camera.width * camera.height, np.int64)
         self._surface, self._sky, self._view = surface, sky, view or View(camera)
         self._film = Film(len(self.samples), layers, aovs=aovs, parts=settings.denoise)
-        lists, shares = grid.build(lighting.lights, surface.bounds), sun_shares(lighting)
+        lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
         self._sun = bool(shares.any())
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
@@ -134,11 +134,11 @@ class FrameInProgress:
 
 
 def batch_size(spp: int) -> int:
-    """Samples that the variance takes as one: a power of two that divides `spp`, and leaves at least eight batches.
+    """Samples that the variance takes as one: a power of two that divides `spp`, and leaves at least four batches.
 
     The points of one batch are spread over the pixel as those of the whole are, so larger batches overstate less.
     """
     size = 1
-    while size < PASS and spp % (2 * size) == 0 and spp >= 16 * size:
+    while size < PASS and spp % (2 * size) == 0 and spp >= 8 * size:
         size *= 2
     return size

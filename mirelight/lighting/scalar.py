@@ -11,6 +11,7 @@ import numpy as np
 from mirelight import backend
 from mirelight.lighting import oracle
 from mirelight.lighting.layers import Layers
+from mirelight.lighting.materials import is_emissive
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings
 
 
@@ -19,7 +20,8 @@ def trace_scalar(
 ) -> LightingBuffer:
     """As `Tracer.trace`, by `path`: each layer twice, with and without bounces, exactly `spp` samples each.
 
-    Unlike there, surfaces glow from their front alone and area lights block light.
+    Unlike there, surfaces glow from their front alone and area lights block light; variance, sun visibility and
+    ambient occlusion are missing.
 
     Raises:
         RenderError: a light that Mitsuba has no equal of (a lamp with both a radius and a cone or range).
@@ -27,7 +29,8 @@ def trace_scalar(
     mi = backend.mitsuba(settings.variant, settings.threads)
     dull = replace(proxy, materials=tuple(replace(m, emissive=np.zeros(3)) for m in proxy.materials))
     made: list[LightLayer] = []
-    for name, body, source in _sources(proxy, dull, lighting, layers):
+    apart = layers if layers.separate else Layers.of(lighting, emissive=is_emissive(proxy))
+    for name, body, source in _sources(proxy, dull, lighting, apart):
         world = oracle.scene(mi, body, source, camera)
         direct, total = (
             oracle.path_beauty(
@@ -42,7 +45,7 @@ def trace_scalar(
     return LightingBuffer(
         camera=camera,
         coverage=coverage,
-        layers=tuple(made),
+        layers=tuple(made) if layers.separate else (_together(layers.names[0], made, camera),),
         depth=np.where(coverage > 0, depth, 0),
         position=position,
         normal=_turned(normal, to_viewer),
@@ -52,13 +55,17 @@ def trace_scalar(
     )
 
 
+def _together(name: str, layers: list[LightLayer], camera: Camera) -> LightLayer:
+    black = np.zeros((camera.height, camera.width, 3), np.float32)
+    return LightLayer(
+        name=name, direct=sum((x.direct for x in layers), black), indirect=sum((x.indirect for x in layers), black)
+    )
+
+
 def _sources(
     proxy: ProxyMesh, dull: ProxyMesh, lighting: Lighting, layers: Layers
 ) -> Iterator[tuple[str, ProxyMesh, Lighting]]:
     """(layer, the mesh, what alone lights it)."""
-    if not layers.separate:
-        yield layers.names[0], proxy, lighting
-        return
     of_light = layers.of_light[: len(lighting.lights)]
     for index, name in enumerate(layers.names):
         lights = tuple(x for x, layer in zip(lighting.lights, of_light, strict=True) if layer == index)

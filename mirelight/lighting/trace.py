@@ -19,6 +19,7 @@ from mirelight.lighting.sunsky import resolved
 from mirelight.model import F32, F64, I32, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
+    from mirelight.lighting.denoise import Parts
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.surface import Surface
 
@@ -82,20 +83,26 @@ class Tracer:
         if self._surface is None:
             from mirelight.lighting.scalar import trace_scalar
 
-            return trace_scalar(self._proxy, lighting, camera, self.settings, layers)
-        settings = _with_pilot(self.settings)
-        sky = self._sky_of(lighting.environment)
-        frame = FrameInProgress(self._surface, sky, lighting, camera, layers, settings, aovs=self._aovs)
-        try:
-            _sample(frame, settings, progress or _ignore)
-        except KeyboardInterrupt:
-            raise Interrupted(frame.develop() if frame.samples.any() else None) from None
-        if not settings.denoise:
-            return frame.develop()
+            buffer, parts = trace_scalar(self._proxy, lighting, camera, self.settings, layers), None
+        else:
+            buffer, parts = self._sampled(self._surface, lighting, camera, layers, progress or _ignore)
+        if not self.settings.denoise:
+            return buffer
         from mirelight.lighting.denoise import denoise
 
+        return denoise(buffer, parts, layers=self._layers)
+
+    def _sampled(
+        self, surface: Surface, lighting: Lighting, camera: Camera, layers: Layers, progress: Progress
+    ) -> tuple[LightingBuffer, Parts | None]:
+        settings, sky = _with_pilot(self.settings), self._sky_of(lighting.environment)
+        frame = FrameInProgress(surface, sky, lighting, camera, layers, settings, aovs=self._aovs)
+        try:
+            _sample(frame, settings, progress)
+        except KeyboardInterrupt:
+            raise Interrupted(frame.develop() if frame.samples.any() else None) from None
         parts = frame.parts()
-        return denoise(frame.develop(), parts, layers=self._layers)
+        return frame.develop(), parts
 
     def irradiance(self, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
         """Light that falls on points of the proxy from the side that their normals point to, direct and indirect.

@@ -1,7 +1,7 @@
 """Wavefront OBJ meshes with their materials, after Wavefront's "Object Files" and "Material Files" appendices.
 
-Read are v (with colours), vt, vn, f, usemtl, mtllib; of materials Kd, Ke and map_Kd. Polygons become fans. Lines,
-points, curves, groups and smoothing groups are passed over.
+Read are v (with colours), vt, vn, f, usemtl, mtllib; of materials Kd, Ke, map_Kd and map_Ke. Polygons become fans.
+Lines, points, curves, groups and smoothing groups are passed over.
 """
 
 from __future__ import annotations
@@ -89,7 +89,8 @@ def obj_neighbours(path: Path) -> tuple[Path, ...]:
     found: dict[Path, None] = {}
     for library in _library_files(path, text.libraries):
         found[library] = None
-        found |= {x: None for entry in _library_blocks(library).values() if (x := _texture_file(library, entry))}
+        for entries in _library_blocks(library).values():
+            found |= {x: None for kind in _TEXTURES if (x := _texture_file(library, entries, kind))}
     return tuple(x for x in found if x.is_file())
 
 
@@ -228,26 +229,38 @@ def _library_blocks(path: Path) -> dict[str, dict[str, tuple[int, str]]]:
     return blocks
 
 
-def _texture_file(path: Path, entries: dict[str, tuple[int, str]]) -> Path | None:
-    if "map_Kd" not in entries:
+_TEXTURES = ("map_Kd", "map_Ke")
+
+
+def _texture_file(path: Path, entries: dict[str, tuple[int, str]], kind: str) -> Path | None:
+    if kind not in entries:
         return None
-    number, file = entries["map_Kd"]
+    number, file = entries[kind]
     if file.startswith("-"):
-        raise InputError(path, "map_Kd with options", "apply them to the image", field=f"line {number}")
+        raise InputError(path, f"{kind} with options", "apply them to the image", field=f"line {number}")
     return contained(path.parent, file.replace("\\", "/"), path, f"line {number}")
 
 
+def _texture(path: Path, entries: dict[str, tuple[int, str]], kind: str) -> F32 | None:
+    target = _texture_file(path, entries, kind)
+    if target is None:
+        return None
+    if not target.is_file():
+        number, file = entries[kind]
+        raise InputError(path, f"the texture {file[:60]!r} is missing", field=f"line {number}")
+    with open_binary(target) as stream:
+        return decode_srgb_image(stream, target)
+
+
 def _material(path: Path, name: str, entries: dict[str, tuple[int, str]]) -> Material:
-    texture, target = None, _texture_file(path, entries)
-    if target is not None:
-        number, file = entries["map_Kd"]
-        if not target.is_file():
-            raise InputError(path, f"the texture {file[:60]!r} is missing", field=f"line {number}")
-        with open_binary(target) as stream:
-            texture = decode_srgb_image(stream, target)
-    base = np.ones(3) if texture is not None else _rgb(path, entries.get("Kd"), (1, 1, 1))
-    emissive = _rgb(path, entries.get("Ke"), (0, 0, 0))
-    return Material(name=name, base_color=base, base_color_texture=texture, emissive=emissive)
+    texture, glow = (_texture(path, entries, kind) for kind in _TEXTURES)
+    return Material(
+        name=name,
+        base_color=np.ones(3) if texture is not None else _rgb(path, entries.get("Kd"), (1, 1, 1)),
+        base_color_texture=texture,
+        emissive=_rgb(path, entries.get("Ke"), (0, 0, 0) if glow is None else (1, 1, 1)),
+        emissive_texture=glow,
+    )
 
 
 def _rgb(path: Path, entry: tuple[int, str] | None, default: Sequence[float]) -> NDArray[np.float64]:

@@ -87,6 +87,21 @@ def test_obj_with_materials(tmp_path: Path) -> None:
     assert all(m.base_color_texture is None for m in plain.materials)
 
 
+def test_obj_emission_and_its_texture(tmp_path: Path) -> None:
+    """map_Ke multiplies Ke, and stands for itself without it; every file is named for the fingerprint."""
+    (tmp_path / "a.obj").write_text(OBJ, encoding="utf-8")
+    library = "newmtl tiled\nKe 3 2 1\nmap_Ke tiles.png\nnewmtl plain\nmap_Ke tiles.png\n"
+    (tmp_path / "scene.mtl").write_text(library, encoding="utf-8")
+    pixels = np.random.default_rng(0).integers(0, 256, (4, 8, 3)).astype(np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "tiles.png")
+    materials = {m.name: m for m in read_mesh(tmp_path / "a.obj").materials}
+    assert [materials[name].emissive.tolist() for name in ("tiled", "plain")] == [[3, 2, 1], [1, 1, 1]]
+    for found in materials.values():
+        assert found.emissive_texture is not None and found.base_color_texture is None
+        assert np.array_equal(found.emissive_texture, colour.srgb_decode(pixels / np.float32(255)))
+    assert tmp_path / "tiles.png" in mesh_files(tmp_path / "a.obj")
+
+
 def test_obj_polygons_and_vertex_colours(tmp_path: Path) -> None:
     text = "v 0 0 0 1 0.5 0\nv 1 0 0 1 0.5 0\nv 1 1 0 1 0.5 0\nv 0 1 0 1 0.5 0\nf 1 2 3 4\n"
     (tmp_path / "a.obj").write_text(text, encoding="utf-8")

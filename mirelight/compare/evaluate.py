@@ -9,6 +9,7 @@ from mirelight.compare.display import Display
 from mirelight.compare.pictures import read_mask, read_picture
 from mirelight.compare.regions import regions
 from mirelight.compare.types import (
+    NOISE_MARGIN,
     Bool,
     CompareSettings,
     Comparison,
@@ -21,8 +22,6 @@ from mirelight.compare.types import (
 )
 from mirelight.errors import InputError
 from mirelight.model import F32
-
-_NOISE_MARGIN = 1.5  # a mean squared difference up to this multiple of the expected one is called noise
 
 
 def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
@@ -124,8 +123,8 @@ def _verdict(error: float, noise: float | None, relative: float | None, relative
         return "identical"
     if noise is None:
         return "unknown"
-    shown = error <= _NOISE_MARGIN * noise
-    linear = relative is None or relative_noise is None or relative <= _NOISE_MARGIN * relative_noise
+    shown = error <= NOISE_MARGIN * noise
+    linear = relative is None or relative_noise is None or relative <= NOISE_MARGIN * relative_noise
     return "noise" if shown and linear else "difference"
 
 

@@ -15,9 +15,9 @@ from types import MappingProxyType
 import numpy as np
 
 from mirelight.compare import metrics
-from mirelight.compare.types import CompareSettings
+from mirelight.compare.types import NOISE_MARGIN, CompareSettings
 from mirelight.io.atomic import atomic_path
-from mirelight.model import F32
+from mirelight.model import F32, F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +119,12 @@ class Rung:
     title: str  # what is shown, for a person
     change: str  # what differs from the rung before
     frame: F32  # (H, W, 3) display values 0..1
+    again: F32 | None = None  # the same by independent samples, where paths were traced
+
+    @property
+    def independent(self) -> F32:
+        """The frame by independent samples; itself where nothing was sampled."""
+        return self.frame if self.again is None else self.again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +138,17 @@ class Step:
     rms: float  # root mean square of the step itself, display values
     psnr: float  # dB, of the step itself
     flip: float  # mean FLIP between its two rungs
+    noise: float | None = None  # root mean square that the tracing's noise alone gives it; None: nothing was traced
+
+    @property
+    def noise_psnr(self) -> float | None:
+        """dB that the step would show if it were nothing but noise."""
+        return None if self.noise is None else metrics.psnr(self.noise**2)
+
+    @property
+    def within_noise(self) -> bool:
+        """The step is not larger than noise explains."""
+        return self.noise is not None and 0 < self.rms**2 <= NOISE_MARGIN * self.noise**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,18 +178,20 @@ class Ladder:
         energy = float(np.sum(whole * whole))
         out = []
         for k in range(1, len(frames)):
+            before, rung = self.rungs[k - 1], self.rungs[k]
             own = frames[k] - frames[k - 1]
             along = float(np.sum(own * whole))
             square = float(np.mean(own * own))
             out.append(
                 Step(
-                    name=self.rungs[k].name,
+                    name=rung.name,
                     share=along / energy if energy > 0 else 0.0,
                     squared=along / whole.size,
-                    brightness=_luma_change(self.rungs[k - 1].frame, self.rungs[k].frame),
+                    brightness=_luma_change(before.frame, rung.frame),
                     rms=square**0.5,
                     psnr=metrics.psnr(square),
-                    flip=_mean_flip(self.rungs[k - 1].frame, self.rungs[k].frame),
+                    flip=_mean_flip(before.frame, rung.frame),
+                    noise=None if rung.again is None else _noise(own, rung.independent, before.independent),
                 )
             )
         return tuple(out)
@@ -190,11 +209,20 @@ class Ladder:
             rms=square**0.5,
             psnr=metrics.psnr(square),
             flip=_mean_flip(first, last),
+            noise=None if self.rungs[-1].again is None else _noise(last - first, self.rungs[-1].independent, first),
         )
 
 
 def _luma_change(before: F32, after: F32) -> float:
     return float(np.mean(metrics.luma(after).astype(np.float64) - metrics.luma(before)))
+
+
+def _noise(step: F64 | F32, after: F32, before: F32) -> float:
+    """Root mean square of a step's noise, from the same step by independent samples: half of their squared difference.
+
+    What both rungs have in common drops out, as it does in the step itself.
+    """
+    return float(np.sqrt(np.mean((step - (after.astype(np.float64) - before)) ** 2) / 2))
 
 
 def _mean_flip(reference: F32, test: F32) -> float:
@@ -206,19 +234,20 @@ def _mean_flip(reference: F32, test: F32) -> float:
 
 def summary(ladder: Ladder) -> str:
     """A table in plain text, in the ladder's order."""
-    rows: list[Sequence[str]] = [("", "cause", "share", "brightness", "PSNR", "FLIP")]
+    rows: list[Sequence[str]] = [("", "cause", "share", "brightness", "PSNR", "noise", "FLIP", "")]
     for k, step in enumerate((*ladder.steps, ladder.whole)):
         title = CAUSES[step.name].title if step.name else "all together"
         number = str(k + 1) if step.name else ""
-        psnr = f"{step.psnr:.1f}"
-        rows.append((number, title, f"{step.share:+.1%}", f"{step.brightness * 255:+.2f}", psnr, f"{step.flip:.4f}"))
+        noise = "-" if step.noise_psnr is None else f"{step.noise_psnr:.1f}"
+        figures = (f"{step.share:+.1%}", f"{step.brightness * 255:+.2f}", f"{step.psnr:.1f}", noise, f"{step.flip:.4f}")
+        rows.append((number, title, *figures, "noise" if step.within_noise else ""))
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     left = 2  # the number and the title are text
     return "\n".join(
         "  ".join(
             cell.ljust(width) if k < left else cell.rjust(width)
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
+        ).rstrip()
         for row in rows
     )
 
@@ -234,7 +263,8 @@ def write_json(path: Path, ladder: Ladder) -> None:
     from dataclasses import asdict
 
     def figures(step: Step) -> dict[str, object]:
-        return {k: None if isinstance(v, float) and math.isinf(v) else v for k, v in asdict(step).items()}
+        every = {**asdict(step), "noise_psnr": step.noise_psnr, "within_noise": step.within_noise}
+        return {k: None if isinstance(v, float) and math.isinf(v) else v for k, v in every.items()}
 
     table = {
         "name": ladder.name,

@@ -41,6 +41,7 @@ from mirelight.model import (
 from mirelight.realtime.engine import VERSION
 
 Say = Callable[[str], None]
+_ANOTHER_SEED = 0x5EED  # added to the job's, for samples that are independent of its own
 
 
 def explain(
@@ -112,29 +113,40 @@ class _Builder:
     say: Say
     rungs: list[Rung] = field(default_factory=list)
     absent: list[tuple[str, str]] = field(default_factory=list)
+    composites: dict[CompositorSettings, SplatLayer] = field(default_factory=dict)
 
     def build(self) -> Ladder:
-        self.say("tracing")
-        lights, warnings = to_engine(self.lighting, self.proxy)
-        tracer = Tracer(self.proxy, replace(self.job.render, profile="physical"))
-        traced = tracer.trace(self.lighting, self.camera)
         self.say("real-time frame")
+        lights, warnings = to_engine(self.lighting, self.proxy)
         recipe = self._engine_side(lights)
         self.say("lighting")
         recipe = self._punctual(recipe, lights)
-        recipe = self._traced(recipe, traced)
-        self.say("splats")
-        recipe = self._splat_side(recipe)
-        self._relight_mode(recipe, traced, tracer)
+        untraced, parts = len(self.rungs), self.parts
+        self._physical_side(recipe, self.job.render.seed)
+        self.say("noise")
+        again = replace(self, rungs=[], absent=[])  # the same once more with independent samples
+        again.full, again.parts = self.full, parts
+        again._physical_side(recipe, self.job.render.seed + _ANOTHER_SEED)
+        traced = (replace(x, again=y.frame) for x, y in zip(self.rungs[untraced:], again.rungs, strict=True))
         really = self.engine is not None
         return Ladder(
             name=f"{self.camera.name}.{self.lighting.name}",
-            rungs=tuple(self.rungs),
+            rungs=(*self.rungs[:untraced], *traced),
             absent=tuple(self.absent),
             engine=f"PlayCanvas {VERSION}" if really else f"mirelight's prediction of PlayCanvas {VERSION}",
             really_rendered=really,
             warnings=self.engine.frames.warnings if self.engine is not None else warnings,
         )
+
+    def _physical_side(self, recipe: _Recipe, seed: int) -> None:
+        """From points and one sample a pixel to the physical frame, by paths of that seed."""
+        self.say("tracing")
+        tracer = Tracer(self.proxy, replace(self.job.render, profile="physical", seed=seed))
+        traced = tracer.trace(self.lighting, self.camera)
+        recipe = self._traced(recipe, traced)
+        self.say("splats")
+        recipe = self._splat_side(recipe)
+        self._relight_mode(recipe, traced, tracer)
 
     # --- from the engine's frame to mirelight's model of it ---
 
@@ -224,15 +236,14 @@ class _Builder:
     def _traced(self, recipe: _Recipe, traced: LightingBuffer) -> _Recipe:
         """Causes that only paths show: blocked sky, light sizes, indirect light, covered shares of pixels."""
         layers = Layers.of(self.lighting, emissive=False)
-        environment = layers.environment if self.lighting.environment is not None else -1
-        count = 1 if self.lighting.lights and layers.of_light.max() == 0 else len(self.lighting.lights)
         direct = [x.direct for x in traced.layers]
-        if environment >= 0:
-            self.parts = (self.parts[0], self._own(direct[environment], traced, self.parts[1]))
+        if self.lighting.environment is not None:
+            self.parts = (self.parts[0], self._own(direct[layers.environment], traced, self.parts[1]))
             recipe = replace(recipe, light=self._sum())
             self._add("occlusion", recipe)
         if self.lighting.lights:
-            lit = np.asarray(np.sum(direct[:count], axis=0), dtype=np.float32)
+            lamps = np.unique(layers.of_light[: len(self.lighting.lights)])
+            lit = np.asarray(np.sum([direct[k] for k in lamps], axis=0), dtype=np.float32)
             self.parts = (self._own(lit, traced, self.parts[0]), self.parts[1])
             recipe = replace(recipe, light=self._sum())
             self._add("size", recipe)
@@ -324,6 +335,11 @@ class _Builder:
 
     def _composite(self, settings: CompositorSettings) -> SplatLayer:
         """A composite. A bare exposure of the engine is applied here: the compositor has it within curves only."""
+        if settings not in self.composites:
+            self.composites[settings] = self._made(settings)
+        return self.composites[settings]
+
+    def _made(self, settings: CompositorSettings) -> SplatLayer:
         render = self.job.render
         layer = Compositor(self.splats, settings, variant=render.variant, threads=render.threads).composite(
             self.camera, depth=False

@@ -126,6 +126,7 @@ def _table(ladder: Ladder) -> str:
             ("", "share, as a bar"),
             ("brightness", "mean change in 8-bit levels; adds up as well"),
             ("PSNR", "of this step alone: between the frames before and after it"),
+            ("noise", "PSNR that the tracing's noise alone would give this step; a dash: nothing in it is sampled"),
             ("FLIP", "of this step alone: visible difference, 0 to 1"),
         )
     )
@@ -150,7 +151,8 @@ def _cells(step: Step, bar: str) -> str:
     return (
         f'<td data-figure="share">{_share(step.share)}</td><td class="share">{bar}</td>'
         f'<td data-figure="brightness">{_signed(step.brightness * 255, 2)}</td>'
-        f'<td data-figure="psnr">{_db(step.psnr)}</td><td data-figure="flip">{step.flip:.4f}</td>'
+        f'<td data-figure="psnr">{_db(step.psnr)}</td><td data-figure="noise">{_noise(step)}</td>'
+        f'<td data-figure="flip">{step.flip:.4f}</td>'
     )
 
 
@@ -176,7 +178,7 @@ def _section(ladder: Ladder, index: int, step: Step) -> str:
 <h2>{index}. {title}</h2>
 <p>{escape(rung.change)}</p>
 <p class="numbers">{_share(step.share)} of the difference · brightness {_signed(step.brightness * 255, 2)} levels ·
-this step alone: PSNR {_db(step.psnr)}, FLIP {step.flip:.4f}
+this step alone: PSNR {_db(step.psnr)}, FLIP {step.flip:.4f}{_verdict(step)}
 <button data-rung="{index}">before and after</button></p>
 <div class="maps">
 <figure><img id="rung-{index}" src="{figures.picture(rung.frame)}" alt="{after}: {title}">
@@ -207,6 +209,19 @@ def _list(title: str, lines: tuple[str, ...] | list[str]) -> str:
         return ""
     items = "".join(f"<li>{escape(line)}</li>" for line in lines)
     return f'<h2>{title}</h2><ul class="absent">{items}</ul>'
+
+
+def _noise(step: Step) -> str:
+    if step.noise_psnr is None:
+        return "–"
+    text = _db(step.noise_psnr)
+    return f'<strong class="noise">{text}: noise</strong>' if step.within_noise else text
+
+
+def _verdict(step: Step) -> str:
+    if step.within_noise:
+        return ' · <strong class="noise">not more than noise; more samples would tell</strong>'
+    return "" if step.noise_psnr is None else f" · its noise: {_db(step.noise_psnr)}"
 
 
 def _share(value: float) -> str:

@@ -16,6 +16,8 @@ Bool = NDArray[np.bool_]
 RegionName = Literal["all", "covered", "silhouette"]
 Verdict = Literal["identical", "noise", "difference", "unknown"]
 
+NOISE_MARGIN = 1.5  # a mean squared difference up to this multiple of the expected one is called noise
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:

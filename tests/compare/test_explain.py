@@ -270,6 +270,36 @@ def test_nothing_is_blamed_where_both_agree() -> None:
     assert all(s.psnr > 45 for s in ladder.steps)
 
 
+def gradient(job: Job) -> Job:
+    """The job under a sky that brightens upwards, so that sampling it is noisy."""
+    rows = np.linspace(2, 0, 32, dtype=np.float32)[:, None, None]
+    sky = Environment(radiance=np.broadcast_to(rows, (32, 64, 3)))
+    return replace(job, scene=replace(job.scene, lightings=(Lighting(name="made", environment=sky),)))
+
+
+def test_a_steps_noise_is_what_other_seeds_show() -> None:
+    job = gradient(make_job(wall(), SIDE, render={"spp": 8, "max_depth": 2}))
+    ladders = [ladder_of(replace(job, render=replace(job.render, seed=seed))) for seed in range(4)]
+    for name in ("occlusion", "indirect"):
+        index = next(k for k, rung in enumerate(ladders[0].rungs) if rung.name == name)
+        steps = np.array([x.rungs[index].frame.astype(np.float64) - x.rungs[index - 1].frame for x in ladders])
+        spread = np.sqrt(np.mean(np.var(steps, axis=0, ddof=1)))
+        told = np.array([step.noise for x in ladders for step in x.steps if step.name == name], dtype=np.float64)
+        np.testing.assert_allclose(told, spread, rtol=0.1)
+        assert spread > 1e-3
+    assert all(step.noise is None for step in ladders[0].steps if step.name in ("float", "buffer", "prefilter"))
+
+
+def test_a_step_that_is_only_noise_is_called_so() -> None:
+    """Nothing blocks the sky before a single wall: what that step shows is the tracing's noise."""
+    open_sky = {s.name: s for s in ladder_of(gradient(make_job(wall(), render={"spp": 4}))).steps}
+    assert open_sky["occlusion"].within_noise
+    walled = {s.name: s for s in ladder_of(gradient(make_job(wall(), SIDE, render={"spp": 64}))).steps}
+    assert not walled["occlusion"].within_noise
+    assert walled["occlusion"].noise_psnr is not None
+    assert walled["occlusion"].noise_psnr > walled["occlusion"].psnr + 6
+
+
 def test_the_linear_pipeline_has_its_own_cause() -> None:
     job = make_job(
         wall(),

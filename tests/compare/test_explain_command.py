@@ -78,6 +78,10 @@ def test_the_ladder_starts_at_the_engines_own_frame(explained: Path) -> None:
     assert {"float", "model", "buffer", "shadows", "scale", "units", "size", "indirect", "tint"} <= set(steps)
     np.testing.assert_array_equal(pixels(explained / "00-engine.png"), pixels(explained / "engine" / "frame.png"))
     assert steps["model"]["psnr"] > 60  # what mirelight's model of the engine misses, shadow maps included
+    assert steps["shadows"]["noise_psnr"] is None
+    for name in ("size", "indirect", "coverage", "tint"):
+        assert steps[name]["noise_psnr"] > 30
+        assert steps[name]["within_noise"] == (steps[name]["rms"] ** 2 <= 1.5 * steps[name]["noise"] ** 2)
     assert sum(s["share"] for s in found["steps"]) == pytest.approx(1, abs=1e-9)
     assert sum(s["squared"] for s in found["steps"]) == pytest.approx(found["whole"]["squared"])
     pictures = sorted(p.name for p in explained.glob("*.png"))
@@ -95,6 +99,10 @@ def test_the_report_shows_every_rung(page: Any, explained: Path) -> None:
     shown = page.run("[...document.querySelectorAll('[data-step] [data-figure=share]')].map(x => x.innerText)")
     for text, step in zip(shown, found["steps"], strict=True):
         assert float(text.replace("−", "-").removesuffix(" %")) == pytest.approx(100 * step["share"], abs=0.051)
+    noise = page.run("[...document.querySelectorAll('[data-step] [data-figure=noise]')].map(x => x.innerText)")
+    for text, step in zip(noise, found["steps"], strict=True):
+        assert (text == "–") == (step["noise"] is None)
+        assert text.endswith("noise") == step["within_noise"]
     total = page.run("document.querySelector('tfoot [data-figure=share]').innerText")
     assert total == "+100.0 %"
     sizes = page.run("[...document.images].map(x => [x.naturalWidth, x.naturalHeight])")

@@ -15,6 +15,7 @@ from mirelight.lighting.lights import ALL_LIGHTS
 from mirelight.model import F64, Light, PointLight, SpotLight
 
 FEW = 6  # lights a list to aim for: shorter lists no longer pay
+FEWER = (ALL_LIGHTS, 4, 1)  # picks where all at every hit are too many: light that bounces often is faint
 MAX_CELLS = 1 << 16
 MAX_ENTRIES = 1 << 21
 WORTH_IT = 0.85  # a grid twice as fine stays only if it shortens the lists by this factor
@@ -29,11 +30,12 @@ class LightGrid:
     resolution: tuple[int, int, int]
     starts: NDArray[np.uint32]  # (cells + 1,) into `lights`
     lights: NDArray[np.uint32]  # rows of the light table
-    first_picks: int  # most lights sampled at a path's first hit
-    later_picks: int  # and at each later one
+    picks: tuple[int, int, int]  # most lights sampled at a path's first hit, its second, and each later one
 
 
-def build(lights: tuple[Light, ...], bounds: tuple[NDArray[np.float32], NDArray[np.float32]]) -> LightGrid:
+def build(
+    lights: tuple[Light, ...], bounds: tuple[NDArray[np.float32], NDArray[np.float32]], *, separate: bool
+) -> LightGrid:
     """Lists for the surface points inside `bounds`; one list of all while every light is sampled anyway."""
     low, high = (x.astype(np.float64) for x in bounds)
     size = np.maximum(high - low, 1e-6 * max(float(np.max(high - low)), 1e-30))
@@ -56,8 +58,7 @@ def build(lights: tuple[Light, ...], bounds: tuple[NDArray[np.float32], NDArray[
         (resolution[0], resolution[1], resolution[2]),
         starts,
         items,
-        first_picks=ALL_LIGHTS,
-        later_picks=ALL_LIGHTS if len(lights) <= ALL_LIGHTS else 1,
+        picks=(ALL_LIGHTS,) * 3 if separate and len(lights) <= ALL_LIGHTS else FEWER,
     )
 
 

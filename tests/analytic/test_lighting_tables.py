@@ -75,8 +75,8 @@ def test_light_lists_leave_no_light_out() -> None:
         PointLight(name="far", position=np.ones(3) * 90),
     ]
     low, high = np.array([-5, -1, -5], np.float32), np.array([5, 3, 5], np.float32)
-    made = grid.build(tuple(crowd), (low, high))
-    assert np.prod(made.resolution) > 8 and made.later_picks == 1
+    made = grid.build(tuple(crowd), (low, high), separate=True)
+    assert np.prod(made.resolution) > 8 and made.picks == grid.FEWER
     for p in RNG.uniform(low, high, (2000, 3)):
         x, y, z = np.minimum(((p - made.low) * made.cells_per_unit).astype(int), np.array(made.resolution) - 1)
         cell = (x * made.resolution[1] + y) * made.resolution[2] + z
@@ -90,10 +90,12 @@ def test_light_lists_leave_no_light_out() -> None:
 
 def test_few_lights_are_all_sampled_everywhere() -> None:
     few = tuple(PointLight(name=str(k), position=np.zeros(3), range=0.1) for k in range(12))
-    made = grid.build(few, (np.zeros(3, np.float32), np.ones(3, np.float32)))
+    bounds = np.zeros(3, np.float32), np.ones(3, np.float32)
+    made = grid.build(few, bounds, separate=True)
     assert made.resolution == (1, 1, 1) and made.lights.tolist() == list(range(12))
-    assert made.first_picks == made.later_picks == 12
-    none = grid.build((), (np.zeros(3, np.float32), np.zeros(3, np.float32)))
+    assert made.picks == (12, 12, 12)
+    assert grid.build(few, bounds, separate=False).picks == grid.FEWER
+    none = grid.build((), (bounds[0], bounds[0]), separate=True)
     assert none.starts.tolist() == [0, 0] and np.all(np.isfinite(none.cells_per_unit))
 
 

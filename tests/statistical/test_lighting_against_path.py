@@ -93,8 +93,8 @@ def _sky(rows: int = 128) -> Environment:
     return Environment(radiance=np.maximum(radiance, 0).astype(np.float32), rotation=25.0)
 
 
-def our_pictures(proxy: ProxyMesh, lighting: Lighting, max_depth: int) -> Array:
-    tracer = Tracer(proxy, RenderSettings(spp=SPP, max_depth=max_depth))
+def our_pictures(proxy: ProxyMesh, lighting: Lighting, max_depth: int, *, layers: bool = True) -> Array:
+    tracer = Tracer(proxy, RenderSettings(spp=SPP, max_depth=max_depth), layers=layers)
     out = []
     for seed in range(SEEDS):
         tracer.settings = replace(tracer.settings, seed=seed + 1)
@@ -222,4 +222,14 @@ def test_a_picked_light_is_as_right_as_all_of_them() -> None:
     together = our_pictures(FLAT, Lighting(lights=lamps), 4)
     parts = sum(our_pictures(FLAT, Lighting(lights=lamps[k : k + 10]), 4) for k in range(0, 40, 10))
     worst, allowed = worst_and_allowed(together, np.asarray(parts))
+    assert worst < allowed
+
+
+def test_the_sum_alone_is_as_right_as_the_layers() -> None:
+    """Without layers the later hits sample one light of a dozen; every kind of them and the sky."""
+    lights = tuple(light for light, _ in LIGHTS.values())
+    lighting = Lighting(lights=lights, environment=_sky())
+    alone, together = our_pictures(FLAT, lighting, 5, layers=False), our_pictures(FLAT, lighting, 5)
+    assert not np.array_equal(alone, together)
+    worst, allowed = worst_and_allowed(alone, together)
     assert worst < allowed

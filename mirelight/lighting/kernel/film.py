@@ -26,7 +26,7 @@ class Film:
     def __init__(self, pixels: int, layers: Layers, *, aovs: bool, parts: bool) -> None:
         count = max(len(layers.names), 1)
         self.aovs, self.in_parts = aovs, parts
-        self._separate, self._layer_count = layers.separate, count
+        self.separate, self._layer_count = layers.separate, count
         self._pixels = dr.opaque(mi.UInt32, pixels)
         self._layers = dr.opaque(mi.UInt32, count)
         self.sky_layer = dr.opaque(mi.UInt32, layers.environment)
@@ -57,8 +57,26 @@ class Film:
         """How much of the suns' light and of the hemisphere one sample's surface point sees, 0 to 1 each."""
         _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active)
 
-    def add_light(self, place: Any, layer: Any, indirect: Any, value: Any, active: Any) -> None:
-        """Radiance that one source brings, Vector3f; `place` is batch times the launch's pixels plus pixel."""
+    def add_light(
+        self, sums: tuple[Any, Any], place: Any, layer: Any, indirect: Any, value: Any, active: Any
+    ) -> tuple[Any, Any]:
+        """Radiance that one source brings, Vector3f; `place` is batch times the launch's pixels plus pixel.
+
+        Where layers are not separate the film is left for `add_sums`: returned are the path's (direct, indirect).
+        """
+        if not self.separate:
+            value = dr.select(active, value, 0)
+            return sums[0] + dr.select(indirect, 0, value), sums[1] + dr.select(indirect, value, 0)
+        self._add_row(place, layer, indirect, value, active)
+        return sums
+
+    def add_sums(self, sums: tuple[Any, Any], place: Any, active: Any) -> None:
+        """What `add_light` has kept of a path that has ended."""
+        if not self.separate:
+            self._add_row(place, mi.UInt32(0), mi.Bool(False), sums[0], active)
+            self._add_row(place, mi.UInt32(0), mi.Bool(True), sums[1], active)
+
+    def _add_row(self, place: Any, layer: Any, indirect: Any, value: Any, active: Any) -> None:
         row = layer * 2 + dr.select(indirect, mi.UInt32(1), mi.UInt32(0))
         _add(self._launch, value, row * self._stride + place, active)
 
@@ -91,12 +109,12 @@ class Film:
         _put(self._light, indirect, (layer * 2 + 1) * row + place)
         _put(self._squares, squares, layer * row + place)
         dr.eval(self._light, self._squares)
-        if self._separate or self.in_parts:
+        if self.separate or self.in_parts:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
             before = dr.gather(mi.UInt32, first_batches, here // 3)
             squares, second, fourth = _beauty_sums(self._launch, here, before, b, n, 2 * self._layers)
-            if self._separate:
+            if self.separate:
                 _put(self._squares, squares, self._layers * row + place)
             if self.in_parts:
                 _put(self._parts, second, place)

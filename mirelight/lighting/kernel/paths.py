@@ -19,7 +19,7 @@ from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END
 from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.probes import Probes
-from mirelight.lighting.kernel.samples import mix, number, pair
+from mirelight.lighting.kernel.samples import mix, number, pair, stratified
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.surface import Point, Surface
 from mirelight.lighting.kernel.view import View, bounded_ray, vector
@@ -38,8 +38,12 @@ class LightSet:
         self.items = integers(np.append(grid.lights, np.zeros(2, np.uint32)))
         self.low, self.cells_per_unit = vector(grid.low), vector(grid.cells_per_unit)
         self.resolution = [dr.opaque(mi.UInt32, n) for n in grid.resolution]
-        self.first_picks = dr.opaque(mi.UInt32, grid.first_picks)
-        self.later_picks = dr.opaque(mi.UInt32, grid.later_picks)
+        self._picks = [dr.opaque(mi.UInt32, n) for n in grid.picks]
+
+    def picks(self, depth: Any) -> Any:
+        """Most lights that are sampled at a hit: at the first, the second, and each later one."""
+        first, second, later = self._picks
+        return dr.select(depth == 0, first, dr.select(depth == 1, second, later))
 
     def list_at(self, p: Any, active: Any) -> tuple[Any, Any]:
         """(start, count) of the list for a point: entries of `items`."""
@@ -98,6 +102,8 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
     film.add_surface(pixel, seen, view.depth(seen.p), active)
 
     depth = mi.UInt32(0)
+    sums = mi.Vector3f(0), mi.Vector3f(0)  # direct and indirect light, where layers are not kept apart
+    fate = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
     throughput = mi.Vector3f(1)  # β, the albedo of every hit so far
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
     distance, reflected = mi.Float(0), mi.Float(0)  # of the ray that came here: length and density
@@ -114,12 +120,12 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             drawn = surface.glow_pdf(face, distance, abs(dr.dot(at.geometric_normal, d)), active)
             share = dr.select(indirect & (drawn > 0), reflected / (reflected + drawn), 1)
             value = dr.select(active, throughput * at.emission * share, 0)
-            film.add_light(place, film.glow_layer, depth > 1, value, active)
+            sums = film.add_light(sums, place, film.glow_layer, depth > 1, value, active)
             active &= depth < max_depth
 
         # the lights of the table that reach here, in as many runs as there are picks
         start, count = lights.list_at(at.p, active)
-        picks = dr.minimum(count, dr.select(indirect, lights.later_picks, lights.first_picks))
+        picks = dr.minimum(count, lights.picks(depth))
         pick, entry = mi.UInt32(0), mi.UInt32(start)
         while active & (pick < picks):
             last = start + mi.UInt32(mi.Float((pick + 1) * count) / mi.Float(picks))
@@ -139,10 +145,10 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
                 irradiance = dr.select(take, w_irradiance, irradiance)
                 entry += 1
             lit = active & (chosen_weight > 0)
-            lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit)
+            lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit, coherent=~indirect)
             value = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
             layer = dr.gather(mi.UInt32, lights.layer_of_light, chosen, lit)
-            film.add_light(place, layer, indirect, value, lit)
+            sums = film.add_light(sums, place, layer, indirect, value, lit)
             if dr.hint(film.aovs, mode="scalar"):
                 sun = dr.gather(mi.Float, lights.sun_shares, chosen, lit)
                 sunlit += dr.select(lit & ~indirect, sun * (total / chosen_weight), 0)
@@ -153,9 +159,9 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         value = mi.Vector3f(0)
         if lit:
             value = weight * _sky_irradiance(
-                surface, sky, at, number(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), lit
+                surface, sky, at, stratified(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), lit
             )
-        film.add_light(place, film.sky_layer, indirect, value, lit)
+        sums = film.add_light(sums, place, film.sky_layer, indirect, value, lit)
 
         # what glows elsewhere, sampled by its power
         if dr.hint(surface.emissive, mode="scalar"):
@@ -165,14 +171,15 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             lit = active & (cosine > 0) & (drawn > 0)
             lit &= ~surface.blocked(bounded_ray(at.start, glow_d, length * SHADOW_END), lit)
             value = dr.select(lit, weight * glow * (cosine / (drawn + cosine * dr.inv_pi)), 0)
-            film.add_light(place, film.glow_layer, indirect, value, lit)
+            sums = film.add_light(sums, place, film.glow_layer, indirect, value, lit)
 
         # the reflected ray
         depth += 1
         throughput *= at.albedo
         go_on = active & ((depth < max_depth) | sky_on | surface.emissive) & (dr.max(throughput) > 0)
         survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
-        go_on &= number(sample, mix(salt, 4)) < survival
+        go_on &= fate < survival
+        fate = fate / survival
         throughput = throughput / survival
         d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(sample, mix(salt, 3))))
         reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
@@ -192,10 +199,11 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             mapped = sky.pdf(d, escaped)
             share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
             value = throughput * sky.radiance(d, escaped) * share
-        film.add_light(place, film.sky_layer, depth > 1, value, escaped)
+        sums = film.add_light(sums, place, film.sky_layer, depth > 1, value, escaped)
 
         face, uv, distance = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), mi.Float(found.t)
         active = hit & ((depth < max_depth) | surface.emissive)
 
+    film.add_sums(sums, place, covered)
     if dr.hint(film.aovs, mode="scalar"):
         film.add_openness(pixel, sunlit, unoccluded, covered)

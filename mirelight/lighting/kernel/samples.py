@@ -49,6 +49,12 @@ def pair(index: Any, seed: Any) -> Any:
     return mi.Point2f(_unit_float(x), _unit_float(y))
 
 
+def stratified(index: Any, seed: Any) -> Any:
+    """The first coordinate of `pair` alone."""
+    shuffled = dr.brev(_scramble_reversed(dr.brev(index), seed))
+    return _unit_float(dr.brev(_scramble_reversed(shuffled, mix(seed, 1))))
+
+
 def number(index: Any, seed: Any) -> Any:
     """An independent uniform number in [0, 1)."""
     return _unit_float(mix(mix(index, 3), seed))

@@ -77,9 +77,9 @@ class Surface:
         """Mitsuba's PreliminaryIntersection3f of the nearest hit."""
         return self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
 
-    def blocked(self, ray: Any, active: Any) -> Any:
-        """Bool: something lies on the ray."""
-        return self.scene.ray_test(ray, active)
+    def blocked(self, ray: Any, active: Any, *, coherent: Any = False) -> Any:
+        """Bool: something lies on the ray. `coherent` (Bool): lanes side by side go nearly the same way."""
+        return self.scene.ray_test(ray, coherent, active)
 
     # --- a surface point ---
 

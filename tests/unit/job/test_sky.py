@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mirelight.io import job
+from mirelight.io.facts import lighting_facts
 from mirelight.io.job.sun_position import sun_position, to_sun
 
 from .conftest import WriteJob
@@ -66,3 +67,11 @@ def test_a_time_may_be_set_on_the_command_line(write_job: WriteJob) -> None:
     assert noon is not None and later is not None
     assert noon.to_sun[1] > 0.99 and later.to_sun[1] == pytest.approx(np.cos(np.radians(43)), abs=0.01)
     assert later.to_sun[0] < 0  # west
+
+
+def test_inspect_says_where_the_sun_is(write_job: WriteJob) -> None:
+    path = write_job(SCENE + "environment = { sky = { elevation = 30, turbidity = 4 }, intensity = 2 }\n")
+    facts = lighting_facts(job.load(path).scene.lightings[0])
+    assert facts.environment is None and facts.sky is not None
+    assert (facts.sky.elevation, facts.sky.turbidity, facts.sky.intensity) == (30, 4, 2)
+    assert facts.sky.to_sun == pytest.approx((0, 0.5, 0.866025), abs=1e-6)

@@ -157,7 +157,7 @@ def test_the_penumbra_of_a_panel_spans_the_lines_past_both_its_ends() -> None:
 
 @pytest.mark.parametrize("kind", ["point", "sphere", "disk"])
 def test_the_penumbra_of_a_round_lamp_is_the_share_of_it_above_the_edge(kind: str) -> None:
-    """Radius r at height H past an edge at height h: a circle cut by a chord, the penumbra r h / (H - h) to each side."""
+    """Radius r at height H past an edge at height h: a circle cut by a chord, the penumbra r h / (H - h) either way."""
     r, above, h = 0.05, 4.0, 1.0
     edge = join(FLOOR, quad([-5, h, 0], [5, 0, 0], [0, 0, 20]))
     matrix = np.array([[1, 0, 0, 0], [0, 0, 1, above], [0, -1, 0, 0], [0, 0, 0, 1]], np.float64)

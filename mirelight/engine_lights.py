@@ -157,7 +157,7 @@ def to_engine(lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True) -> 
     if environment.is_constant:
         ambient = engine_diffuse(environment.radiance[0, 0].astype(np.float64) * environment.intensity)
         return EngineLighting(lights=lights, ambient=ambient), tuple(warnings)
-    brightest = float(environment.radiance.max(initial=0.0)) * environment.intensity
+    brightest = float(environment.radiance.max(initial=0.0))  # its intensity is multiplied in after the tiles
     if brightest > ENVIRONMENT_LIMIT:
         warnings.append(
             f"{environment.name}: radiance up to {brightest:.3g} is prefiltered by the engine into "

@@ -1,0 +1,223 @@
+"""Layers, error bars, noise targets and re-weighting against independent seeds."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mirelight.lighting import Interrupted, Tracer
+from mirelight.model import (
+    Camera,
+    DirectionalLight,
+    Lighting,
+    LightingBuffer,
+    PointLight,
+    ProxyMesh,
+    RenderSettings,
+    SunLight,
+)
+
+from .test_lighting_against_path import FLAT, KEY, VIEW, _sky
+from .ztest import Array, block_means, worst_and_allowed
+
+LAMPS = tuple(
+    PointLight(
+        name=f"lamp {k}",
+        position=np.array([np.cos(k), 0.9 + 0.1 * k, 0.6 + np.sin(k)]),
+        color=np.array([1.0, 0.3 + 0.06 * k, 0.4]),
+        intensity=0.5,
+        group=("warm", "cold", None)[k % 3],
+    )
+    for k in range(9)
+)
+SUN = SunLight(name="sun", direction=np.array([-0.5, -1, -0.4]), intensity=2.0, angular_diameter=6.0)
+DULL = replace(FLAT, materials=FLAT.materials[:1])
+LIGHTING = Lighting(lights=(*LAMPS, SUN), environment=_sky())
+
+
+def frames(lighting: Lighting, count: int, *, first_seed: int = 1, **settings: object) -> list[LightingBuffer]:
+    """Of independent seeds."""
+    tracer = Tracer(DULL, RenderSettings(max_depth=4, **settings))  # type: ignore[arg-type]
+    out = []
+    for seed in range(first_seed, first_seed + count):
+        tracer.settings = replace(tracer.settings, seed=seed)
+        out.append(tracer.trace(lighting, VIEW))
+    return out
+
+
+def beauties(buffers: list[LightingBuffer]) -> Array:
+    return np.stack([x.beauty.astype(np.float64) for x in buffers])
+
+
+# --- layers ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def grouped() -> list[LightingBuffer]:
+    return frames(LIGHTING, 24, spp=16)
+
+
+def test_a_group_is_the_sum_of_its_lights(grouped: list[LightingBuffer]) -> None:
+    """The same samples with every light in a layer of its own."""
+    alone = replace(LIGHTING, lights=tuple(replace(x, group=None) for x in LIGHTING.lights))
+    (apart,) = frames(alone, 1, spp=16)
+    layers = {x.name: x for x in apart.layers}
+    assert [x.name for x in grouped[0].layers] == ["warm", "cold", "lamp 2", "lamp 5", "lamp 8", "sun", "environment"]
+    for k in range(2):
+        members = [layers[f"lamp {i}"] for i in (k, k + 3, k + 6)]
+        np.testing.assert_allclose(grouped[0].layers[k].direct, sum(x.direct for x in members), rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(
+            grouped[0].layers[k].indirect, sum(x.indirect for x in members), rtol=1e-4, atol=1e-6
+        )
+    np.testing.assert_allclose(grouped[0].beauty, apart.beauty, rtol=1e-4, atol=1e-6)
+
+
+def test_layers_add_up_to_the_beauty_to_float_rounding(grouped: list[LightingBuffer]) -> None:
+    total = sum(x.direct.astype(np.float64) + x.indirect for x in grouped[0].layers)
+    np.testing.assert_allclose(grouped[0].beauty, total, rtol=1e-6, atol=1e-8)
+
+
+def test_one_layer_for_all_is_their_sum(grouped: list[LightingBuffer]) -> None:
+    tracer = Tracer(DULL, RenderSettings(max_depth=4, spp=16), layers=False, aovs=False)
+    plain = []
+    for seed in range(24):
+        tracer.settings = replace(tracer.settings, seed=500 + seed)
+        plain.append(tracer.trace(LIGHTING, VIEW))
+    assert [x.name for x in plain[0].layers] == ["beauty"] and plain[0].layers[0].indirect.any()
+    worst, allowed = worst_and_allowed(beauties(grouped), beauties(plain))
+    assert worst < allowed
+
+
+def test_reweighted_is_what_a_fresh_trace_gives(grouped: list[LightingBuffer]) -> None:
+    weights: dict[str, float | tuple[float, ...]] = {
+        "warm": 0.25,
+        "cold": (2.0, 1.0, 3.0),
+        "sun": 0.0,
+        "environment": 1.5,
+    }
+    factors = {x.name: np.asarray(weights.get(x.group or x.name, 1.0)) for x in LIGHTING.lights}
+    lights = tuple(replace(x, color=x.color * factors[x.name]) for x in LIGHTING.lights)
+    assert LIGHTING.environment is not None
+    dimmed = Lighting(lights=lights, environment=replace(LIGHTING.environment, intensity=1.5))
+    fresh = frames(dimmed, 24, first_seed=900, spp=16)
+    again = [x.reweighted(weights) for x in grouped]
+    worst, allowed = worst_and_allowed(beauties(again), beauties(fresh))
+    assert worst < allowed
+    true = beauties(again).var(axis=0, ddof=1).mean()
+    predicted = np.mean([x.variance.mean() for x in again if x.variance is not None])
+    assert 0.9 < predicted / true < 2.5
+
+
+def test_the_test_of_reweighting_would_see_a_forgotten_light(grouped: list[LightingBuffer]) -> None:
+    worst, allowed = worst_and_allowed(beauties([x.reweighted({"lamp 5": 0.9}) for x in grouped]), beauties(grouped))
+    assert worst > allowed
+
+
+# --- error bars ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("spp", [16, 64])
+def test_every_layers_variance_is_that_of_independent_seeds(spp: int, grouped: list[LightingBuffer]) -> None:
+    """Batches of a sequence overstate a little and never understate."""
+    found = grouped if spp == 16 else frames(LIGHTING, 24, first_seed=200, spp=spp)
+    for k, layer in enumerate(found[0].layers):
+        true = np.stack([x.layers[k].total.astype(np.float64) for x in found]).var(axis=0, ddof=1).mean()
+        predicted = np.mean([np.mean(np.asarray(x.layers[k].variance)) for x in found])
+        assert 0.85 < predicted / true < 2.5, layer.name
+
+
+# --- noise targets ---------------------------------------------------------------------------------------------------
+
+
+def test_a_noise_target_is_met_and_its_means_are_those_of_even_samples() -> None:
+    """Low targets from few first samples are where stopping at a pixel's own estimate would show as darkness."""
+    target = 0.035
+    aimed = frames(LIGHTING, 24, first_seed=40, spp=32, noise=target)
+    even = frames(LIGHTING, 24, first_seed=80, spp=64)
+    worst, allowed = worst_and_allowed(beauties(aimed), beauties(even))
+    assert worst < allowed
+    truth = beauties(even).mean(axis=0)
+    covered = aimed[0].coverage > 0
+    floor = 0.01 * truth[covered].mean() ** 2
+    error = np.mean([np.mean((x.beauty - truth)[covered] ** 2 / (truth[covered] ** 2 + floor)) for x in aimed])
+    assert 0.6 * target < np.sqrt(error) < 1.1 * target  # of the truth's own noise too
+    for x in aimed:
+        assert x.relative_noise is not None and 0.85 * target < x.relative_noise <= target
+        assert x.samples is not None and x.samples.min() == x.spp < x.samples.max()
+
+
+def test_what_is_rare_and_bright_does_not_darken() -> None:
+    """A lamp seen through a slot lights a few samples in a hundred: half of the pixels have seen none at first."""
+    lid = ProxyMesh(
+        vertices=np.array(
+            [[-3, 1, -3], [3, 1, -3], [3, 1, 3], [-3, 1, 3], [-3, 0, -3], [3, 0, -3], [3, 0, 3], [-3, 0, 3]]
+        ).astype(np.float32),
+        faces=np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]], np.int32),
+    )
+    camera = Camera.look_at([0, 0.5, 2.9], [0, 0.4, 0], 48, 32)
+    wide = SunLight(name="sun", direction=np.array([0.0, -0.2, -1]), intensity=3.0, angular_diameter=1.0)
+    pictures: dict[str, list[Array]] = {"aimed": [], "even": []}
+    tracer = Tracer(lid, RenderSettings())
+    for seed in range(32):
+        for name, spp, noise in (("aimed", 32, 0.15), ("even", 128, None)):
+            tracer.settings = RenderSettings(spp=spp, noise=noise, max_depth=3, seed=1 + seed + 100 * spp)
+            pictures[name].append(tracer.trace(Lighting(lights=(wide,)), camera).beauty.astype(np.float64))
+    aimed, even = np.stack(pictures["aimed"]), np.stack(pictures["even"])
+    worst, allowed = worst_and_allowed(aimed, even)
+    assert worst < allowed
+    assert block_means(aimed, 32).mean() == pytest.approx(block_means(even, 32).mean(), rel=0.01)
+
+
+_IN_THREADS = """
+import sys, hashlib
+import numpy as np
+from tests.statistical.test_lighting_noise import DULL, LIGHTING, VIEW
+from mirelight.lighting import Tracer
+from mirelight.model import RenderSettings
+buffer = Tracer(DULL, RenderSettings(noise=0.1, spp=32, threads=int(sys.argv[1]))).trace(LIGHTING, VIEW)
+digest = hashlib.sha256()
+for array in (buffer.samples, buffer.beauty, buffer.variance, buffer.ambient_occlusion, buffer.sun_visibility,
+              *(x.variance for x in buffer.layers)):
+    digest.update(np.ascontiguousarray(array).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_a_noise_target_gives_the_same_bits_on_any_number_of_threads() -> None:
+    digests = set()
+    for threads in ("1", "3"):
+        run = subprocess.run(
+            [sys.executable, "-c", _IN_THREADS, threads],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+        assert run.returncode == 0, run.stderr
+        digests.add(run.stdout.strip())
+    assert len(digests) == 1
+
+
+# --- interrupts ------------------------------------------------------------------------------------------------------
+
+
+def test_an_interrupt_in_the_first_pass_leaves_what_has_no_sample_black() -> None:
+    tracer = Tracer(DULL, RenderSettings(spp=1024))
+    lighting = Lighting(lights=(KEY, DirectionalLight(name="d", direction=np.array([0.0, -1, 0]))))
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        tracer.trace(lighting, VIEW.resized(640, 480), progress=stop)
+    buffer = caught.value.buffer
+    assert buffer is not None and buffer.samples is not None
+    assert buffer.spp == 0 and buffer.samples.max() == 16 and buffer.variance is None
+    assert np.isfinite(buffer.beauty).all()
+    assert not buffer.beauty[buffer.samples == 0].any() and not buffer.coverage[buffer.samples == 0].any()
+    assert buffer.beauty[buffer.samples > 0].mean() > 0

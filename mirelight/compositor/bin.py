@@ -140,7 +140,7 @@ def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileL
         return TooLarge(items * ITEM_BYTES)
     row, rank = _spread(device, count, places, items, first, ranks)
 
-    first, count, length = _tiles_of_row(device, records, rank, row, band)
+    first, count = _tiles_of_row(device, records, rank, row, band)
     places, pairs = _places(device, count, band.columns)
     if pairs == 0:
         return _no_lists(device, band.tiles)
@@ -148,7 +148,7 @@ def tile_lists(device: Device, records: Array, band: Band, memory: int) -> TileL
     if needed > memory or pairs > MOST_ELEMENTS:
         return TooLarge(needed)
     tile, rank = _spread(device, count, places, pairs, first, rank)
-    return _lists_of(device, tile, rank, length)
+    return _lists_of(device, tile, rank, band.tiles)
 
 
 def _rows(device: Device, records: Array, rank: Array, band: Band) -> tuple[Array, Array]:
@@ -162,8 +162,8 @@ def _rows(device: Device, records: Array, rank: Array, band: Band) -> tuple[Arra
     return first, count
 
 
-def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band: Band) -> tuple[Array, Array, Array]:
-    """First tile of each splat within a row of tiles, their number, and how many splats each tile of the band has.
+def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band: Band) -> tuple[Array, Array]:
+    """First tile of each splat within a row of tiles, and the number of them.
 
     The ellipse's widest points within the row's strip of pixel centres lie at its extremes, or at the strip's border.
     """
@@ -184,19 +184,21 @@ def _tiles_of_row(device: Device, records: Array, rank: Array, row: Array, band:
     columns = dr.opaque(types.UInt32, band.columns)
     column, count = _range(device, edge(-1), edge(+1), columns, device.tile_width)
     first = row * columns + column
-    # By how much the number of splats changes from one tile to the next. The size is compiled in: a power of two.
-    change = dr.zeros(types.UInt32, 1 << band.tiles.bit_length())
-    for place, by in ((first, 1), (first + count, 0xFFFFFFFF)):
-        dr.scatter_reduce(dr.ReduceOp.Add, change, types.UInt32(by), place, count > 0, mode=dr.ReduceMode.Expand)
-    dr.eval(first, count, change)
-    return first, count, dr.gather(types.UInt32, dr.cumsum(change), dr.arange(types.UInt32, band.tiles))
+    dr.eval(first, count)
+    return first, count
 
 
-def _lists_of(device: Device, tile: Array, rank: Array, length: Array) -> TileLists:
-    """Pairs of tile and splat, which come in depth order, sorted by tile; `length` of them in each."""
+def _lists_of(device: Device, tile: Array, rank: Array, tiles: int) -> TileLists:
+    """Pairs of tile and splat, which come in depth order, sorted by tile."""
     dr, UInt32 = device.dr, device.types.UInt32
-    permutation = counting_permutation(device, tile, max(1, (len(length) - 1).bit_length()))
-    ranks, start = dr.gather(UInt32, rank, permutation), dr.prefix_sum(length)
+    bits = max(1, (tiles - 1).bit_length())
+    length = dr.zeros(UInt32, 1 << bits)  # this size is compiled in: a power of two
+    dr.scatter_reduce(dr.ReduceOp.Add, length, UInt32(1), tile, mode=dr.ReduceMode.Expand)
+    dr.eval(length)
+    start = dr.prefix_sum(length)
+    ranks = dr.gather(UInt32, rank, counting_permutation(device, tile, bits))
+    wanted = dr.arange(UInt32, tiles)
+    start, length = dr.gather(UInt32, start, wanted), dr.gather(UInt32, length, wanted)
     end, filled = start + length, length > 0
     dr.eval(ranks, start, end, filled)
     return TileLists(ranks, start, end, filled, len(rank))

@@ -15,7 +15,7 @@ from mirelight.model import F32, CompositorSettings
 
 def splat_colors(device: Device, cloud: Cloud, view: View, settings: CompositorSettings) -> F32:
     """(N, 3) colours as they are blended, seen from the camera; culled splats too."""
-    rgb = evaluated(device, cloud, view, from_eye(cloud, view), device.types.Bool(True))
+    rgb = evaluated(device, cloud, view, from_eye(cloud, view))
     rgb = stored(device, rgb, settings)
     device.dr.eval(rgb)
     return tone_of(np.stack([c.numpy() for c in rgb], axis=1), settings)
@@ -34,12 +34,15 @@ def tone_records(device: Device, records: Array, settings: CompositorSettings) -
     dr.eval(records)
 
 
-def evaluated(device: Device, cloud: Cloud, view: View, offset: list[Array], wanted: Array) -> list[Array]:
-    """Red, green and blue ``0.5 + Σ sh Y``, display-encoded."""
+def evaluated(device: Device, cloud: Cloud, view: View, offset: list[Array]) -> list[Array]:
+    """Red, green and blue ``0.5 + Σ sh Y``, display-encoded.
+
+    Of all splats: reading every row in order costs less than picking those in view, unless they are few and together.
+    """
     dr, types = device.dr, device.types
     row_of_sh = PADDED[(cloud.degree + 1) ** 2]
     index = dr.arange(types.UInt32, cloud.count)
-    row = dr.gather(types.ArrayXf, cloud.sh, index, wanted, shape=(row_of_sh, cloud.count))
+    row = dr.gather(types.ArrayXf, cloud.sh, index, shape=(row_of_sh, cloud.count))
     if cloud.degree == 0:
         values = [types.Float(spherical.C0)]
     elif view.perspective:

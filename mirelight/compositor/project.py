@@ -75,12 +75,12 @@ def project(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, setti
     for middle, half, size in zip(at.pixel, (half_width, half_height), view.size, strict=True):
         visible &= (middle + half > 0.5 - SLACK) & (middle - half < size - (0.5 - SLACK))
 
-    raw = evaluated(device, cloud, view, offset, visible)
+    raw = evaluated(device, cloud, view, offset)
     visible &= dr.isfinite(raw[0] + raw[1] + raw[2])  # one NaN would spread over whole tiles
     color = stored(device, raw, settings)
     record = [*at.pixel, s11, s12, s22, reach, *color, at.depth, level, lost, half_height, turn, 0, 0]
     records = dr.empty(types.Float, cloud.count * RECORD)
-    dr.scatter(records, types.ArrayXf(record), dr.arange(types.UInt32, cloud.count), visible)
+    dr.scatter(records, types.ArrayXf(record), dr.arange(types.UInt32, cloud.count))
     distance = dr.sqrt(dot(dr, offset, offset)) if settings.sort == "radial" else at.depth
     key = dr.select(visible, dr.reinterpret_array(types.UInt32, distance), 0)
     dr.eval(records, key, visible)

@@ -38,6 +38,7 @@ from mirelight.model import (
     SplatCloud,
     SplatLayer,
 )
+from mirelight.pipeline import lit_proxy
 from mirelight.realtime.engine import VERSION
 
 Say = Callable[[str], None]
@@ -324,8 +325,12 @@ class _Builder:
         if self.job.relight.mode != "ratio" or captured is None:
             self.absent.append(("ratio", "the job's mode is tint"))
             return
+        if self.job.colors_proxy:
+            tracer = Tracer(lit_proxy(self.job), tracer.settings)
+            traced = tracer.trace(self.lighting, self.camera)
         old = tracer.trace(captured, self.camera)
-        self._add("ratio", replace(recipe, settings=replace(recipe.settings, mode="ratio"), captured=old))
+        settings = replace(recipe.settings, mode="ratio")
+        self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old))
 
     # --- frames ---
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import backend
-from mirelight.lighting import Tracer, oracle, sunsky
+from mirelight import backend, provenance
+from mirelight.lighting import Tracer, oracle, sunsky, tracer
 from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight
 
 from .ztest import Array, worst_and_allowed
@@ -56,11 +56,11 @@ def plugin_pictures(model: SkyModel, **scales: float) -> Array:
 
 
 def our_layers(model: SkyModel) -> dict[str, Array]:
-    tracer = Tracer(STAGE, RenderSettings(spp=SPP, max_depth=3))
+    ours = Tracer(STAGE, RenderSettings(spp=SPP, max_depth=3))
     found: dict[str, list[Array]] = {}
     for seed in range(SEEDS):
-        tracer.settings = replace(tracer.settings, seed=seed)
-        for layer in tracer.trace(Lighting(sky=model), VIEW).layers:
+        ours.settings = replace(ours.settings, seed=seed)
+        for layer in ours.trace(Lighting(sky=model), VIEW).layers:
             found.setdefault(layer.name, []).append(layer.total.astype(np.float64))
     return {name: np.stack(pictures) for name, pictures in found.items()}
 
@@ -122,3 +122,15 @@ def test_the_sun_light_and_the_skys_bright_spot_lie_where_the_sun_is() -> None:
     above = sky.radiance[: h // 3].sum(axis=-1)  # from 30 degrees up: the horizon is bright too
     row, column = np.unravel_index(np.argmax(above), above.shape)
     assert (row / h, column / w) == pytest.approx((1 / 6, 0.5), abs=0.01)
+
+
+def test_every_light_model_and_the_fingerprint_know_the_sky() -> None:
+    """Layers in the profile playcanvas and in the scalar variant, and another digest for another sun."""
+    high, low = (Lighting(sky=SkyModel(to_sun=sun_at(e, 150), intensity=1e-5)) for e in (50.0, 20.0))
+    names = []
+    for settings in (RenderSettings(spp=1, profile="playcanvas"), RenderSettings(spp=4, variant="scalar_rgb")):
+        buffer = tracer(STAGE, settings).trace(high, VIEW.resized(8, 6))
+        names.append([x.name for x in buffer.layers])
+        assert all(x.total.mean() > 0 for x in buffer.layers)
+    assert names == [["sun", "sky"]] * 2 and high.layer_names == ("sun", "sky")
+    assert provenance.digest(high) == provenance.digest(replace(high)) != provenance.digest(low)

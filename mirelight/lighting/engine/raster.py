@@ -64,12 +64,15 @@ def rasterise(
     view = proxy.vertices.astype(np.float64) @ camera.camera_from_world[:3, :3].T + camera.camera_from_world[:3, 3]
     corners = _homogeneous_pixels(view, camera)[proxy.faces]  # (F, 3 corners, 3)
     front = np.flatnonzero(np.linalg.det(corners) < -1e-12)  # rows run downwards: counter-clockwise is negative
-    pixels, ahead = _snapped(corners[front], 2.0**subpixel_bits)
-    boxes = _boxes(pixels, ahead, corners[front, :, 2], camera)
-    seen = ((boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])).nonzero()[0]
-    front, pixels, ahead, boxes = front[seen], pixels[seen], ahead[seen], boxes[seen]
+    corners = corners[front]
+    pixels, ahead = _snapped(corners, 2.0**subpixel_bits)
+    corners[ahead, :, :2] = pixels[ahead] * corners[ahead, :, 2:]  # what lies on a triangle moves with its corners
+    boxes = _boxes(pixels, ahead, corners[..., 2], camera)
+    some = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
+    some &= ~ahead | (_area(pixels) < 0)  # not snapped to a line or turned over
+    front, corners, pixels, ahead, boxes = front[some], corners[some], pixels[some], ahead[some], boxes[some]
 
-    inverse = np.asarray(np.linalg.inv(corners[front]), dtype=np.float64)  # (x, y, 1) @ inverse = barycentric / w
+    inverse = np.asarray(np.linalg.inv(corners), dtype=np.float64)  # (x, y, 1) @ inverse = barycentric / w
     edges, inclusive = _edges(inverse, pixels, ahead)
     far = -view[proxy.faces[front], 2]
     depth = np.stack([np.einsum("tci,ti->tc", inverse, far), inverse.sum(axis=2)], axis=-1)
@@ -114,9 +117,13 @@ def _edges(inverse: F64, pixels: F64, ahead: NDArray[np.bool_]) -> tuple[F64, ND
         snapped = np.stack([a, b, -(a * x[:, i] + b * y[:, i])], axis=-1)
         edges[ahead, :, k] = snapped[ahead]
     inclusive = (edges[:, 0] > 0) | ((edges[:, 0] == 0) & (edges[:, 1] > 0))
-    area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (y[:, 1] - y[:, 0]) * (x[:, 2] - x[:, 0])
-    edges[ahead & (area >= 0)] = -1.0  # snapped to a line or turned over: covers nothing
     return edges, inclusive
+
+
+def _area(pixels: F64) -> F64:
+    """(T,) twice the signed area of triangles (T, 3, 2) in pixels: negative for front faces, as rows run downwards."""
+    a, b = pixels[:, 1] - pixels[:, 0], pixels[:, 2] - pixels[:, 0]
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _boxes(pixels: F64, ahead: NDArray[np.bool_], w: F64, camera: Camera) -> NDArray[np.int64]:

@@ -133,8 +133,6 @@ class Source:
     def alpha(self, splat: list[Array], exponent: Array) -> Array:
         """Alpha where it reaches the clip."""
         dr = self.device.dr
-        if not self.device.masks:
-            exponent = dr.select(exponent > 0, exponent, 0)
         alpha = _exp2(self.device, exponent, self.octaves)
         if self.rule.truncated:
             return dr.fma(alpha, splat[VALUES - 2], -splat[VALUES - 1])

@@ -27,7 +27,6 @@ class Device:
     tile_width: int  # px; one lane blends a whole tile, so its pixels share registers with its neighbours'
     tile_height: int  # px
     persistent_lanes: int  # lanes that take tiles from the queue
-    masks: bool  # whether instructions leave masked lanes alone; else what underflows there costs a hundred cycles
 
     def frozen(self, trace: Callable[..., Array]) -> Callable[..., Array]:
         """A function of arrays that is traced once and replayed from then on, whatever their sizes.
@@ -66,8 +65,8 @@ class Device:
 
 
 @cache
-def _vector_width(variant: Variant) -> int:
-    """Lanes of one SIMD register: from the flags of the processor, 16 with AVX-512, else 8 (AVX) or 4."""
+def _vector_width() -> int:
+    """Lanes of Dr.Jit's vectors, which it does not tell: from the same flags of the processor, 16, 8 or 4."""
     from pathlib import Path
 
     try:
@@ -85,7 +84,5 @@ def open_device(variant: Variant, threads: int | None) -> Device:
     """
     dr, types = backend.drjit(variant, threads)
     if variant == "cuda_ad_rgb":
-        return Device(dr, types, variant, 4, 4, 1 << 16, True)
-    width = _vector_width(variant)
-    tile = (4, 8) if width == 16 else (4, 4)  # 32 vector registers hold twice the pixels of 16
-    return Device(dr, types, variant, *tile, width * max(1, dr.thread_count()), width == 16)
+        return Device(dr, types, variant, 4, 4, 1 << 16)
+    return Device(dr, types, variant, 4, 8, _vector_width() * max(1, dr.thread_count()))

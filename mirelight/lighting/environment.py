@@ -1,4 +1,4 @@
-"""An environment map prepared for importance sampling. NumPy only.
+"""How an environment map is importance sampled. NumPy only.
 
 Light samples are drawn in proportion to the radiance above its mean over the sphere: what lies below is left to the
 reflected ray, and multiple importance sampling joins both (Karlík et al., "MIS Compensation", SIGGRAPH Asia 2019).
@@ -7,24 +7,56 @@ reflected ray, and multiple importance sampling joins both (Karlík et al., "MIS
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, Environment
+from mirelight.model import F32
 
 SLOTS = 1 << 19  # a draw picks one of so many equal shares of the light; a cell's probability is a whole number of them
 MAX_CELLS = 1 << 20  # larger maps share a cell between pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PreparedEnvironment:
-    """A map and its sampling table."""
+class Distribution:
+    """Where light samples of a map go: a grid of cells over it.
 
-    texels: F32  # (h, w, 4) radiance times intensity, and 0
-    rotation: float  # rad about +Y
+    Slots follow a Hilbert curve, so that numbers near each other choose directions near each other, and stratified
+    numbers choose stratified directions.
+    """
+
     slots: NDArray[np.uint32]  # (SLOTS,) row << 16 | column of a cell; (2,) zeros where nothing is to be sampled
     density: F32  # (rows, columns) probability of a cell times the number of cells: density over the unit square
+
+
+def pixels_per_cell(height: int, width: int) -> int:
+    """Pixels along a cell's side for a map of that size."""
+    block = 1
+    while -(-height // block) * -(-width // block) > MAX_CELLS or max(height, width) // block > 65535:
+        block += 1
+    return block
+
+
+def distribution(brightness: F32) -> Distribution:
+    """The distribution for cells of that mean brightness, (rows, columns). An even map is left to reflection alone."""
+    rows, columns = brightness.shape
+    blurred, share = _blur(brightness), _solid_angles(rows)
+    everywhere = float(np.sum(blurred * share, dtype=np.float64))
+    above = np.maximum(blurred - np.float32(everywhere / columns), np.float32(0)) * share
+    order = _hilbert_order(rows, columns)
+    ends = np.cumsum(above.ravel()[order], dtype=np.float64)
+    if not ends[-1] > 1e-6 * everywhere:
+        return Distribution(np.zeros(2, np.uint32), np.zeros((2, 2), np.float32))
+    ends *= SLOTS / ends[-1]
+    whole = np.rint(ends).astype(np.int32)
+    counts = np.append(whole[:1], whole[1:] - whole[:-1])
+    density = np.empty(rows * columns, np.float32)
+    density[order] = counts * np.float32(rows * columns / SLOTS)
+    chosen = np.flatnonzero(counts)
+    cells = order[chosen]
+    codes = (cells // columns << 16 | cells % columns).astype(np.uint32)
+    return Distribution(np.repeat(codes, counts[chosen]), density.reshape(rows, columns))
 
 
 def _blur(weights: F32) -> F32:
@@ -41,53 +73,21 @@ def _blur(weights: F32) -> F32:
     return out
 
 
-def _cells(radiance: F32) -> F32:
-    """Mean brightness per cell of the sampling grid, (rows, columns); a cell is a block of pixels of a large map."""
-    brightness: F32 = radiance[..., 0] + radiance[..., 1]
-    brightness += radiance[..., 2]
-    np.maximum(brightness, np.float32(0), out=brightness)
-    h, w = brightness.shape
-    block = 1
-    while -(-h // block) * -(-w // block) > MAX_CELLS or max(h, w) // block > 65535:
-        block += 1
-    if block > 1:
-        y, x = np.arange(0, h, block), np.arange(0, w, block)
-        total = np.add.reduceat(np.add.reduceat(brightness, y, axis=0), x, axis=1)
-        areas = np.outer(np.diff(np.append(y, h)), np.diff(np.append(x, w)))
-        brightness = np.divide(total, areas, dtype=np.float32)
-    return _blur(brightness)
-
-
-def _solid_angles(rows: int) -> NDArray[np.float64]:
+def _solid_angles(rows: int) -> F32:
     """Share of the sphere of each row of cells, (rows, 1), adding to 1."""
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
-    return np.asarray((edges[:-1] - edges[1:])[:, None] / 2)
+    return ((edges[:-1] - edges[1:])[:, None] / 2).astype(np.float32)
 
 
-def prepare(environment: Environment | None) -> PreparedEnvironment:
-    """The environment ready for the device; None gives a black one. A constant one is sampled by reflection alone."""
-    none = np.zeros(2, np.uint32)
-    if environment is None:
-        return PreparedEnvironment(np.zeros((2, 2, 4), np.float32), 0.0, none, np.zeros((2, 2), np.float32))
-    h, w = environment.radiance.shape[:2]
-    texels = np.zeros((h, w, 4), np.float32)
-    np.multiply(environment.radiance, np.float32(environment.intensity), out=texels[..., :3])
-    if environment.is_constant:
-        texels = np.tile(texels, (2, 2, 1))
-    rotation = float(np.radians(environment.rotation))
-
-    brightness = _cells(texels)
-    rows, columns = brightness.shape
-    share = _solid_angles(rows).astype(np.float32)
-    everywhere = float(np.sum(brightness * share, dtype=np.float64))
-    above: F32 = np.maximum(brightness - np.float32(everywhere / columns), np.float32(0)) * share
-    ends = np.cumsum(above, dtype=np.float64)
-    if not ends[-1] > 1e-6 * everywhere:
-        return PreparedEnvironment(texels, rotation, none, np.zeros((2, 2), np.float32))
-    ends *= SLOTS / ends[-1]
-    whole = np.rint(ends).astype(np.int64)
-    counts = np.append(whole[:1], whole[1:] - whole[:-1])
-    index = np.repeat(np.arange(rows * columns), counts)
-    slots = (index // columns << 16 | index % columns).astype(np.uint32)
-    density = (counts * (rows * columns / SLOTS)).astype(np.float32).reshape(rows, columns)
-    return PreparedEnvironment(texels, rotation, slots, density)
+@lru_cache(maxsize=4)
+def _hilbert_order(rows: int, columns: int) -> NDArray[np.int32]:
+    """(rows * columns,) flat cells along Hilbert curves through squares side by side, what lies outside left out."""
+    side = 1 << max(rows - 1, 0).bit_length()
+    x, y = np.zeros(1, np.int32), np.zeros(1, np.int32)
+    while (n := 1 << (len(x).bit_length() // 2)) < side:  # four copies, the outer two mirrored at a diagonal
+        x, y = np.concatenate([y, x, x + n, 2 * n - 1 - y]), np.concatenate([x, y + n, y + n, n - 1 - x])
+    squares = -(-columns // side)
+    across = (np.arange(squares, dtype=np.int32)[:, None] * side + x).ravel()
+    down = np.tile(y, squares)
+    inside = (across < columns) & (down < rows)
+    return down[inside] * np.int32(columns) + across[inside]

@@ -10,7 +10,6 @@ import numpy as np
 
 from mirelight import backend
 from mirelight.errors import BackendError
-from mirelight.lighting import environment as maps
 from mirelight.lighting.develop import dark, refuse_if_too_large
 from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
@@ -168,7 +167,7 @@ class Tracer:
         from mirelight.lighting.kernel.sky import Sky
 
         if self._sky is None or self._sky[0] is not environment:
-            self._sky = environment, Sky(maps.prepare(environment), present=environment is not None)
+            self._sky = environment, Sky(environment)
         return self._sky[1]
 
 

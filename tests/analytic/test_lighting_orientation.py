@@ -12,7 +12,6 @@ import pytest
 
 from mirelight import backend
 from mirelight.io.job.placing import environment_rotation
-from mirelight.lighting import environment
 from mirelight.model import Environment
 
 from .lighting_scenes import Array
@@ -49,7 +48,7 @@ def ours(ways: Array, rotation: float) -> Array:
     from mirelight.lighting.kernel.sky import Sky
 
     made = Environment(radiance=np.ones((4, 8, 3), np.float32), rotation=rotation)
-    sky = Sky(environment.prepare(made), present=True)
+    sky = Sky(made)
     u, v = sky.uv(mi.Vector3f(*(mi.Float(np.ascontiguousarray(c, dtype=np.float32)) for c in ways.T)))
     return np.stack([np.asarray(u) % 1, np.asarray(v)], axis=1).astype(np.float64)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mirelight import backend
 from mirelight.errors import BackendError
 from mirelight.lighting import environment, grid, lights, materials
 from mirelight.lighting.denoise import denoise
@@ -35,20 +36,39 @@ def sky(h: int, w: int, peak: float = 500.0) -> Environment:
     return Environment(radiance=radiance)
 
 
+def loaded(made: Environment | None) -> Any:
+    backend.mitsuba("llvm_ad_rgb")
+    from mirelight.lighting.kernel.sky import Sky
+
+    return Sky(made)
+
+
 @pytest.mark.parametrize(("h", "w"), [(4, 8), (33, 65), (256, 512), (1100, 2200)])
 def test_an_environments_samples_follow_its_light_above_the_mean(h: int, w: int) -> None:
-    prepared = environment.prepare(sky(h, w))
-    rows, columns = prepared.density.shape
-    assert len(prepared.slots) == environment.SLOTS
-    assert prepared.density.mean() == pytest.approx(1.0, rel=1e-5)  # over the unit square
-    row, column = prepared.slots >> 16, prepared.slots & 0xFFFF
+    prepared = loaded(sky(h, w))
+    columns, rows = (int(n[0]) for n in prepared.cells)
+    density, slots = prepared.density.numpy().reshape(rows, columns), prepared.slots.numpy()
+    assert len(slots) == environment.SLOTS
+    assert density.mean() == pytest.approx(1.0, rel=1e-5)  # over the unit square
+    row, column = slots >> 16, slots & 0xFFFF
     counts = np.zeros((rows, columns))
     np.add.at(counts, (row, column), 1)
-    np.testing.assert_allclose(prepared.density, counts * rows * columns / environment.SLOTS, rtol=1e-6)
-    peak = np.unravel_index(np.argmax(prepared.density), prepared.density.shape)
+    np.testing.assert_allclose(density, counts * rows * columns / environment.SLOTS, rtol=1e-6)
+    peak = np.unravel_index(np.argmax(density), density.shape)
     np.testing.assert_allclose(
         (np.array(peak) + 0.5) / [rows, columns], [(h // 3 + 0.5) / h, (w // 4 + 0.5) / w], atol=0.01
     )
+
+
+@pytest.mark.parametrize(("h", "w"), [(16, 48), (33, 65), (7, 3)])
+def test_neighbouring_slots_are_neighbouring_directions(h: int, w: int) -> None:
+    """Every cell that has a share has its slots in one run, and most runs' cells touch."""
+    brightness = (RNG.random((h, w)) + np.array([[0.0], *[[20.0]] * (h - 1)])).astype(np.float32)
+    slots = environment.distribution(brightness).slots
+    runs = slots[np.flatnonzero(np.diff(slots.astype(np.int64), prepend=-1))]
+    assert len(np.unique(runs)) == len(runs) > 0.3 * h * w
+    steps = np.abs(np.diff(np.array([runs >> 16, runs & 0xFFFF], np.int64), axis=1)).max(axis=0)
+    assert np.mean(steps) < 2.5
 
 
 @pytest.mark.parametrize(
@@ -60,9 +80,9 @@ def test_an_environments_samples_follow_its_light_above_the_mean(h: int, w: int)
     ],
 )
 def test_an_even_sky_is_left_to_reflection(flat: Environment | None) -> None:
-    prepared = environment.prepare(flat)
-    assert len(prepared.slots) == 2 and not prepared.density.any()
-    assert min(prepared.texels.shape[:2]) >= 2  # a single texel would be compiled in
+    prepared = loaded(flat)
+    assert len(prepared.slots) == 2 and not prepared.sampled[0] and not prepared.density.numpy().any()
+    assert len(prepared.texels) >= 16  # a single texel would be compiled in
 
 
 def test_light_lists_leave_no_light_out() -> None:

@@ -7,28 +7,35 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
-from mirelight.lighting.environment import PreparedEnvironment
+from mirelight.lighting.environment import distribution, pixels_per_cell
 from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.model import F32, Environment
 
 
 class Sky:
     """An environment map in device memory. Its size, pixels and rotation are data, never compiled in."""
 
-    def __init__(self, prepared: PreparedEnvironment, *, present: bool) -> None:
-        h, w = prepared.texels.shape[:2]
-        rows, columns = prepared.density.shape
-        sampled = len(prepared.slots) > 2
-        self.texels = floats(prepared.texels)
-        self.slots = integers(prepared.slots)
-        self.density = floats(prepared.density)
+    def __init__(self, environment: Environment | None) -> None:
+        """None is black. A constant one is sampled by reflection alone."""
+        radiance = np.zeros((2, 2, 3), np.float32) if environment is None else environment.radiance
+        intensity, rotation = (0.0, 0.0) if environment is None else (environment.intensity, environment.rotation)
+        if radiance.shape[:2] == (1, 1):
+            radiance = np.tile(radiance, (2, 2, 1))  # a single texel would be compiled in
+        h, w = radiance.shape[:2]
+        self.texels = _texels(radiance, intensity)
+        drawn = distribution(_brightness(self.texels, h, w))
+        rows, columns = drawn.density.shape
+        self.slots = integers(drawn.slots)
+        self.density = floats(drawn.density)
         self.size = dr.opaque(mi.UInt32, w), dr.opaque(mi.UInt32, h)
         self.cells = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
-        self.slot_count = dr.opaque(mi.UInt32, len(prepared.slots))
-        self.sampled = dr.opaque(mi.Bool, sampled)
-        self.present = dr.opaque(mi.Bool, present)
-        self.sin = dr.opaque(mi.Float, math.sin(prepared.rotation))
-        self.cos = dr.opaque(mi.Float, math.cos(prepared.rotation))
+        self.slot_count = dr.opaque(mi.UInt32, len(drawn.slots))
+        self.sampled = dr.opaque(mi.Bool, len(drawn.slots) > 2)
+        self.present = dr.opaque(mi.Bool, environment is not None)
+        angle = math.radians(rotation)
+        self.sin, self.cos = dr.opaque(mi.Float, math.sin(angle)), dr.opaque(mi.Float, math.cos(angle))
 
     def uv(self, d: Any) -> tuple[Any, Any]:
         """Map coordinates in [0, 1]² of a unit direction (conventions.py: u = 0.5 is +X, 0.75 is +Z, v = 0 is +Y)."""
@@ -91,3 +98,40 @@ class Sky:
         v = (mi.Float(row) + inside.y) / mi.Float(rows)
         d = self.direction(u, v)
         return d, self._density(column, row, dr.safe_sqrt(1 - d.y * d.y), active)
+
+
+def _texels(radiance: F32, intensity: float) -> Any:
+    """(h * w * 4) radiance times intensity, and 0: one packet gather reads a texel."""
+    source, scale = floats(radiance), dr.opaque(mi.Float, intensity)
+    pixel = dr.arange(mi.UInt32, radiance.shape[0] * radiance.shape[1])
+    r, g, b = (dr.gather(mi.Float, source, pixel * 3 + k) * scale for k in range(3))
+    texels = dr.empty(mi.Float, dr.width(pixel) * 4)
+    dr.scatter(texels, mi.Vector4f(r, g, b, 0), pixel)
+    dr.eval(texels)
+    return texels
+
+
+@dr.syntax
+def _mean_brightness(texels: Any, cell: Any, columns: Any, block: Any, width: Any, height: Any) -> Any:
+    """Mean over a cell's pixels of the sum of their channels."""
+    row = cell // columns
+    top, left = row * block, (cell - row * columns) * block
+    bottom, right = dr.minimum(top + block, height), dr.minimum(left + block, width)
+    total, y = mi.Float(0), mi.UInt32(top)
+    while y < bottom:
+        x = mi.UInt32(left)
+        while x < right:
+            q = dr.gather(mi.Vector4f, texels, y * width + x)
+            total += dr.maximum(q.x + q.y + q.z, 0)
+            x += 1
+        y += 1
+    return total / mi.Float((bottom - top) * (right - left))
+
+
+def _brightness(texels: Any, height: int, width: int) -> F32:
+    """(rows, columns) of the sampling grid."""
+    block = pixels_per_cell(height, width)
+    rows, columns = -(-height // block), -(-width // block)
+    cell = dr.arange(mi.UInt32, rows * columns)
+    size = [dr.opaque(mi.UInt32, n) for n in (columns, block, width, height)]
+    return np.asarray(_mean_brightness(texels, cell, *size).numpy().reshape(rows, columns))

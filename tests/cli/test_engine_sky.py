@@ -21,12 +21,12 @@ render = {{ spp = 64, max_depth = 1 }}
 
 
 @pytest.mark.parametrize(("orientation", "agrees"), [("playcanvas", True), ("blender", False)])
-def test_sky_of_the_engine(run: Run, tmp_path: Path, shared: Path, orientation: str, agrees: bool) -> None:
-    assets = shared / "realtime" / "assets"
+def test_sky_of_the_engine(run: Run, tmp_path: Path, data: Path, orientation: str, agrees: bool) -> None:
+    assets = data / "realtime" / "assets"
     (tmp_path / "job.toml").write_text(JOB.format(assets=assets.as_posix(), orientation=orientation))
     assert run("render", "job.toml", "--set", "output.png=false").returncode == 0
     channels = read_exr(tmp_path / "out" / "camera.lighting.exr").channels
-    with np.load(shared / "realtime" / "sphere_sky" / "buffers.npz") as buffers:
+    with np.load(data / "realtime" / "sphere_sky" / "buffers.npz") as buffers:
         engine = buffers["relight"].reshape(150, 2, 200, 2, 4).mean(axis=(1, 3))
     covered = (channels["A"] > 0.999) & (engine[..., 3] > 0.999)
     assert covered.sum() > 3000

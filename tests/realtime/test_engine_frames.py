@@ -16,12 +16,13 @@ from mirelight.io import job as jobs
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.image import write
+from mirelight.io.job.overrides import parse
 from mirelight.io.splats import ply
+from mirelight.lighting import trace
 from mirelight.model import F32, Camera, DirectionalLight, Frame, Job, Lighting, RelightSettings, Scene
 
 LIGHTS = ["stage_dir", "stage_omni_inv", "stage_omni_lin", "stage_spot"]
 SPHERE = ["synth_stack", "synth_stack_aces_gamma", "synth_stack_linear"]
-SKIES = ["stage_white_env", "sphere_sky"]
 EDGE_PIXELS = 2  # that may be covered on one side alone
 
 
@@ -55,6 +56,7 @@ def written(frame: Frame, job: Job, path: Path) -> F32:
         *((name, 75.0) for name in LIGHTS),
         *((name, 75.0) for name in SPHERE),
         ("stage_white_env", 75.0),
+        ("stage_turned_sky", 75.0),
         ("sphere_sky", 65.0),
         ("synth_sh0", 75.0),
         ("synth_sh3", 75.0),
@@ -78,6 +80,7 @@ def test_rendered_frame_is_the_engines(data: Path, tmp_path: Path, name: str, le
         *((name, 0.001) for name in LIGHTS),
         *((name, 0.001) for name in SPHERE),
         ("stage_white_env", 0.005),
+        ("stage_turned_sky", 0.005),
         ("sphere_sky", 0.03),
     ],
 )
@@ -91,6 +94,17 @@ def test_rendered_light_is_the_engines(data: Path, name: str, bound: float) -> N
     both = covered & (frame.lighting.coverage > 0.5)
     error = np.abs(frame.lighting.beauty - theirs[..., :3])[both].max(axis=1) / theirs[..., :3].max()
     assert np.percentile(error, 99) < bound
+
+
+@pytest.mark.parametrize("rotation", [-60, 0, 150])
+def test_a_sky_turned_otherwise_is_another(data: Path, rotation: float) -> None:
+    path = data / "realtime" / "stage_turned_sky" / "job.toml"
+    job = jobs.load(path, [parse(f"environment.rotation={rotation}")])
+    with np.load(path.parent / "buffers.npz") as buffers:
+        theirs = buffers["relight"]
+    ours = trace(job.scene.proxy, job.scene.lightings[0], job.scene.cameras[0], job.render).beauty  # type: ignore[arg-type]
+    error = np.abs(ours - theirs[..., :3])[theirs[..., 3] > 0.5].max(axis=1) / theirs[..., :3].max()
+    assert np.percentile(error, 99) > 0.05
 
 
 def test_layers_add_up_without_noise(data: Path) -> None:

@@ -60,8 +60,8 @@ def test_shadows_are_exact() -> None:
 
 def test_no_shadow_speckles_along_a_fold() -> None:
     """Pixels on the crease of a trough lie past their face's edge by a share of a pixel: they are not in its shadow."""
-    left = [(-3, 1, -3), (-3, 1, 3), (0.013, 0, 3), (0.013, 0, -3)]
-    right = [(0.013, 0, -3), (0.013, 0, 3), (3, 1, 3), (3, 1, -3)]
+    left = [(-3.0, 1.0, -3.0), (-3.0, 1.0, 3.0), (0.013, 0.0, 3.0), (0.013, 0.0, -3.0)]
+    right = [(0.013, 0.0, -3.0), (0.013, 0.0, 3.0), (3.0, 1.0, 3.0), (3.0, 1.0, -3.0)]
     for turn in (0.0, 0.3, 1.1):
         eye = (8 * np.sin(turn) * 0.2, 8.0, 0.5 * np.cos(turn))
         camera = Camera.look_at(eye, (0, 0, 0), 120, 120, yfov=40)

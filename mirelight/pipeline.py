@@ -107,22 +107,33 @@ def warnings(job: Job, tasks: Sequence[FrameTask]) -> tuple[str, ...]:
     lightings = {id(task.lighting): task.lighting for task in tasks if task.lighting is not None}
     if job.relight.mode == "ratio" and job.scene.captured is not None:
         lightings[id(job.scene.captured)] = job.scene.captured
-    if job.render.profile != "playcanvas":
-        told = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings.values()]
-    else:
-        told = [("relight.mode", ("the engine knows the tint only, not the ratio",))] * (job.relight.mode == "ratio")
+    if job.render.profile == "playcanvas":
         cameras = {id(task.camera): task.camera for task in tasks}
-        told += [("camera", engine_lights.camera_warnings(x)) for x in cameras.values()]
-        if job.scene.proxy is not None:
-            from mirelight.lighting.sunsky import resolved
-
-            known = [resolved(x, job.render.variant) for x in lightings.values()]
-            told += [(x.name, engine_lights.to_engine(x, job.scene.proxy)[1]) for x in known]
+        told = _engine_warnings(job, tuple(cameras.values()), tuple(lightings.values()))
+    else:
+        told = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings.values()]
     if job.scene.albedo_from_splats and not job.colors_proxy:
         told.append(
             ("proxy.albedo", ("the splats' colours are used in mode 'ratio' with path-traced light; gray here",))
         )
     return tuple(dict.fromkeys(f"{where}: {line}" for where, lines in told for line in lines))
+
+
+def _engine_warnings(
+    job: Job, cameras: Sequence[Camera], lightings: Sequence[Lighting]
+) -> list[tuple[str, tuple[str, ...]]]:
+    told: list[tuple[str, tuple[str, ...]]] = []
+    if job.relight.mode == "ratio":
+        told.append(("relight.mode", ("the engine knows the tint only, not the ratio",)))
+    told += [("camera", engine_lights.camera_warnings(x)) for x in cameras]
+    proxy = job.scene.proxy
+    if proxy is not None and lightings:
+        from mirelight.lighting.engine.raster import culling_warnings
+        from mirelight.lighting.sunsky import resolved
+
+        told.append(("proxy", culling_warnings(proxy, cameras, job.render.variant)))
+        told += [(x.name, engine_lights.to_engine(resolved(x, job.render.variant), proxy)[1]) for x in lightings]
+    return told
 
 
 def _check(job: Job) -> None:

@@ -27,6 +27,7 @@ from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
 from mirelight.io.splats import ply
+from mirelight.lighting.engine.raster import culling_warnings
 from mirelight.lighting.sunsky import resolved
 from mirelight.model import Camera, CompositorSettings, Job, Lighting, ProxyMesh, Scene, ToneCurve
 from mirelight.realtime import engine
@@ -76,7 +77,9 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
         )
     lighting = resolved(lighting, job.render.variant)
     engine_lighting, light_warnings = to_engine(lighting, scene.proxy or _NO_PROXY, shadows=shadows)
-    warnings = (*(f"camera {x}" for x in camera_warnings(camera)), *_settings_warnings(job), *light_warnings)
+    behind = () if scene.proxy is None else culling_warnings(scene.proxy, [camera], job.render.variant)
+    views = (f"camera {x}" for x in camera_warnings(camera))
+    warnings = (*views, *_settings_warnings(job), *(f"proxy: {x}" for x in behind), *light_warnings)
     description = _describe(job, camera, engine_lighting)
     copy_page(folder, engine.install())
     if scene.splats is not None:

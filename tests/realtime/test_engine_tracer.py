@@ -9,6 +9,7 @@ import pytest
 
 from mirelight import engine_lights
 from mirelight.lighting import EngineTracer, Tracer, trace
+from mirelight.lighting.engine.raster import culling_warnings, seen_from_behind
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -139,6 +140,18 @@ def test_back_faces_are_culled_and_block_light() -> None:
     shadow = np.abs(buffer.position[..., [0, 2]]).max(axis=-1) < 0.99
     assert buffer.beauty[shadow].max() == 0
     assert buffer.coverage[shadow].min() == 1
+
+
+def test_a_proxy_seen_from_behind_is_warned_of() -> None:
+    floor = quads(level(5, 0))
+    assert culling_warnings(floor, [ABOVE]) == ()
+    turned = replace(floor, faces=floor.faces[:, ::-1])
+    (line,) = culling_warnings(turned, [replace(ABOVE, name="drone")])
+    assert line.startswith("100% of what drone sees of the proxy is its back")
+    half = quads(level(5, 0), level(2, 1)[::-1])
+    assert 0.1 < seen_from_behind(half, ABOVE) < 0.6
+    assert seen_from_behind(half, Camera.look_at((0, -8, 0), (0, 0, 0), 80, 80, yfov=60)) > 0.6
+    assert culling_warnings(floor, [Camera.look_at((0, 8, 0), (0, 16, 0), 16, 12)]) == ()
 
 
 def test_nothing_to_see_and_nothing_at_all() -> None:

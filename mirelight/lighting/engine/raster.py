@@ -7,7 +7,8 @@ the eye's plane need no clipping.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from mirelight import backend
 from mirelight.model import F32, F64, Camera, ProxyMesh, Variant
 from mirelight.model.arrays import freeze
 
+_LOOK, _LOOKS, _WORTH_SAYING = 160, 8, 0.01  # pixels across a picture that only counts; most pictures; share
 SUBPIXEL_BITS = 4  # SwiftShader's, on which headless Chromium renders; graphics cards have 8
 
 
@@ -84,6 +86,30 @@ def rasterise(
     weights = np.einsum("pc,pci->pi", centre, inverse[found[hit]])
     weights /= weights.sum(axis=1, keepdims=True)
     return _resolve(proxy, camera, hit, front[found[hit]], weights)
+
+
+def seen_from_behind(proxy: ProxyMesh, camera: Camera, variant: Variant = "llvm_ad_rgb") -> float:
+    """Share of the pixels with a proxy in them where its back is nearest, which the engine culls.
+
+    Args and errors as for :func:`rasterise`; looks at a small picture.
+    """
+    small = camera.resized(_LOOK, max(1, round(_LOOK * camera.height / camera.width)))
+    front = rasterise(proxy, small, variant=variant)
+    back = rasterise(replace(proxy, faces=proxy.faces[:, ::-1], normals=None), small, variant=variant)
+    nearer = back.coverage & (~front.coverage | (back.depth < front.depth * (1 - 1e-4)))
+    return float(nearer.sum() / max((front.coverage | back.coverage).sum(), 1))
+
+
+def culling_warnings(proxy: ProxyMesh, cameras: Sequence[Camera], variant: Variant = "llvm_ad_rgb") -> tuple[str, ...]:
+    """A line for the first of the cameras (of a few, where they are many) that sees the proxy's back."""
+    for camera in cameras[:: -(-len(cameras) // _LOOKS)]:
+        share = seen_from_behind(proxy, camera, "llvm_ad_rgb" if variant == "scalar_rgb" else variant)
+        if share > _WORTH_SAYING:
+            return (
+                f"{share:.0%} of what {camera.name} sees of the proxy is its back, which the engine does not draw; "
+                "turn those faces round",
+            )
+    return ()
 
 
 def _homogeneous_pixels(view: F64, camera: Camera) -> F64:

@@ -1,180 +1,65 @@
-"""How much CPU time each renderer needs for a given error, on three procedural scenes.
+"""How much CPU time each renderer needs for a given error, on procedural scenes, and what else a frame costs.
 
-Ours and Mitsuba's `path` (and Blender Cycles, through --cycles) render the same mesh, lights and bounces, interleaved.
-All are unbiased, so the error comes from the spread of independent seeds: error² = mean(variance / (r² + 0.01 mean²))
-over covered pixels, and the figure is error² x CPU seconds of a warm frame. Smaller is better; `path` is 1.
+errors: ours (for the sum alone, and with every layer), Mitsuba's `path` and, through --cycles, Blender Cycles with its
+light tree on and off render the same mesh, lights and bounces, interleaved. All are unbiased, so the error comes from
+the spread of independent seeds: error² = mean(variance / (r² + 0.01 mean²)) over covered pixels, and the figure is
+error² x CPU seconds of a warm frame. Smaller is better; `path` is 1.
+denoised: ours and Cycles, both through Open Image Denoise, against a frame of many samples.
+threads: wall time of one thread against two. overheads: what a new camera and a new environment cost.
 
-    python scripts/bench_lighting.py [--quick] [--json FILE] [--cycles PYTHON_WITH_BPY]
+    python scripts/bench_lighting.py [--quick] [--json FILE] [--cycles PYTHON_WITH_BPY] [--parts errors ...]
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from bench_lighting_scenes import BOUNCES, Array, BenchScene, crowds, panorama, scenes
 
 from mirelight import backend
 from mirelight.lighting import Tracer, oracle
-from mirelight.model import (
-    Camera,
-    DirectionalLight,
-    Environment,
-    Light,
-    Lighting,
-    PointLight,
-    ProxyMesh,
-    RenderSettings,
-    SpotLight,
-    SunLight,
-)
+from mirelight.model import Camera, DirectionalLight, Lighting, PointLight, RenderSettings, SpotLight, SunLight
 
-BOUNCES = 8
-Array = NDArray[np.float64]
-Render = Callable[[int, int], Array]  # (spp, seed) -> (H, W, 3)
-
-
-@dataclass(frozen=True, slots=True)
-class BenchScene:
-    """What is rendered."""
-
-    name: str
-    proxy: ProxyMesh
-    lighting: Lighting
-    camera: Camera
-
-
-# --- scenes ----------------------------------------------------------------------------------------------------------
-
-
-def box(low: list[float], high: list[float]) -> tuple[Array, Array]:
-    """Vertices (8, 3) and faces (12, 3) of an axis-aligned box."""
-    a, b = np.array(low, float), np.array(high, float)
-    v = np.array([[(a, b)[i][0], (a, b)[j][1], (a, b)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return v, np.array([t for q in quads for t in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))])
-
-
-def ground(size: float, cells: int, bump: float) -> tuple[Array, Array]:
-    """A gently uneven square of 2 cells² triangles."""
-    t = np.linspace(-size, size, cells + 1)
-    x, z = np.meshgrid(t, t)
-    y = bump * (np.sin(3.1 * x) * np.cos(2.3 * z) + 0.5 * np.sin(9.7 * x + 1) * np.sin(8.3 * z))
-    i = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
-    a, b, c, d = (q.ravel() for q in (i[:-1, :-1], i[:-1, 1:], i[1:, :-1], i[1:, 1:]))
-    return np.stack([x, y, z], -1).reshape(-1, 3), np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-
-
-def ball(centre: list[float], radius: float, rings: int) -> tuple[Array, Array]:
-    """A sphere of facets."""
-    t, f = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.arange(2 * rings) * np.pi / rings, indexing="ij")
-    v = np.stack([np.sin(t) * np.cos(f), np.cos(t), np.sin(t) * np.sin(f)], -1).reshape(-1, 3)
-    n = 2 * rings
-    i, j = (q.ravel() for q in np.meshgrid(np.arange(rings), np.arange(n), indexing="ij"))
-    a, b = i * n + j, i * n + (j + 1) % n
-    faces = np.concatenate([np.stack([a, b, a + n], 1), np.stack([b, b + n, a + n], 1)])
-    area = np.linalg.norm(np.cross(v[faces[:, 1]] - v[faces[:, 0]], v[faces[:, 2]] - v[faces[:, 0]]), axis=1)
-    return v * radius + np.array(centre), faces[area > 1e-9]
-
-
-def merged(parts: list[tuple[Array, Array]]) -> ProxyMesh:
-    """One proxy of many pieces."""
-    starts = np.cumsum([0] + [len(v) for v, _ in parts[:-1]])
-    return ProxyMesh(
-        vertices=np.concatenate([v for v, _ in parts]).astype(np.float32),
-        faces=np.concatenate([f + s for (_, f), s in zip(parts, starts, strict=True)]).astype(np.int32),
-    )
-
-
-def sky(sun: float) -> Environment:
-    """A bright horizon, a blue zenith, dark ground and a glow round the sun, 512 x 1024."""
-    v, u = np.meshgrid((np.arange(512) + 0.5) / 512, (np.arange(1024) + 0.5) / 1024, indexing="ij")
-    theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
-    way = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], -1)
-    up = way[..., 1:2]
-    color = np.where(up > 0, np.array([0.5, 0.7, 1.0]) * (0.4 + 0.8 * np.exp(-4 * np.maximum(up, 0))), 0.08)
-    toward = np.array([0.55, 0.65, 0.52])
-    glow = sun * np.exp(400 * (way @ (toward / np.linalg.norm(toward)) - 1))
-    return Environment(radiance=(color + glow[..., None] * np.array([1.0, 0.9, 0.7])).astype(np.float32))
-
-
-def courtyard_mesh(cells: int) -> ProxyMesh:
-    """Walls round a square, columns, balls."""
-    parts = [ground(6, cells, 0.03)]
-    parts += [box([-6, 0, -6.3], [6, 4, -6]), box([-6.3, 0, -6], [-6, 4, 6]), box([6, 0, -6], [6.3, 3, 6])]
-    parts += [box([x - 0.25, 0, z - 0.25], [x + 0.25, 3, z + 0.25]) for x in (-4, -1.5, 1.5, 4) for z in (-4, 0)]
-    parts += [box([-4.6, 3, -4.6], [4.6, 3.3, -3.4])]
-    parts += [ball([x, 0.6, z], 0.6, 48) for x, z in ((-2.5, 2), (0.5, 1.5), (2.8, 2.6))]
-    return merged(parts)
-
-
-def scenes(width: int, height: int, cells: int) -> list[BenchScene]:
-    """Courtyard by day, interior through windows, courtyard by night."""
-    yard = courtyard_mesh(cells)
-    view = Camera.look_at([4.5, 3.2, 7.5], [-0.6, 0.9, 0], width, height, yfov=50, name="yard")
-    towards = np.array([-0.55, -0.65, -0.52])
-    lamp = PointLight(name="lamp", position=np.array([-2.5, 2.4, 0.8]), color=np.array([1.0, 0.7, 0.4]), intensity=6.0)
-    spot = SpotLight(
-        name="spot",
-        position=np.array([3.0, 3.5, 3.0]),
-        direction=np.array([-0.4, -1.0, -0.3]),
-        intensity=25.0,
-        inner_cone_angle=0.49,
-        outer_cone_angle=0.5,
-    )
-    day: tuple[Light, ...] = (SunLight(name="sun", direction=towards, intensity=4.0), lamp, spot)
-    rng = np.random.default_rng(5)
-    spots = [[x, 1.9 + 0.5 * rng.random(), z] for x in (-5, -2.8, 0.2, 2.8) for z in (-2.0, 1.0, 4.0)]
-    lamps = tuple(
-        PointLight(name=f"lamp {k}", position=np.array(p), color=0.4 + 0.6 * rng.random(3), intensity=2.0)
-        for k, p in enumerate(spots)
-    )
-    room = merged(
-        [
-            ground(4, cells, 0.0),
-            box([-4, 3, -4], [4, 3.2, 4]),
-            box([-4.2, 0, -4], [-4, 3, 4]),
-            box([-4, 0, -4.2], [4, 3, -4]),
-            box([-4, 0, 4], [4, 3, 4.2]),
-            *(box([4, a, c], [4.2, b, d]) for a, b, c, d in ((0, 1, -4, 4), (2.4, 3, -4, 4))),
-            *(box([4, 1, c], [4.2, 2.4, d]) for c, d in ((-4, -3), (-1.6, -0.4), (1.0, 1.6), (3, 4))),
-            box([-1.5, 0, -1.5], [0.5, 0.8, -0.5]),
-            *(ball([x, 0.5, z], 0.5, 32) for x, z in ((-2.5, 1.5), (1.5, 0.8))),
-        ]
-    )
-    inside = Camera.look_at([-3.4, 1.7, 3.4], [0.8, 0.8, -0.6], width, height, yfov=60, name="room")
-    through = SunLight(name="sun", direction=np.array([-0.75, -0.5, -0.25]), intensity=6.0)
-    return [
-        BenchScene("courtyard", yard, Lighting(lights=day, environment=sky(30.0)), view),
-        BenchScene("interior", room, Lighting(lights=(through,), environment=sky(5.0)), inside),
-        BenchScene("night", yard, Lighting(lights=lamps), view),
-    ]
+Timed: TypeAlias = Callable[[int, int], tuple[Array, float]]  # (spp, seed) -> (H, W, 3) and CPU seconds
 
 
 # --- renderers -------------------------------------------------------------------------------------------------------
 
 
-def ours(scene: BenchScene) -> Render:
+def timed(render: Callable[[int, int], Array]) -> Timed:
+    """A renderer that also says how much CPU time it took."""
+
+    def run(spp: int, seed: int) -> tuple[Array, float]:
+        start = time.process_time()
+        picture = render(spp, seed)
+        return picture, time.process_time() - start
+
+    return run
+
+
+def ours(scene: BenchScene, *, layers: bool = False, denoise: bool = False) -> Timed:
     """mirelight's tracer, warm."""
-    tracer = Tracer(scene.proxy, RenderSettings(max_depth=BOUNCES))
+    tracer = Tracer(scene.proxy, RenderSettings(max_depth=BOUNCES, denoise=denoise), layers=layers, aovs=layers)
 
     def render(spp: int, seed: int) -> Array:
         tracer.settings = replace(tracer.settings, spp=spp, seed=seed)
         return tracer.trace(scene.lighting, scene.camera).beauty.astype(np.float64)
 
-    return render
+    return timed(render)
 
 
-def mitsuba_path(scene: BenchScene) -> Render:
+def mitsuba_path(scene: BenchScene) -> Timed:
     """Mitsuba's path integrator on the same scene."""
     mi = backend.mitsuba("llvm_ad_rgb")
     world = oracle.scene(mi, scene.proxy, scene.lighting, scene.camera)
@@ -183,18 +68,21 @@ def mitsuba_path(scene: BenchScene) -> Render:
         picture, _ = oracle.path_beauty(mi, world, spp=spp, max_depth=BOUNCES, seed=seed)
         return picture.astype(np.float64)
 
-    return render
+    return timed(render)
 
 
 class Cycles:
     """Blender Cycles in a process of its own, asked over pipes; see bench_lighting_cycles.py."""
 
-    def __init__(self, python: str, scene: BenchScene) -> None:
+    def __init__(self, python: str, scene: BenchScene, *, tree: bool = True, denoise: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory()
         write_scene(Path(self._folder.name) / "scene.npz", scene)
         helper = Path(__file__).with_name("bench_lighting_cycles.py")
         self._process = subprocess.Popen(
-            [python, str(helper), self._folder.name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [python, str(helper), self._folder.name, str(int(tree)), str(int(denoise))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
 
     def __call__(self, spp: int, seed: int) -> tuple[Array, float]:
@@ -222,7 +110,9 @@ def write_scene(path: Path, scene: BenchScene) -> None:
         if isinstance(light, SunLight):
             lights.append([1, 0, 0, 0, *light.direction, *strength, np.radians(light.angular_diameter), 0, 0])
         elif isinstance(light, SpotLight):
-            lights.append([2, *light.position, *light.direction, *strength, 0, light.outer_cone_angle, 0])
+            # Blender's cone ends at once; a squared ramp this narrow lights as much as its first third
+            half = light.inner_cone_angle + (light.outer_cone_angle - light.inner_cone_angle) / 3
+            lights.append([2, *light.position, *light.direction, *strength, 0, half, 0])
         elif isinstance(light, PointLight):
             lights.append([3, *light.position, 0, -1, 0, *strength, 0, 0, 0])
         elif isinstance(light, DirectionalLight):
@@ -251,46 +141,122 @@ def error2(pictures: list[Array]) -> float:
     return float(np.mean(variance[seen] / (mean[seen] ** 2 + 0.01 * mean[seen].mean() ** 2)))
 
 
-def timed(render: Render) -> Callable[[int, int], tuple[Array, float]]:
-    """A renderer that also says how much CPU time it took."""
-
-    def run(spp: int, seed: int) -> tuple[Array, float]:
-        start = time.process_time()
-        picture = render(spp, seed)
-        return picture, time.process_time() - start
-
-    return run
+def median(values: Iterable[float]) -> float:
+    return float(statistics.median(values))
 
 
-def measure(scene: BenchScene, spp: int, seeds: int, cycles: str | None) -> dict[str, Any]:
-    """One row of the table."""
-    renderers: dict[str, Callable[[int, int], tuple[Array, float]]] = {
-        "path": timed(mitsuba_path(scene)),
-        "mirelight": timed(ours(scene)),
-    }
-    blender = Cycles(cycles, scene) if cycles else None
-    if blender is not None:
-        renderers["cycles"] = blender
+def interleaved(
+    renderers: dict[str, Timed], spp: int, seeds: int
+) -> tuple[dict[str, list[Array]], dict[str, list[float]]]:
+    """Pictures and CPU seconds of each, by turns, after one that compiles and builds."""
     pictures: dict[str, list[Array]] = {name: [] for name in renderers}
     seconds: dict[str, list[float]] = {name: [] for name in renderers}
     for render in renderers.values():
-        render(spp, 9999)  # compiles, builds
+        render(spp, 9999)
     for seed in range(seeds):
         for name, render in renderers.items():
             picture, spent = render(spp, 1 + seed)
             pictures[name].append(picture)
             seconds[name].append(spent)
-    if blender is not None:
-        blender.close()
+    return pictures, seconds
+
+
+def errors(scene: BenchScene, spp: int, seeds: int, cycles: str | None) -> dict[str, Any]:
+    """Rows of the table of errors."""
+    renderers = {"path": mitsuba_path(scene), "mirelight": ours(scene), "all layers": ours(scene, layers=True)}
+    trees = [Cycles(cycles, scene, tree=tree) for tree in (True, False)] if cycles else []
+    renderers |= dict(zip(("cycles, tree", "cycles, no tree"), trees, strict=False))
+    pictures, seconds = interleaved(renderers, spp, seeds)
+    for process in trees:
+        process.close()
     out: dict[str, Any] = {"scene": scene.name, "triangles": len(scene.proxy.faces), "spp": spp}
     for name in renderers:
-        cpu = float(np.median(seconds[name]))
-        error = error2(pictures[name])
-        mean = float(np.mean(pictures[name]))
-        out[name] = {"cpu": cpu, "error2": error, "cost": cpu * error, "mean": mean}
+        cpu, error = median(seconds[name]), error2(pictures[name])
+        out[name] = {"cpu": cpu, "error2": error, "cost": cpu * error, "mean": float(np.mean(pictures[name]))}
+    rivals = [name for name in renderers if name.startswith("cycles")]
+    better = min(rivals, key=lambda name: float(out[name]["cost"])) if rivals else None
+    print(
+        f"{'scene':20} {'spp':>4} {'renderer':16} {'CPU s':>8} {'error':>8} {'vs path':>8} {'vs cycles':>9} {'mean':>8}"
+    )
     for name in renderers:
-        out[name]["against path"] = out[name]["cost"] / out["path"]["cost"]
+        row = out[name]
+        row["against path"] = row["cost"] / out["path"]["cost"]
+        row["against cycles"] = row["cost"] / out[better]["cost"] if better else float("nan")
+        figures = f"{row['cpu']:8.3f} {np.sqrt(row['error2']):8.4f} {row['against path']:8.4f}"
+        print(
+            f"{scene.name:20} {spp:4} {name:16} {figures} {row['against cycles']:9.4f} {row['mean']:8.4f}", flush=True
+        )
     return out
+
+
+def denoised(scene: BenchScene, spp: int, seeds: int, cycles: str | None) -> dict[str, Any]:
+    """Error of denoised frames, against many samples of ours (Cycles' mean agrees to 0.2 %)."""
+    truth, _ = ours(scene)(64 * spp, 77)
+    renderers = {"mirelight": ours(scene, denoise=True)}
+    process = Cycles(cycles, scene, denoise=True) if cycles else None
+    if process:
+        renderers["cycles"] = process
+    pictures, seconds = interleaved(renderers, spp, seeds)
+    if process:
+        process.close()
+    seen = truth.max(axis=-1) > 0
+    floor = 0.01 * float(truth[seen].mean()) ** 2
+    out: dict[str, Any] = {"scene": scene.name, "spp": spp}
+    for name in renderers:
+        squared = [np.mean((picture - truth)[seen] ** 2 / (truth[seen] ** 2 + floor)) for picture in pictures[name]]
+        out[name] = {"cpu": median(seconds[name]), "error": float(np.sqrt(np.mean(squared)))}
+        print(
+            f"{scene.name:20} {spp:4} {name:16} {out[name]['cpu']:8.3f} {out[name]['error']:8.4f} denoised", flush=True
+        )
+    return out
+
+
+def wall(render: Callable[[], object]) -> float:
+    """Seconds on the clock."""
+    start = time.perf_counter()
+    render()
+    return time.perf_counter() - start
+
+
+def threads(scene: BenchScene, repeats: int) -> dict[str, Any]:
+    """Wall time with one thread over that with two, by turns. Says something on an idle machine only."""
+    import drjit as dr
+
+    render, before = ours(scene), dr.thread_count()
+    spent: dict[int, list[float]] = {1: [], 2: []}
+    render(16, 0)
+    for repeat in range(repeats):
+        for count, times in spent.items():
+            dr.set_thread_count(count)
+            times.append(wall(lambda seed=repeat: render(16, seed)))  # type: ignore[misc]
+    dr.set_thread_count(before)
+    one, two = median(spent[1]), median(spent[2])
+    print(f"{scene.name:20} one thread {one:.3f} s, two {two:.3f} s: {one / two:.2f} times", flush=True)
+    return {"scene": scene.name, "one thread": one, "two threads": two}
+
+
+def overheads(scene: BenchScene, width: int, height: int, repeats: int) -> dict[str, Any]:
+    """Milliseconds of CPU that a new camera and a new environment of 2048 x 1024 add to a frame of one sample."""
+    tracer = Tracer(scene.proxy, RenderSettings(spp=1, max_depth=1), layers=False, aovs=False)
+    skies = panorama(1), panorama(2)
+    views = [Camera.look_at([4.5, 3.2 + 0.1 * k, 7.5], [-0.6, 0.9, 0], width, height, yfov=50) for k in (0, 1)]
+    spent: dict[str, list[float]] = {"nothing new": [], "camera": [], "environment": []}
+    lighting, camera = Lighting(environment=skies[0]), views[0]
+    for repeat in range(2 + repeats):
+        for what, times in spent.items():
+            if what == "camera":
+                camera = views[(repeat + 1) % 2]
+            if what == "environment":
+                lighting = Lighting(environment=skies[(repeat + 1) % 2])
+            start = time.process_time()
+            tracer.trace(lighting, camera)
+            if repeat >= 2:  # the first two compile and fill caches
+                times.append(time.process_time() - start)
+    base = median(spent["nothing new"])
+    out = {what: 1000 * (median(times) - base) for what, times in spent.items() if what != "nothing new"}
+    line = ", ".join(f"new {what} {ms:.1f} ms" for what, ms in out.items())
+    print(f"{width} x {height}: frame {1000 * base:.0f} ms of CPU; {line}", flush=True)
+    return {"frame ms": 1000 * base, **out}
 
 
 def main() -> int:
@@ -299,21 +265,28 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="write the figures there")
     parser.add_argument("--cycles", metavar="PYTHON", help="a Python interpreter with the bpy package")
     parser.add_argument("--spp", type=int, nargs="+", default=[16, 64])
+    parser.add_argument("--scenes", nargs="+", help="only those whose name starts so")
+    parts = ["errors", "denoised", "threads", "overheads"]
+    parser.add_argument("--parts", nargs="+", choices=parts, default=["errors", "threads", "overheads"])
     chosen = parser.parse_args()
-    width, height, cells, seeds = (96, 54, 40, 4) if chosen.quick else (320, 180, 220, 8)
-    rows = []
-    print(f"{'scene':10} {'spp':>4} {'renderer':10} {'CPU s':>8} {'error':>8} {'vs path':>8} {'mean':>8}")
-    for scene in scenes(width, height, cells):
-        for spp in chosen.spp:
-            row = measure(scene, spp, seeds, chosen.cycles)
-            rows.append(row)
-            for name in ("cycles", "path", "mirelight"):
-                if name in row:
-                    r = row[name]
-                    figures = f"{r['cpu']:8.3f} {np.sqrt(r['error2']):8.4f} {r['against path']:8.3f} {r['mean']:8.4f}"
-                    print(f"{scene.name:10} {spp:4} {name:10} {figures}", flush=True)
+    width, height, cells, seeds = (96, 54, 40, 3) if chosen.quick else (320, 180, 220, 6)
+    three = scenes(width, height, cells)
+    wanted = tuple(chosen.scenes or [""])
+    every = [s for s in three + crowds(three[0]) if s.name.startswith(wanted)]
+    out: dict[str, list[Any]] = {part: [] for part in chosen.parts}
+    for scene in every:
+        many = len(scene.lighting.lights) > 50
+        if "errors" in out:
+            # Cycles is left out of crowds: its lamps have no range
+            out["errors"] += [errors(scene, n, seeds, None if many else chosen.cycles) for n in chosen.spp]
+        if "denoised" in out and not many:
+            out["denoised"].append(denoised(scene, min(chosen.spp), seeds, chosen.cycles))
+        if "threads" in out and not many:
+            out["threads"].append(threads(scene, seeds))
+    if "overheads" in out:
+        out["overheads"].append(overheads(three[0], *((320, 180) if chosen.quick else (1280, 720)), seeds))
     if chosen.json:
-        chosen.json.write_text(json.dumps(rows, indent=1))
+        chosen.json.write_text(json.dumps(out, indent=1))
     return 0
 
 

@@ -1,9 +1,8 @@
 """Renders a benchmark scene with Blender Cycles; run by bench_lighting.py with a Python that has `bpy` (GPL, not needed
-by anything else here). Reads "spp seed" lines, answers "DONE cpu-seconds" and leaves picture.npy in the folder."""
+by anything else here). Arguments: folder, light tree and denoising as 0 or 1. Reads "spp seed" lines, answers "DONE cpu-seconds" and leaves picture.npy in the folder."""
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from pathlib import Path
@@ -32,7 +31,7 @@ def pose_along(position: Any, direction: Any) -> Any:
     return Z_UP @ out
 
 
-def build(data: Any) -> Any:
+def build(data: Any, *, tree: bool, denoise: bool) -> Any:
     """The scene: gray two-sided diffuse mesh, lights, sky, camera."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -59,7 +58,7 @@ def build(data: Any) -> Any:
     holder.matrix_world = matrix(Z_UP @ data["pose"])
     scene.collection.objects.link(holder)
     scene.camera = holder
-    settings(scene, int(width), int(height), int(data["bounces"]))
+    settings(scene, int(width), int(height), int(data["bounces"]), tree=tree, denoise=denoise)
     return scene
 
 
@@ -103,8 +102,8 @@ def add_sky(scene: Any, radiance: Any) -> None:
         tree.links.new(texture.outputs[0], background.inputs["Color"])
 
 
-def settings(scene: Any, width: int, height: int, bounces: int) -> None:
-    """Unbiased, box filter, no denoising, everything counted alike."""
+def settings(scene: Any, width: int, height: int, bounces: int, *, tree: bool, denoise: bool) -> None:
+    """Unbiased, box filter, everything counted alike; denoising as good as it has it."""
     scene.render.engine = "CYCLES"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
     scene.render.film_transparent = True
@@ -116,13 +115,16 @@ def settings(scene: Any, width: int, height: int, bounces: int) -> None:
     cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.max_bounces = cycles.diffuse_bounces = bounces - 1
-    cycles.use_light_tree = os.environ.get("BENCH_LIGHT_TREE", "1") == "1"
+    cycles.use_light_tree = tree
+    if denoise:
+        cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
+        cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "ACCURATE"
 
 
 def main() -> None:
-    folder = Path(sys.argv[1])
+    folder, tree, denoise = Path(sys.argv[1]), sys.argv[2] == "1", sys.argv[3] == "1"
     with np.load(folder / "scene.npz") as data:
-        scene = build(data)
+        scene = build(data, tree=tree, denoise=denoise)
     target = folder / "picture.exr"
     scene.render.filepath = str(target)
     for line in sys.stdin:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_lighting import BOUNCES, Array, BenchScene, scenes
+from bench_lighting_scenes import BOUNCES, Array, BenchScene, scenes
 
 from mirelight.lighting import Tracer
 from mirelight.lighting.adaptive import window_sum

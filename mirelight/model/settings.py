@@ -56,7 +56,7 @@ class RelightSettings:
     brightness: float = 2.0  # multiplies the lit proxy (tint)
     background: float = 1.0  # the factor where the proxy does not cover (tint)
     texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 1]
-    delta: float = 0.01  # ratio: regularisation, share of the captured light's mean luminance
+    delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
     max_ratio: float = 16.0  # ratio: upper clamp
 
 

@@ -73,7 +73,7 @@ def write_job(recipe: Recipe, folder: Path) -> None:
         f"# Made by scripts/make_scenes.py {recipe.name}. Light is scaled so that exposure 0 shows it; the splats were",
         "# baked at that exposure.",
         f'splats = "{SPLATS}"',
-        f'proxy = "{PROXY}"',
+        f'proxy = {{ path = "{PROXY}", albedo = "splats" }}',
         'cameras_from = "proxy"',
         "resolution = [640, 360]",
         "",

@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -26,31 +27,40 @@ from mirelight.model import (
     RenderSettings,
     SplatLayer,
 )
+from mirelight.pipeline import lit_proxy
 from mirelight.relight import apply
 
 SCENES = Path(__file__).parents[2] / "scenes"
-GAINS = {  # dB by which the ratio must beat the tint; measured: 14.6, 6.2, 6.8, 8.0, 13.6
-    ("courtyard", "evening"): 12.0,
-    ("courtyard", "night"): 5.0,
-    ("stage", "spots"): 5.5,
-    ("stage", "gels"): 6.5,
-    ("stage", "sunset"): 11.0,
+GAINS = {  # dB by which the ratio must beat the tint; measured: 19.2, 8.3, 10.8, 12.9, 19.8
+    ("courtyard", "evening"): 17.0,
+    ("courtyard", "night"): 7.0,
+    ("stage", "spots"): 9.5,
+    ("stage", "gels"): 11.5,
+    ("stage", "sunset"): 17.5,
 }
-SHRINK = 4  # pixels along each axis that are averaged before comparing, so that few samples are enough
+COLORS_GAIN = {  # dB that the splats' colours on the proxy bring the ratio; measured: 3.2, 1.1, 1.8, 2.6
+    ("courtyard", "evening"): 2.4,
+    ("stage", "spots"): 0.7,
+    ("stage", "gels"): 1.2,
+    ("stage", "sunset"): 1.8,
+}
+TRACED = 320, 180  # pixels of the lighting, half those of frames and true pictures
+COMPARED = 80, 45  # blocks that are averaged in linear light before comparing, against the noise of both sides
 
 Picture = NDArray[np.float64]
 
 
 def shown(rgba: NDArray[np.float32]) -> Picture:
-    """Display values 0..1 of a frame as its PNG holds them, shrunk."""
-    return shrunk(encode_display(rgba, DisplaySettings()))
+    """Display values 0..1 of a frame as its PNG holds them, in blocks."""
+    return blocks(encode_display(rgba, DisplaySettings()))
 
 
-def shrunk(pixels: NDArray[np.uint8]) -> Picture:
-    """Display values 0..1, averaged in linear light over squares of `SHRINK` pixels."""
+def blocks(pixels: NDArray[np.uint8]) -> Picture:
+    """Display values 0..1 of averages over blocks, `COMPARED` of them."""
     linear = np.asarray(colour.srgb_decode(pixels.astype(np.float32) / 255))
+    columns, rows = COMPARED
     h, w, _ = linear.shape
-    small = linear.reshape(h // SHRINK, SHRINK, w // SHRINK, SHRINK, 3).mean(axis=(1, 3))
+    small = linear.reshape(rows, h // rows, columns, w // columns, 3).mean(axis=(1, 3))
     return np.asarray(colour.srgb_encode(small), dtype=np.float64)
 
 
@@ -75,41 +85,55 @@ def splats(name: str) -> SplatLayer:
     return Compositor(cloud).composite(camera(name))
 
 
-@cache
-def tracer(name: str) -> Tracer:
-    proxy = scene(name).scene.proxy
-    assert proxy is not None
-    return Tracer(proxy, RenderSettings(spp=8, max_depth=5, seed=1))
+Proxy = Literal["gray", "colored"]
 
 
 @cache
-def traced(name: str, lighting: str) -> LightingBuffer:
+def tracer(name: str, proxy: Proxy) -> Tracer:
+    gray = scene(name).scene.proxy
+    assert gray is not None
+    return Tracer(gray if proxy == "gray" else lit_proxy(scene(name)), RenderSettings(spp=32, max_depth=6, seed=1))
+
+
+@cache
+def traced(name: str, lighting: str, proxy: Proxy) -> LightingBuffer:
     found = scene(name).scene
     assert found.captured is not None
     chosen = found.captured if lighting == "captured" else next(x for x in found.lightings if x.name == lighting)
-    return tracer(name).trace(chosen, camera(name))
+    return tracer(name, proxy).trace(chosen, camera(name).resized(*TRACED))
 
 
-def relit(name: str, lighting: str, settings: RelightSettings) -> Frame:
-    captured = traced(name, "captured") if settings.mode == "ratio" else None
-    return apply(splats(name), traced(name, lighting), settings, captured=captured)
+def relit(name: str, lighting: str, settings: RelightSettings, proxy: Proxy = "gray") -> Frame:
+    captured = traced(name, "captured", proxy) if settings.mode == "ratio" else None
+    return apply(splats(name), traced(name, lighting, proxy), settings, captured=captured)
 
 
 @cache
 def truth(name: str, lighting: str) -> Picture:
-    """The true picture, shrunk."""
+    """The true picture, in blocks."""
     from PIL import Image
 
     with Image.open(SCENES / name / "truth" / f"front.{lighting}.png") as image:
-        return shrunk(np.asarray(image.convert("RGB")))
+        return blocks(np.asarray(image.convert("RGB")))
 
 
 @pytest.mark.parametrize(("name", "lighting"), GAINS)
 def test_ratio_is_far_closer_to_the_truth_than_the_tint(name: str, lighting: str) -> None:
     true = truth(name, lighting)
     tint = psnr(shown(relit(name, lighting, RelightSettings(mode="tint")).rgba), true)
-    ratio = psnr(shown(relit(name, lighting, RelightSettings(mode="ratio")).rgba), true)
+    ratio = psnr(shown(relit(name, lighting, RelightSettings(mode="ratio"), "colored").rgba), true)
     assert ratio > tint + GAINS[name, lighting]
+
+
+@pytest.mark.parametrize(("name", "lighting"), COLORS_GAIN)
+def test_colours_of_the_splats_bring_the_ratio_closer(name: str, lighting: str) -> None:
+    """Not so at night in the courtyard: lantern cages, which the proxy lacks, hold back light; see docs/scenes.md."""
+    true = truth(name, lighting)
+    gray, colored = (
+        psnr(shown(relit(name, lighting, RelightSettings(mode="ratio"), proxy).rgba), true)
+        for proxy in ("gray", "colored")
+    )
+    assert colored > gray + COLORS_GAIN[name, lighting]
 
 
 @pytest.mark.parametrize(("name", "lighting"), [case for case in GAINS if case != ("courtyard", "evening")])
@@ -163,8 +187,8 @@ def test_generator_still_renders_the_truth(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.syspath_prepend(SCENES.parent / "scripts")
     recipe = importlib.import_module("scenegen.stage").recipe()
     truth_module = importlib.import_module("scenegen.truth")
-    small = recipe.cameras[0].resized(160, 90)
-    picture = truth_module.Truth(recipe.looks(), recipe.captured).picture(small, spp=16)
+    small = recipe.cameras[0].resized(*COMPARED)
+    picture = truth_module.Truth(recipe.looks(), recipe.captured).picture(small, spp=64)
     values = np.asarray(colour.srgb_encode(np.clip(picture[..., :3], 0, 1)), dtype=np.float64)
     true = truth("stage", "studio")
     assert psnr(values, true) > 24

@@ -1,5 +1,6 @@
 """Renders a benchmark scene with Blender Cycles; run by bench_lighting.py with a Python that has `bpy` (GPL, not needed
-by anything else here). Arguments: folder, light tree and denoising as 0 or 1. Reads "spp seed" lines, answers "DONE cpu-seconds" and leaves picture.npy in the folder."""
+by anything else here). Arguments: folder, light tree and denoising as 0 or 1. Reads "spp seed" lines, answers "DONE
+cpu-seconds" and leaves picture.npy in the folder."""
 
 from __future__ import annotations
 

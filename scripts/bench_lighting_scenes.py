@@ -1,4 +1,4 @@
-"""The scenes of bench_lighting.py and bench_noise.py: procedural, with every light that Blender and Mitsuba have too."""
+"""The scenes of bench_lighting.py and bench_noise.py: procedural, lit by what Blender and Mitsuba have too."""
 
 from __future__ import annotations
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from mirelight.model import Camera, CompositorSettings
 
+MOST_ALPHA = float(np.float32(0.99))  # as the CUDA code has it: a second one would leave just less than `stop`
 LEAST_CLIP = 1e-6  # a clip of 0 would give every splat the whole frame
 E4 = float(np.exp(-4.0))  # the truncated kernel's value at its edge
 
@@ -63,7 +64,7 @@ def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
         return SplatKernel(
             low_pass=0.3,
             alpha_clip=clip,
-            alpha_max=0.99,
+            alpha_max=MOST_ALPHA,
             truncated=False,
             stop=1e-4,
             frustum_margin=0.3,

@@ -18,9 +18,11 @@ from .compositor_clouds import (
     assert_agrees,
     changed,
     cloud,
+    front,
     one,
     same_bits,
     splat_cloud,
+    stacked,
     unit,
 )
 
@@ -175,6 +177,19 @@ def test_without_depth_the_colour_is_the_same() -> None:
 def test_alpha_clip_zero_is_a_small_clip() -> None:
     assert_agrees(cloud(100), VIEW, replace(PHYSICAL, alpha_clip=0.0))
     assert_agrees(cloud(100), VIEW, replace(PLAYCANVAS, alpha_clip=0.02))
+
+
+def test_two_opaque_splats_end_a_pixel_as_in_the_cuda_rasteriser() -> None:
+    """There (1 - 0.99f)² is just below the limit: of two splats whose alpha is capped the second is not blended."""
+    camera = front(8, 8)
+    far, near = (
+        one(mean=(0, 0, -1), scale=2.0, opacity=1.0, rgb=(0, 0, 1)),
+        one(mean=(0, 0, 1), scale=2.0, opacity=1.0, rgb=(1, 0, 0)),
+    )
+    for layer in (composite(stacked(far, near), camera), reference.composite(stacked(far, near), camera, PHYSICAL)):
+        middle = layer.color[4, 4]
+        np.testing.assert_allclose(middle, [0.99, 0, 0], atol=1e-6)
+        assert layer.transmittance[4, 4] == pytest.approx(0.01, rel=1e-5)
 
 
 def test_colours_match_the_oracle() -> None:

@@ -24,7 +24,7 @@ def clouds(draw: st.DrawFn) -> SplatCloud:
     r = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     spread = draw(st.sampled_from([0.0, 0.3, 2.0, 30.0]))
     scales = np.exp(
-        r.normal(np.log(draw(st.sampled_from([0.01, 0.2, 2.0]))), draw(st.sampled_from([0.0, 1.5])), (count, 3))
+        r.normal(np.log(draw(st.sampled_from([0.01, 0.2, 2.0, 50.0]))), draw(st.sampled_from([0.0, 1.5])), (count, 3))
     )
     scales[r.random((count, 3)) < draw(st.sampled_from([0.0, 0.3]))] = 0
     opacities = r.random(count)
@@ -41,20 +41,21 @@ def clouds(draw: st.DrawFn) -> SplatCloud:
 
 @st.composite
 def cameras(draw: st.DrawFn) -> Camera:
-    """Small frames, from long lenses to 160 degrees, off centre, orthographic, near and inside the cloud."""
+    """Small frames, from long lenses to 176 degrees, far off centre, orthographic, around and inside the cloud."""
     width, height = draw(st.integers(1, 40)), draw(st.integers(1, 40))
     eye = np.array([0.1, 0.2, 0.3]) + [draw(st.floats(-4, 4)) for _ in range(3)]
-    f = max(width, height) * draw(st.sampled_from([0.09, 0.5, 1.5, 20.0]))
+    f = max(width, height) * draw(st.sampled_from([0.02, 0.09, 0.5, 1.5, 20.0, 300.0]))
     return Camera(
         world_from_camera=conventions.look_at(eye, [0.05, 0.0, -0.05]),
         width=width,
         height=height,
         fx=f,
         fy=f * draw(st.sampled_from([1.0, 0.6])),
-        cx=width * draw(st.floats(-0.2, 1.2)),
-        cy=height * draw(st.floats(-0.2, 1.2)),
+        cx=width * draw(st.floats(-2, 3)),
+        cy=height * draw(st.floats(-2, 3)),
         projection=draw(st.sampled_from(["perspective", "perspective", "orthographic"])),
-        near=draw(st.sampled_from([0.01, 0.2, 2.0])),
+        near=draw(st.sampled_from([1e-4, 0.01, 0.2, 2.0])),
+        far=draw(st.sampled_from([5.0, 1000.0])),
     )
 
 

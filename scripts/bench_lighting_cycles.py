@@ -41,11 +41,11 @@ def build(data: Any, *, tree: bool, denoise: bool) -> Any:
     mesh.from_pydata(points, [], data["faces"].tolist())
     material = bpy.data.materials.new("gray")
     material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    diffuse, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+    nodes = material.node_tree
+    nodes.nodes.clear()
+    diffuse, output = nodes.nodes.new("ShaderNodeBsdfDiffuse"), nodes.nodes.new("ShaderNodeOutputMaterial")
     diffuse.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1)
-    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+    nodes.links.new(diffuse.outputs[0], output.inputs["Surface"])
     mesh.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new("proxy", mesh))
     for number, row in enumerate(data["lights"]):

@@ -210,6 +210,19 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
         chromium.close()
 
 
+def test_opened_from_disk_the_page_says_what_to_do(data: Path, tmp_path: Path) -> None:
+    from playwright.sync_api import sync_playwright
+
+    realtime.export(make_job(data), CAMERA, LIGHTING, tmp_path)
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=["--no-sandbox"])
+        page = chromium.new_page()
+        page.goto((tmp_path / "index.html").as_uri())
+        assert "python3 -m http.server" in page.inner_text("body")
+        assert not page.is_visible("#controls")
+        chromium.close()
+
+
 def test_export_describes_the_job_in_the_engines_terms(data: Path, tmp_path: Path) -> None:
     job = make_job(data, blend=0.5, brightness=1.5, background=0.25, texture_scale=0.5)
     sky = Environment(radiance=np.ones((2, 4, 3), dtype=np.float32), intensity=0.5, rotation=30)

@@ -15,6 +15,7 @@ try {
 
     const form = document.getElementById('controls');
     form.hidden = false;
+    message.hidden = true;
     for (const input of form.querySelectorAll('input')) {
         const show = () => { input.nextElementSibling.value = Number(input.value).toFixed(2); };
         input.value = view.relighting[input.name];
@@ -23,7 +24,5 @@ try {
     }
 } catch (error) {
     message.hidden = false;
-    message.textContent = location.protocol === 'file:' ?
-        'A browser loads modules from a server only: run "python3 -m http.server" in this folder and open the address it prints.' :
-        String(error);
+    message.textContent = String(error);
 }

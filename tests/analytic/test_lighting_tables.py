@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from mirelight import backend
 from mirelight.errors import BackendError
 from mirelight.lighting import environment, grid, lights, materials
-from mirelight.lighting.denoise import denoise
+from mirelight.lighting.denoise import Parts, denoise
 from mirelight.model import (
     F32,
     Camera,
@@ -229,8 +230,9 @@ def test_denoised_layers_add_up_to_the_denoised_beauty(monkeypatch: pytest.Monke
     monkeypatch.setitem(sys.modules, "pyoidn", SimpleNamespace(Device=_Device, Filter=_Filter, OIDN_FORMAT_FLOAT3=3))
     _Filter.asked.clear()
     before = noisy()
-    after = denoise(before)
+    after = denoise(before, None)
     np.testing.assert_allclose(after.beauty, np.broadcast_to(before.beauty.mean(axis=(0, 1)), (4, 6, 3)), rtol=1e-5)
+    assert after.noisy == before.layers
     assert after.variance is None and before.variance is not None
     assert [x.name for x in after.layers] == ["a", "b"]
     colors = [x for x in _Filter.asked if "color" in x["images"]]
@@ -238,7 +240,50 @@ def test_denoised_layers_add_up_to_the_denoised_beauty(monkeypatch: pytest.Monke
     assert all(x["images"] == {"color", "albedo", "normal", "output"} and x["hdr"] and x["cleanAux"] for x in colors)
 
 
+def test_without_layers_the_sum_alone_is_denoised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", SimpleNamespace(Device=_Device, Filter=_Filter, OIDN_FORMAT_FLOAT3=3))
+    _Filter.asked.clear()
+    before = noisy()
+    dark = before.layers[0].direct.copy()
+    dark[0, 0] = 0
+    black = LightLayer(name="beauty", direct=dark, indirect=dark)
+    after = denoise(replace(before, layers=(black,)), None, layers=False)
+    np.testing.assert_allclose(after.beauty, np.broadcast_to((2 * dark).mean(axis=(0, 1)), (4, 6, 3)), rtol=1e-5)
+    assert sum("color" in x["images"] for x in _Filter.asked) == 1
+
+
+def test_the_error_of_a_denoised_picture_counts_its_bias(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stand-in for the denoiser gives the picture's mean, so its error is the truth's own variation."""
+    monkeypatch.setitem(sys.modules, "pyoidn", SimpleNamespace(Device=_Device, Filter=_Filter, OIDN_FORMAT_FLOAT3=3))
+    h, w = 96, 128
+    truth = np.ones((h, w, 3), np.float32)
+    truth[:, ::2] = 1.5
+    camera = Camera.look_at([0, 0, 1], [0, 0, 0], w, h)
+    one = np.ones((h, w), np.float32)
+
+    def seen(sigma: float) -> F32:
+        return (truth + sigma * RNG.standard_normal((h, w, 3))).astype(np.float32)
+
+    parts = Parts(half=seen(0.57), quarter=seen(0.8), other_quarter=seen(0.8))
+    beauty = ((2 * parts.half + parts.quarter + parts.other_quarter) / 4).astype(np.float32)
+    buffer = LightingBuffer(
+        camera=camera,
+        coverage=one,
+        layers=(LightLayer(name="a", direct=beauty, indirect=0 * beauty),),
+        depth=one,
+        position=beauty,
+        normal=beauty,
+        geometric_normal=beauty,
+        albedo=beauty,
+        variance=np.full((h, w, 3), 0.4**2, np.float32),
+    )
+    after = denoise(buffer, parts)
+    assert after.variance is not None
+    assert after.variance.mean() == pytest.approx(0.25**2, rel=0.1)
+    assert np.mean((after.beauty - truth) ** 2) == pytest.approx(0.25**2, rel=0.02)
+
+
 def test_denoising_without_the_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(BackendError, match="pip install pyoidn"):
-        denoise(noisy())
+        denoise(noisy(), None)

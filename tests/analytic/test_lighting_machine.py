@@ -39,7 +39,7 @@ def test_a_warm_frame_compiles_nothing_whatever_changes() -> None:
     dr.set_flag(dr.JitFlag.KernelHistory, True)
     try:
         dr.kernel_history_clear()
-        tracer.trace(Lighting(lights=(LAMP,)), VIEW)
+        tracer.trace(Lighting(lights=(LAMP,), environment=constant_sky(0.5)), VIEW)
         known = _kernels(dr)
         spot = SpotLight(name="spot", position=np.array([0.0, 3, 0]), direction=np.array([0.0, -1, 0]))
         panel = AreaLight(name="panel", shape="rectangle", world_from_light=np.eye(4), size=(1.0, 1.0))

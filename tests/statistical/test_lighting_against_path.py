@@ -212,11 +212,12 @@ def test_the_test_would_see_a_bias_of_two_percent() -> None:
     assert worst > allowed
 
 
-def test_a_picked_light_is_as_right_as_all_of_them() -> None:
-    """Above a dozen lights each hit samples runs of them by reservoir; the mean stays that of all, one by one."""
+@pytest.mark.parametrize("reach", [4.0, np.inf])
+def test_a_picked_light_is_as_right_as_all_of_them(reach: float) -> None:
+    """Above a dozen lights each hit weighs the brightest and some of the rest; the mean stays that of all."""
     rng = np.random.default_rng(11)
     lamps = tuple(
-        PointLight(name=f"lamp {k}", position=p, color=rng.random(3), intensity=0.3, range=4.0)
+        PointLight(name=f"lamp {k}", position=p, color=rng.random(3), intensity=0.3, range=reach)
         for k, p in enumerate(rng.uniform([-2, 0, -1], [2, 2, 2], (40, 3)))
     )
     together = our_pictures(FLAT, Lighting(lights=lamps), 4)

@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mirelight.lighting.grid import LightGrid
+from mirelight.lighting.grid import FIRST_WEIGHED, LATER_WEIGHED, LightGrid
 from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END
@@ -123,21 +123,31 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             sums = film.add_light(sums, place, film.glow_layer, depth > 1, value, active)
             active &= depth < max_depth
 
-        # the lights of the table that reach here, in as many runs as there are picks
-        start, count = lights.list_at(at.p, active)
+        # the lights of the table that reach here, the brightest and some drawn from the rest, in as many runs as picks
+        start, listed = lights.list_at(at.p, active)
+        weighed = dr.select(indirect, mi.UInt32(LATER_WEIGHED), mi.UInt32(FIRST_WEIGHED))
+        near = dr.select(listed > weighed, weighed // 2, listed)
+        count = dr.minimum(listed, weighed)
+        stretch = mi.Float(listed - near) / mi.Float(
+            weighed - weighed // 2
+        )  # lights that one drawn beyond `near` stands for
         picks = dr.minimum(count, lights.picks(depth))
-        pick, entry = mi.UInt32(0), mi.UInt32(start)
+        pick, entry = mi.UInt32(0), mi.UInt32(0)
         while active & (pick < picks):
-            last = start + mi.UInt32(mi.Float((pick + 1) * count) / mi.Float(picks))
+            last = mi.UInt32(mi.Float((pick + 1) * count) / mi.Float(picks))
             chosen, chosen_weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
             wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
             while entry < last:  # a weighted reservoir of one over the run
-                light = dr.gather(mi.UInt32, lights.items, entry)
-                own = mix(salt, light + 16)
+                own = mix(salt, entry + 16)
+                drawn_at = mi.UInt32((mi.Float(entry - near) + number(sample, mix(own, 1))) * stretch)
+                beyond = entry >= near
+                index = dr.select(beyond, near + dr.minimum(drawn_at, listed - near - 1), entry)
+                light = dr.gather(mi.UInt32, lights.items, start + index)
                 w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, sample, own)
                 w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
-                total += w
-                take = number(sample, own) * total < w
+                share = dr.select(beyond, w * stretch, w)
+                total += share
+                take = number(sample, own) * total < share
                 chosen = dr.select(take, light, chosen)
                 chosen_weight = dr.select(take, w, chosen_weight)
                 wi = dr.select(take, w_wi, wi)

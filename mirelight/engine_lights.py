@@ -145,10 +145,10 @@ def to_engine(lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True) -> 
     """
     warnings: list[str] = []
     lights = tuple(_engine_light(light, proxy, shadows, warnings) for light in lighting.lights)
-    near = {
-        light.name for light in lighting.lights if not isinstance(light, PointLight | SpotLight) or not light.falloff
-    }
-    warnings += _distance_warnings([light for light in lights if light.name in near], proxy)
+    native = {x.name for x in lighting.lights if isinstance(x, PointLight | SpotLight) and x.falloff}
+    warnings += _distance_warnings([light for light in lights if light.name not in native], proxy)
+    if any(material.emissive.any() for material in proxy.materials):
+        warnings.append("the proxy's surfaces that glow are dark in the engine: its material there is matt")
     environment = lighting.environment
     if environment is None:
         return EngineLighting(lights=lights), tuple(warnings)

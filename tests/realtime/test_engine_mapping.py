@@ -24,6 +24,7 @@ from mirelight.model import (
     Falloff,
     Light,
     Lighting,
+    Material,
     PointLight,
     ProxyMesh,
     RenderSettings,
@@ -140,6 +141,13 @@ def test_what_the_engine_cannot_hold_is_warned_of() -> None:
     sun = DirectionalLight(name="d", direction=np.array([0, -1, 0]))
     _, none = engine_lights.to_engine(Lighting(lights=(sun,)), FLOOR)
     assert none == ()
+
+
+def test_surfaces_that_glow_are_warned_of() -> None:
+    glowing = replace(FLOOR, materials=(Material(emissive=np.ones(3)),))
+    (line,) = engine_lights.to_engine(Lighting(), glowing)[1]
+    assert "glow" in line
+    assert engine_lights.to_engine(Lighting(), FLOOR)[1] == ()
 
 
 def test_near_lights_are_warned_of() -> None:

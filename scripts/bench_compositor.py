@@ -1,6 +1,6 @@
 """Benchmark of the splat compositor: stages, CPU per blended fragment, and its ratio to a Numba port in the same run.
 
-    python scripts/bench_compositor.py [--quick] [--json FILE] [--splats FILE --eye X Y Z --target X Y Z] …
+    python scripts/bench_compositor.py [--quick] [--memory] [--json FILE] [--splats FILE --eye X Y Z --target X Y Z] …
 
 Times are process CPU time on one thread (medians), so that other work on the machine disturbs them least; the ratio is
 taken interleaved. A fragment counts as blended where its alpha reaches 1/255 and its pixel is still open. Numba is an
@@ -11,9 +11,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import platform
+import re
 import resource
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -190,6 +193,24 @@ def bench(scene: Scene, repeats: int, *, ellipsoids: bool) -> Result:
     return result
 
 
+def _composite_alone(folder: str, camera: Camera) -> float:
+    arrays = {f.stem: np.load(f) for f in Path(folder).glob("*.npy")}
+    Compositor(SplatCloud(**arrays), SETTINGS, threads=1).composite(camera)
+    status = Path("/proc/self/status")  # a child's ru_maxrss starts at its parent's
+    if status.exists():
+        return int(re.findall(r"VmHWM:\s*(\d+)", status.read_text())[0]) / (1 << 20)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 30)
+
+
+def peak_memory(scene: Scene) -> float:
+    """GiB that a process of its own takes at most to read the scene's arrays and composite them, depths included."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("means", "quats", "scales", "opacities", "sh"):
+            np.save(Path(folder) / f"{name}.npy", getattr(scene.splats, name))
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            return pool.apply(_composite_alone, (folder, scene.camera))
+
+
 def table(results: list[Result]) -> str:
     """Markdown."""
     names = list(results[0].stages)
@@ -235,6 +256,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="one small scene, few repeats")
+    parser.add_argument("--memory", action="store_true", help="only the peak memory of each scene, in its own process")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers here")
     parser.add_argument("--splats", metavar="FILE", help="a capture instead of the synthetic rooms")
     parser.add_argument("--upside-down", action="store_true", help="turn the capture by 180 degrees about Z")
@@ -242,6 +264,11 @@ def main() -> None:
     parser.add_argument("--target", type=float, nargs=3, default=(0.0, 2.1, 0.0))
     parser.add_argument("--ellipsoids", action="store_true", help="also Mitsuba's ray tracer of Gaussians (slow)")
     arguments = parser.parse_args()
+    if arguments.memory:
+        for scene in scenes(arguments):
+            size = f"{scene.camera.width}x{scene.camera.height}"
+            print(f"{scene.name}, {len(scene.splats):,} splats, {size}: {peak_memory(scene):.2f} GiB", flush=True)
+        return
     repeats = 3 if arguments.quick else 9
     results = [bench(scene, repeats, ellipsoids=arguments.ellipsoids) for scene in scenes(arguments)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 20 if sys.platform == "linux" else 1 << 30)

@@ -1,8 +1,8 @@
 """The real engine on the same scene: PlayCanvas' own GsplatRelighting script, run in headless Chromium.
 
-``mapping`` turns physical lights into the engine's and back; ``raster`` and ``shading`` evaluate the engine's light
-model in NumPy; ``engine`` fetches the engine; ``bundle`` writes a page that runs it; ``browser`` runs that page and
-reads its buffers; ``predict`` makes the same frame without the engine.
+``engine`` fetches the engine; ``bundle`` writes a page that runs it; ``browser`` runs that page and reads its buffers;
+``predict`` makes the same frame without the engine. Its light model is `mirelight.lighting.engine`, the table of its
+units `mirelight.engine_lights`.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ Shadows are off on both sides: what shadow maps do is the engine's own error.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ def decibels(ours: F32, theirs: F32) -> float:
     return float(-10 * np.log10(np.mean((ours[..., :3].astype(np.float64) - theirs[..., :3]) ** 2)))
 
 
+@cache
 def rendered(path: Path) -> tuple[Job, Frame]:
     """The only frame of a job, as `mirelight render` makes it."""
     job = jobs.load(path)

@@ -1,4 +1,4 @@
-"""Each kind of light on a small set, beside its formula and what the tracer measures: docs/images/lights.png.
+"""Each kind of light on a small set, beside its formula and what the tracer measures: docs/pictures/lights.png.
 
     python scripts/light_figures.py                      # 14 pictures, three minutes of CPU
     python scripts/light_figures.py --spp 16 --only sun  # a quick look
@@ -368,7 +368,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--only", choices=FIGURES, nargs="*")
-    parser.add_argument("--out", type=Path, default=Path("docs/images/lights.png"))
+    parser.add_argument("--out", type=Path, default=Path("docs/pictures/lights.png"))
     chosen = parser.parse_args()
     tiles = []
     for name in chosen.only or FIGURES:

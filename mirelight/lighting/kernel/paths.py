@@ -139,9 +139,11 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
             wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
             while entry < last:  # a weighted reservoir of one over the run
                 own = mix(salt, entry + 16)
-                drawn_at = mi.UInt32((mi.Float(entry - near) + number(sample, mix(own, 1))) * stretch)
                 beyond = entry >= near
-                index = dr.select(beyond, near + dr.minimum(drawn_at, listed - near - 1), entry)
+                index = mi.UInt32(entry)
+                if beyond:
+                    index = mi.UInt32((mi.Float(entry - near) + number(sample, mix(own, 1))) * stretch)
+                    index = near + dr.minimum(index, listed - near - 1)
                 light = dr.gather(mi.UInt32, lights.items, start + index)
                 w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, sample, own)
                 w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3

@@ -136,7 +136,7 @@ def test_every_layers_variance_is_that_of_independent_seeds(spp: int, grouped: l
 
 def test_a_noise_target_is_met_and_its_means_are_those_of_even_samples() -> None:
     """Low targets from few first samples are where stopping at a pixel's own estimate would show as darkness."""
-    target = 0.035
+    target = 0.028
     aimed = frames(LIGHTING, 24, first_seed=40, spp=32, noise=target)
     even = frames(LIGHTING, 24, first_seed=80, spp=64)
     worst, allowed = worst_and_allowed(beauties(aimed), beauties(even))

@@ -198,7 +198,7 @@ def test_twice_the_light_is_twice_the_picture() -> None:
 
 def test_ratio_formula_with_regularisation() -> None:
     new, old, coverage = varied(7), varied(8), np.random.default_rng(9).uniform(0.1, 1, (H, W))
-    frame = relight.apply(splat_layer(), lit(new, coverage), RATIO, captured=lit(old, coverage))
+    frame = relight.apply(splat_layer(), lit(new, coverage), replace(RATIO, delta=0.01), captured=lit(old, coverage))
     luminance = old @ [0.2126, 0.7152, 0.0722]
     m = (luminance * coverage).sum() / coverage.sum()
     assert frame.factor is not None
@@ -207,7 +207,7 @@ def test_ratio_formula_with_regularisation() -> None:
 
 def test_ratio_is_applied_in_full_at_partly_covered_pixels() -> None:
     coverage = np.full((H, W), 0.03)
-    frame = relight.apply(splat_layer(), lit(0.3, coverage), RATIO, captured=lit(0.6, coverage))
+    frame = relight.apply(splat_layer(), lit(0.3, coverage), replace(RATIO, delta=0.01), captured=lit(0.6, coverage))
     assert frame.factor is not None
     np.testing.assert_allclose(frame.factor, (0.3 + 0.006) / (0.6 + 0.006), rtol=1e-5)
 

@@ -184,6 +184,8 @@ class _Filter:
         assert image.dtype == np.float32 and image.flags.c_contiguous and image.flags.writeable and layout == 3
         self.images[name] = image
 
+    def set_int(self, name: str, value: int) -> None: ...
+
     def set_bool(self, name: str, value: bool) -> None:
         self.flags[name] = value
 

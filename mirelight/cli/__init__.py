@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         help="lay a setting over the job file: render.spp=256, lights[0].intensity=3 (may be given again)",
     )
-    render.add_argument("--out", metavar="DIR", help="write there, relative to the current folder")
+    render.add_argument("-o", "--out", metavar="DIR", help="write there, relative to the current folder")
     render.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb or scalar_rgb")
     render.add_argument("--threads", metavar="N", help="CPU threads")
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")

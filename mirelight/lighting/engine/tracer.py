@@ -28,27 +28,15 @@ class _Seen:
 
     camera: Camera
     surface: Surface
+    face: NDArray[np.int32]  # (N,) triangle of each
+    position: F64  # (N, 3) world space
+    normal: F64  # (N, 3) unit
     albedo: F64  # (N, 3) linear
 
     @property
     def pixels(self) -> NDArray[np.bool_]:
         """(H, W) True at those pixels."""
         return self.surface.coverage
-
-    @property
-    def position(self) -> F64:
-        """(N, 3) world space."""
-        return self.surface.position[self.pixels].astype(np.float64)
-
-    @property
-    def normal(self) -> F64:
-        """(N, 3) unit."""
-        return self.surface.normal[self.pixels].astype(np.float64)
-
-    @property
-    def face(self) -> NDArray[np.int32]:
-        """(N,) triangle of each."""
-        return self.surface.face[self.pixels]
 
 
 class EngineTracer:
@@ -107,16 +95,18 @@ class EngineTracer:
         """What the engine's rasteriser sees; kept for the next lighting of the same camera."""
         if self._seen is None or self._seen.camera is not camera:
             surface = rasterise(self._proxy, camera, variant=self._variant, threads=self._threads)
-            self._seen = _Seen(camera, surface, self._albedo(surface))
+            hit = surface.coverage
+            face, position = surface.face[hit], surface.position[hit].astype(np.float64)
+            normal = surface.normal[hit].astype(np.float64)
+            self._seen = _Seen(camera, surface, face, position, normal, self._albedo(face, position))
         return self._seen
 
-    def _albedo(self, surface: Surface) -> F64:
-        hit = surface.coverage
+    def _albedo(self, face: NDArray[np.int32], position: F64) -> F64:
         if self._proxy.albedo is not None:
-            return np.broadcast_to(self._proxy.albedo, (int(hit.sum()), 3))
-        if not hit.any():
+            return np.broadcast_to(self._proxy.albedo, position.shape)
+        if not len(face):
             return np.zeros((0, 3))
-        return self._ray_caster().albedo(surface.face[hit], surface.position[hit].astype(np.float64))
+        return self._ray_caster().albedo(face, position)
 
     def _lit(self, lamp: EngineLight, seen: _Seen) -> F64:
         """(N, 3) one lamp's light on the seen points."""

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mirelight import conventions
+from mirelight.colour import luminance
 from mirelight.io.atomic import atomic_path
 from mirelight.lighting import Tracer
-from mirelight.lighting.sunsky import REC709, resolved
+from mirelight.lighting.sunsky import resolved
 from mirelight.model import (
     AreaLight,
     Camera,
@@ -82,7 +83,7 @@ def by_angle(lighting: Lighting, axis: Array) -> Series:
 
 def irradiance(radiance: NDArray[np.float32]) -> Array:
     """Of a Lambert surface of albedo 0.5, weighted to luminance."""
-    return np.asarray(radiance.astype(np.float64) @ REC709 * np.pi / 0.5)
+    return np.asarray(luminance(radiance) * np.pi / 0.5)
 
 
 # --- the formulas ----------------------------------------------------------------------------------------------------
@@ -234,7 +235,7 @@ def textured() -> Figure:
     )
     u, z = (np.arange(400) + 0.5) / 400, ((np.arange(40) + 0.5) / 20 - 1) * depth
     at = u * 6 - 0.5
-    radiance = 40 * np.stack([np.interp(at, np.arange(6), stripes[0, :, k]) for k in range(3)], axis=1) @ REC709
+    radiance = 40 * luminance(np.stack([np.interp(at, np.arange(6), stripes[0, :, k]) for k in range(3)], axis=1))
     law = []
     for x in X:
         d2 = ((2 * u - 1) * half - x)[:, None] ** 2 + HEIGHT_OF_LAMP**2 + z**2
@@ -323,7 +324,7 @@ def sunsky() -> Figure:
         sky = lighting.environment
         assert sky is not None
         theta = np.pi * (np.arange(len(sky.radiance) // 2) + 0.5) / len(sky.radiance)
-        rows = sky.radiance[: len(theta)].mean(axis=1, dtype=np.float64) @ REC709 * sky.intensity
+        rows = luminance(sky.radiance[: len(theta)].mean(axis=1, dtype=np.float64)) * sky.intensity
         laws[0].append(lighting.lights[0].intensity * np.sin(np.radians(elevation)))
         laws[1].append(float(np.sum(rows * np.cos(theta) * np.sin(theta)) * 2 * np.pi * np.pi / len(sky.radiance)))
         for found, layer in zip(dots, tracer.trace(at(float(elevation)), camera).layers, strict=True):

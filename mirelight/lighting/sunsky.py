@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from mirelight import backend
+from mirelight.colour import luminance
 from mirelight.model import F64, Environment, Lighting, SkyModel, SunLight, Variant
 from mirelight.model.lights import SKY, SUN
 
 LUMINANCE = 683.002 * 106.7502593994140625  # cd/m² of 1 in the plugin's units
-REC709 = np.array([0.2126, 0.7152, 0.0722])
 ROWS = 512  # of the map: 0.35 degrees, finer than anything in the model but the sun
 SUN_DIAMETER = 0.5358  # degrees, the plugin's own
 _RINGS = 24  # of the disc's quadrature
@@ -43,12 +43,12 @@ def resolved(lighting: Lighting, variant: Variant = "llvm_ad_rgb") -> Lighting:
 @lru_cache(maxsize=8)  # by identity: the frames of a job share their lightings, and the tracer its prepared map
 def _parts(model: SkyModel, variant: Variant) -> tuple[SunLight, Environment]:
     mi = backend.mitsuba(variant)
-    colour = _sun_irradiance(mi, model) * LUMINANCE
-    lux = float(colour @ REC709)
+    irradiance = _sun_irradiance(mi, model) * LUMINANCE
+    lux = float(luminance(irradiance))
     sun = SunLight(
         name=SUN,
         direction=-model.to_sun,
-        color=colour / max(lux, 1e-30),
+        color=irradiance / max(lux, 1e-30),
         intensity=lux * model.intensity,
         angular_diameter=SUN_DIAMETER,
     )

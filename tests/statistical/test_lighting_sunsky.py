@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import backend, provenance
+from mirelight import backend, colour, provenance
 from mirelight.lighting import Tracer, oracle, sunsky, tracer
 from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight
 
@@ -106,7 +106,7 @@ def test_the_units_are_those_of_the_spectral_plugin() -> None:
     mi = backend.mitsuba("llvm_ad_rgb")
     model = SkyModel(to_sun=sun_at(45.0, 90.0))
     ways = np.array([[0, 1, 0], [0.6, 0.8, 0], [-0.6, 0.8, 0]])
-    found = sunsky._evaluated(mi, model, ways, sun=False) @ sunsky.REC709 * sunsky.LUMINANCE
+    found = colour.luminance(sunsky._evaluated(mi, model, ways, sun=False)) * sunsky.LUMINANCE
     # cd/m²: W/(m² sr nm) from Mitsuba 3.9.1's llvm_ad_spectral at 1 nm steps from 360 to 720 nm, times 683.002 lm/W
     np.testing.assert_allclose(found, [2962.0, 10576.0, 3038.6], rtol=0.01)
 

@@ -155,9 +155,9 @@ def to_engine(lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True) -> 
     if shadows:
         warnings.append(f"{environment.name}: the engine's environment light casts no shadows")
     if environment.is_constant:
-        ambient = engine_diffuse(environment.radiance[0, 0].astype(np.float64) * environment.intensity)
+        ambient = engine_diffuse(environment.pixels[0, 0].astype(np.float64) * environment.intensity)
         return EngineLighting(lights=lights, ambient=ambient), tuple(warnings)
-    brightest = float(environment.radiance.max(initial=0.0))  # its intensity is multiplied in after the tiles
+    brightest = float(environment.pixels.max(initial=0.0))  # its intensity is multiplied in after the tiles
     if brightest > ENVIRONMENT_LIMIT:
         warnings.append(
             f"{environment.name}: radiance up to {brightest:.3g} is prefiltered by the engine into "

@@ -123,7 +123,7 @@ def write_scene(path: Path, scene: BenchScene) -> None:
         vertices=scene.proxy.vertices,
         faces=scene.proxy.faces,
         lights=np.array(lights[1:]),
-        sky=np.zeros((0, 0, 3), np.float32) if environment is None else environment.radiance,
+        sky=np.zeros((0, 0, 3), np.float32) if environment is None else environment.pixels,
         pose=scene.camera.world_from_camera,
         camera=np.array([scene.camera.width, scene.camera.height, scene.camera.fx]),
         bounces=BOUNCES,

@@ -323,10 +323,10 @@ def sunsky() -> Figure:
         lighting = resolved(at(float(elevation)))
         sky = lighting.environment
         assert sky is not None
-        theta = np.pi * (np.arange(len(sky.radiance) // 2) + 0.5) / len(sky.radiance)
-        rows = luminance(sky.radiance[: len(theta)].mean(axis=1, dtype=np.float64)) * sky.intensity
+        theta = np.pi * (np.arange(len(sky.pixels) // 2) + 0.5) / len(sky.pixels)
+        rows = luminance(sky.pixels[: len(theta)].mean(axis=1, dtype=np.float64)) * sky.intensity
         laws[0].append(lighting.lights[0].intensity * np.sin(np.radians(elevation)))
-        laws[1].append(float(np.sum(rows * np.cos(theta) * np.sin(theta)) * 2 * np.pi * np.pi / len(sky.radiance)))
+        laws[1].append(float(np.sum(rows * np.cos(theta) * np.sin(theta)) * 2 * np.pi * np.pi / len(sky.pixels)))
         for found, layer in zip(dots, tracer.trace(at(float(elevation)), camera).layers, strict=True):
             found.append(irradiance(layer.direct).mean())
     return Figure(

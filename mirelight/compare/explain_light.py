@@ -155,7 +155,7 @@ def _irradiance(light: Light, position: F64, normal: F64) -> F64:
 def sky_irradiance(environment: Environment, normal: F64) -> F64:
     """(N, 3) irradiance of an environment that nothing blocks, at unit normals (N, 3) in the world."""
     if environment.is_constant:
-        constant = environment.radiance[0, 0].astype(np.float64) * environment.intensity * math.pi
+        constant = environment.pixels[0, 0].astype(np.float64) * environment.intensity * math.pi
         return np.broadcast_to(constant, normal.shape)
     turn = math.radians(environment.rotation)
     x = normal[:, 0] * math.cos(turn) - normal[:, 2] * math.sin(turn)  # turned back into the map's own axes
@@ -174,7 +174,7 @@ def sky_irradiance(environment: Environment, normal: F64) -> F64:
 
 def _irradiance_table(environment: Environment) -> F64:
     """(*_TABLE, 3) irradiance by normal: rows from +Y to -Y, columns from +X towards +Z, rotation and intensity 1."""
-    flux, direction = _fluxes(environment.radiance)
+    flux, direction = _fluxes(environment.pixels)
     rows, columns = _TABLE
     theta, phi = np.linspace(0, math.pi, rows), np.arange(columns) * (2 * math.pi / columns)
     out = np.empty((rows, columns, 3))

@@ -199,14 +199,14 @@ def lighting_facts(lighting: Lighting) -> LightingFacts:
     environment = None
     if lighting.environment is not None:
         light = lighting.environment
-        height, width = light.radiance.shape[:2]
+        height, width = light.pixels.shape[:2]
         rows = np.sin(np.pi * (np.arange(height) + 0.5) / height)  # solid angle of a row's pixels
-        mean = np.average(light.radiance.mean(axis=1, dtype=np.float64), axis=0, weights=rows)
+        mean = np.average(light.pixels.mean(axis=1, dtype=np.float64), axis=0, weights=rows)
         environment = EnvironmentFacts(
             width=width,
             height=height,
             mean=numbers(mean * light.intensity),
-            brightest=rounded(light.radiance.max() * light.intensity),
+            brightest=rounded(light.pixels.max() * light.intensity),
             rotation=light.rotation,
             intensity=light.intensity,
         )

@@ -218,8 +218,8 @@ def _glowing(
 def sky(mi: Any, environment: Environment) -> dict[str, Any]:
     """The environment as `constant` or `envmap`, turned into our convention."""
     if environment.is_constant:
-        return {"type": "constant", "radiance": _rgb(mi, environment.radiance[0, 0] * environment.intensity)}
-    pixels = _rows_on_poles(environment.radiance * np.float32(environment.intensity))
+        return {"type": "constant", "radiance": _rgb(mi, environment.pixels[0, 0] * environment.intensity)}
+    pixels = _rows_on_poles(environment.pixels * np.float32(environment.intensity))
     turn = mi.ScalarTransform4f().rotate([0, 1, 0], 90.0 + environment.rotation)
     return {"type": "envmap", "bitmap": mi.Bitmap(pixels), "to_world": turn}
 

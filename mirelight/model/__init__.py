@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
+from mirelight.model.deferred import Deferred
+from mirelight.model.digests import digest
 from mirelight.model.lights import (
     AreaLight,
     DirectionalLight,
@@ -41,6 +43,7 @@ __all__ = [
     "AreaLight",
     "Camera",
     "CompositorSettings",
+    "Deferred",
     "DirectionalLight",
     "DisplaySettings",
     "Environment",
@@ -69,5 +72,6 @@ __all__ = [
     "Variant",
     "Wrap",
     "Wraps",
+    "digest",
     "frozen_array",
 ]

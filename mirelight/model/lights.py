@@ -9,6 +9,7 @@ import numpy as np
 
 from mirelight import conventions
 from mirelight.model.arrays import F32, F64, freeze
+from mirelight.model.deferred import Deferred
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
 
@@ -115,17 +116,24 @@ class Environment:
     """Light from all around: an equirectangular map or one constant radiance (a 1 x 1 map)."""
 
     name: str = "environment"
-    radiance: F32  # (h, w, 3) linear; row 0 is +Y; conventions.py says which way the columns look
+    radiance: F32 | Deferred[F32]  # (h, w, 3) linear, or what reads it; `pixels` gives the array either way
     intensity: float = 1.0  # multiplies the radiance
     rotation: float = 0.0  # degrees about +Y, counter-clockwise seen from above
 
     def __post_init__(self) -> None:
-        freeze(self, "radiance", (None, None, 3))
+        if not isinstance(self.radiance, Deferred):
+            freeze(self, "radiance", (None, None, 3))
+
+    @property
+    def pixels(self) -> F32:
+        """(h, w, 3) linear radiance; row 0 is +Y; conventions.py says which way the columns look. Read now if it was
+        not yet (InputError: the picture cannot be used)."""
+        return self.radiance.value if isinstance(self.radiance, Deferred) else self.radiance
 
     @property
     def is_constant(self) -> bool:
         """True where the radiance is the same in every direction."""
-        return self.radiance.shape[:2] == (1, 1)
+        return self.pixels.shape[:2] == (1, 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -87,7 +87,7 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
     if scene.proxy is not None:
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
     if engine_lighting.environment is not None:
-        write_hdr(folder / "environment.hdr", engine_lighting.environment.radiance)
+        write_hdr(folder / "environment.hdr", engine_lighting.environment.pixels)
     with atomic_path(folder / "scene.json") as temporary:
         temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
     return Exported(folder=folder, description=description, warnings=warnings)

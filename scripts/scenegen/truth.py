@@ -162,7 +162,7 @@ def _khr_spot(mi: Any, light: SpotLight) -> Any:
 
 
 def _sky(mi: Any, environment: Environment) -> Any:
-    radiance = environment.radiance * np.float32(environment.intensity)
+    radiance = environment.pixels * np.float32(environment.intensity)
     if environment.is_constant:
         return {"type": "constant", "radiance": _rgb(radiance[0, 0].astype(np.float64), 1.0)}
     turn = mi.ScalarTransform4f().rotate([0, 1, 0], 90 + environment.rotation)

@@ -36,7 +36,7 @@ def write_lighting(lighting: Lighting, folder: Path) -> None:
 
 
 def _write_hdr(environment: Environment, path: Path) -> None:
-    mitsuba().Bitmap(np.array(environment.radiance)).write(str(path))
+    mitsuba().Bitmap(np.array(environment.pixels)).write(str(path))
 
 
 def _numbers(values: object) -> str:

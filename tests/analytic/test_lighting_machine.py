@@ -56,7 +56,7 @@ def test_a_warm_frame_compiles_nothing_whatever_changes() -> None:
             (Lighting(lights=crowd), VIEW),
             (Lighting(lights=(sun,), environment=constant_sky(1.0)), wide),
             (Lighting(lights=(sun,), environment=sky), replace(wide, projection="orthographic")),
-            (Lighting(environment=replace(sky, radiance=sky.radiance[:8, :16])), VIEW.resized(61, 47)),
+            (Lighting(environment=replace(sky, radiance=sky.pixels[:8, :16])), VIEW.resized(61, 47)),
         )
         for number, (lighting, camera) in enumerate(changes):
             tracer.settings = replace(tracer.settings, spp=9 + number, max_depth=1 + number, seed=number)

@@ -178,8 +178,8 @@ def test_files_hold_the_light_that_the_generator_baked_with(name: str, monkeypat
                 elif field.name != "name":
                     np.testing.assert_allclose(baked, kept, atol=2e-5)
         assert made.environment is not None and read.environment is not None
-        brightest = float(made.environment.radiance.max())
-        np.testing.assert_allclose(read.environment.radiance, made.environment.radiance, atol=0.01 * brightest)
+        brightest = float(made.environment.pixels.max())
+        np.testing.assert_allclose(read.environment.pixels, made.environment.pixels, atol=0.01 * brightest)
 
 
 def test_generator_still_renders_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:

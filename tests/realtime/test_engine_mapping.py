@@ -260,7 +260,7 @@ def test_ambient_becomes_a_constant_environment_and_comes_back() -> None:
     ambient = np.array([0.5, 0.2, 0.1])
     back, _ = engine_lights.from_engine(EngineLighting(ambient=ambient))
     assert back.environment is not None
-    np.testing.assert_allclose(back.environment.radiance[0, 0], ambient**2.2, rtol=1e-6)
+    np.testing.assert_allclose(back.environment.pixels[0, 0], ambient**2.2, rtol=1e-6)
     engine, _ = engine_lights.to_engine(back, FLOOR, shadows=False)
     assert engine.environment is None
     np.testing.assert_allclose(engine.ambient, ambient, rtol=1e-6)

@@ -93,12 +93,12 @@ def test_a_clear_noon_has_the_suns_lux_and_a_low_sun_less_and_redder() -> None:
         assert light.color @ [0.2126, 0.7152, 0.0722] == pytest.approx(1)
 
     assert high.environment is not None
-    rows = len(high.environment.radiance)
+    rows = len(high.environment.pixels)
     theta = np.pi * (np.arange(rows // 2) + 0.5) / rows
     share = (np.cos(theta) * np.sin(theta) * (np.pi / rows) * 2 * np.pi)[:, None]
-    ground = (high.environment.radiance[: rows // 2].mean(axis=1) * share).sum(axis=0) * high.environment.intensity
+    ground = (high.environment.pixels[: rows // 2].mean(axis=1) * share).sum(axis=0) * high.environment.intensity
     assert 10_000 < ground @ [0.2126, 0.7152, 0.0722] < 25_000
-    assert not high.environment.radiance[rows // 2 :].any()
+    assert not high.environment.pixels[rows // 2 :].any()
 
 
 def test_the_units_are_those_of_the_spectral_plugin() -> None:
@@ -118,8 +118,8 @@ def test_the_sun_light_and_the_skys_bright_spot_lie_where_the_sun_is() -> None:
     (sun,), sky = lighting.lights, lighting.environment
     assert isinstance(sun, SunLight) and sky is not None
     assert sun.direction.tolist() == pytest.approx((-to_sun).tolist())
-    h, w = sky.radiance.shape[:2]
-    above = sky.radiance[: h // 3].sum(axis=-1)  # from 30 degrees up: the horizon is bright too
+    h, w = sky.pixels.shape[:2]
+    above = sky.pixels[: h // 3].sum(axis=-1)  # from 30 degrees up: the horizon is bright too
     row, column = np.unravel_index(np.argmax(above), above.shape)
     assert (row / h, column / w) == pytest.approx((1 / 6, 0.5), abs=0.01)
 

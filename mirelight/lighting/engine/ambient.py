@@ -48,8 +48,8 @@ def ambient_light(environment: Environment, normals: F64) -> F64:
 def ambient_tile(environment: Environment) -> F64:
     """(HEIGHT, WIDTH, 3) mean radiance about each direction of the map, seam included, before encoding."""
     if environment.is_constant:
-        return np.broadcast_to(environment.radiance[0, 0].astype(np.float64) * _RGBE_GAIN, (HEIGHT, WIDTH, 3))
-    levels = _cube_levels(environment.radiance.astype(np.float64) * _RGBE_GAIN)
+        return np.broadcast_to(environment.pixels[0, 0].astype(np.float64) * _RGBE_GAIN, (HEIGHT, WIDTH, 3))
+    levels = _cube_levels(environment.pixels.astype(np.float64) * _RGBE_GAIN)
     local, level = _samples()
     longitude = np.pi * (2 * (np.arange(WIDTH) + 0.5 - SEAM) / (WIDTH - 2 * SEAM) - 1)
     latitude = np.pi / 2 * (1 - 2 * (np.arange(HEIGHT) + 0.5 - SEAM) / (HEIGHT - 2 * SEAM))

@@ -19,7 +19,7 @@ class Sky:
 
     def __init__(self, environment: Environment | None) -> None:
         """None is black. A constant one is sampled by reflection alone."""
-        radiance = np.zeros((2, 2, 3), np.float32) if environment is None else environment.radiance
+        radiance = np.zeros((2, 2, 3), np.float32) if environment is None else environment.pixels
         intensity, rotation = (0.0, 0.0) if environment is None else (environment.intensity, environment.rotation)
         if radiance.shape[:2] == (1, 1):
             radiance = np.tile(radiance, (2, 2, 1))  # a single texel would be compiled in

@@ -380,7 +380,7 @@ environment = { radiance = 0.1 }
     assert scene.captured is scene.lightings[0]
     environment = scene.lightings[0].environment
     assert environment is not None and environment.is_constant
-    assert (environment.radiance.tolist(), environment.intensity) == ([[[1, 2, 3]]], 2)
+    assert (environment.pixels.tolist(), environment.intensity) == ([[[1, 2, 3]]], 2)
 
 
 def test_captured_as_a_table(write_job: WriteJob) -> None:

@@ -26,7 +26,8 @@ class Layers:
     def of(lighting: Lighting, *, emissive: bool, separate: bool = True) -> Layers:
         """A layer per group of lights or light without one, then the environment, then emission.
 
-        Where they are not wanted separate there is one, "beauty", that holds everything.
+        Where they are not wanted separate there is one, "beauty", that holds everything. Names are unique: lights keep
+        theirs, and an environment or glowing surfaces whose name one of them has get a number, "emission-2".
         """
         count = max(len(lighting.lights), 2)
         if not separate:
@@ -37,14 +38,20 @@ class Layers:
             names = ("lights",)
         else:
             of_light[: len(lighting.lights)] = [names.index(x.group or x.name) for x in lighting.lights]
-        environment = (lighting.environment.name,) if lighting.environment else ()
-        every = names + environment + (("emission",) if emissive else ())
-        return Layers(
-            every,
-            of_light,
-            environment=len(names) if environment else 0,
-            emission=len(every) - 1 if emissive else 0,
-        )
+        environment = emission = 0
+        if lighting.environment:
+            environment, names = len(names), (*names, _free(lighting.environment.name, names))
+        if emissive:
+            emission, names = len(names), (*names, _free("emission", names))
+        return Layers(names, of_light, environment=environment, emission=emission)
+
+
+def _free(name: str, taken: tuple[str, ...]) -> str:
+    """The name, or with the first number from 2 on that makes it new."""
+    candidate, number = name, 2
+    while candidate in taken:
+        candidate, number = f"{name}-{number}", number + 1
+    return candidate
 
 
 def sun_shares(lighting: Lighting) -> F32:

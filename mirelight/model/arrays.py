@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -35,3 +36,27 @@ def freeze(owner: object, name: str, shape: tuple[int | None, ...], dtype: Any =
     value = getattr(owner, name)
     if value is not None:
         object.__setattr__(owner, name, frozen_array(value, shape, dtype, f"{type(owner).__name__}.{name}"))
+
+
+class ArrayHolder:
+    """Base of the frozen dataclasses that hold arrays: what comes out of pickle and `copy` is read-only, too.
+
+    NumPy forgets that an array was read-only when it is pickled or copied deeply.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        names = tuple(f.name for f in fields(self))  # type: ignore[arg-type] # every subclass is a dataclass
+        return _restored, (type(self), names, tuple(getattr(self, name) for name in names))
+
+
+def _restored(kind: type, names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    """The object of these fields as it was: checked when it was made, so not checked again."""
+    out: Any = object.__new__(kind)
+    for name, value in zip(names, values, strict=True):
+        if isinstance(value, np.ndarray):
+            value = value.view()
+            value.flags.writeable = False
+        object.__setattr__(out, name, value)
+    return out

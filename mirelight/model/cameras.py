@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirelight import conventions
-from mirelight.model.arrays import F64, freeze
+from mirelight.model.arrays import F64, ArrayHolder, freeze
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Camera:
+class Camera(ArrayHolder):
     """A pinhole or orthographic camera. A camera-space point (x, y, z), z < 0 in front, lands on pixel
     ``(cx + fx x / w, cy - fy y / w)`` with ``w = -z`` (perspective) or ``w = 1`` (orthographic)."""
 

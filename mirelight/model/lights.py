@@ -8,14 +8,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mirelight import conventions
-from mirelight.model.arrays import F32, F64, freeze
+from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.deferred import Deferred
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DirectionalLight:
+class DirectionalLight(ArrayHolder):
     """KHR directional light: parallel, no position, hard shadows."""
 
     name: str
@@ -32,7 +32,7 @@ class DirectionalLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PointLight:
+class PointLight(ArrayHolder):
     """KHR point light, or a sphere of that radius with the same candela."""
 
     name: str
@@ -51,7 +51,7 @@ class PointLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SpotLight:
+class SpotLight(ArrayHolder):
     """KHR spot light: squared smooth cone between two half angles, `range` as for points."""
 
     name: str
@@ -75,7 +75,7 @@ class SpotLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SunLight:
+class SunLight(ArrayHolder):
     """A far disc: a directional light with an angular diameter, so soft shadow edges."""
 
     name: str
@@ -92,7 +92,7 @@ class SunLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AreaLight:
+class AreaLight(ArrayHolder):
     """A glowing rectangle, disk or sphere, seen by light only (it is not part of the proxy and blocks nothing)."""
 
     name: str
@@ -112,7 +112,7 @@ Light: TypeAlias = DirectionalLight | PointLight | SpotLight | SunLight | AreaLi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Environment:
+class Environment(ArrayHolder):
     """Light from all around: an equirectangular map or one constant radiance (a 1 x 1 map)."""
 
     name: str = "environment"
@@ -137,7 +137,7 @@ class Environment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SkyModel:
+class SkyModel(ArrayHolder):
     """A clear day's sun and sky, computed for a place of the sun (Hosek and Wilkie 2012, 2013). Two layers: "sun" and
     "sky". Below the horizon it is black."""
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.model.arrays import F32, F64, freeze
+from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
 from mirelight.model.settings import Profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SplatLayer:
+class SplatLayer(ArrayHolder):
     """A composite of splats, before any lighting. `color` is in the space that the splats blend in."""
 
     camera: Camera
@@ -33,7 +33,7 @@ class SplatLayer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LightLayer:
+class LightLayer(ArrayHolder):
     """What one light (or the environment, or emissive surfaces) adds to the lit proxy; premultiplied by coverage."""
 
     name: str
@@ -52,7 +52,7 @@ class LightLayer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LightingBuffer:
+class LightingBuffer(ArrayHolder):
     """The lit proxy as the splat camera sees it. Colours are premultiplied by coverage; AOVs are averages over the
     covered samples alone (0 where nothing is covered)."""
 
@@ -171,7 +171,7 @@ class Provenance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class Frame(ArrayHolder):
     """A finished frame: linear and premultiplied; alpha is 1 - transmittance, or coverage where there are no splats."""
 
     camera: Camera

@@ -7,13 +7,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mirelight.model.arrays import F32, F64, I32, freeze
+from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
 from mirelight.model.lights import Lighting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SplatCloud:
+class SplatCloud(ArrayHolder):
     """Gaussian splats in world space, activated (no logs or logits). N splats, K = (SH degree + 1)^2."""
 
     means: F32  # (N, 3) world units
@@ -48,7 +48,7 @@ Wraps: TypeAlias = tuple[Wrap, Wrap]  # along u and v
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Material:
+class Material(ArrayHolder):
     """What a proxy's own file says of its surface. It glows always; its base colour is used where the albedo comes from
     the file. Textures are (h, w, 3) linear, row 0 at v = 0 (glTF: top)."""
 
@@ -68,7 +68,7 @@ class Material:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ProxyMesh:
+class ProxyMesh(ArrayHolder):
     """The triangle mesh that stands for the captured scene, in world space. Lit from both sides."""
 
     vertices: F32  # (V, 3) world units

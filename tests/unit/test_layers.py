@@ -42,6 +42,14 @@ def test_lights_of_a_group_share_a_layer_of_its_name() -> None:
     assert (layers.environment, layers.emission) == (3, 4)
 
 
+def test_lights_named_as_the_environment_or_emission_do_not_collide() -> None:
+    lights = (lamp("emission"), lamp("a", "environment"), lamp("environment-2"))
+    layers = Layers.of(Lighting(lights=lights, environment=SKY), emissive=True)
+    assert layers.names == ("emission", "environment", "environment-2", "environment-3", "emission-2")
+    assert layers.of_light.tolist() == [0, 1, 2]
+    assert (layers.environment, layers.emission) == (3, 4)
+
+
 def test_too_many_layers_become_one_and_groups_keep_them_few() -> None:
     many = tuple(lamp(str(k)) for k in range(MAX_LAYERS + 1))
     assert Layers.of(Lighting(lights=many), emissive=False).names == ("lights",)

@@ -5,6 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 
+def printable(text: str) -> str:
+    """The text with everything that could act on a terminal, and bytes that are not UTF-8, written as an escape.
+
+    File names and names inside files are chosen by others: ``ESC [ 2 J`` in one must not clear a screen.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 class MirelightError(Exception):
     """Base of every error that mirelight raises on purpose; its text is one line for a person."""
 
@@ -26,7 +36,7 @@ class InputError(MirelightError):
         self.remedy = remedy
         where = f"{self.file}: {field}" if field else self.file
         text = f"{where}: {found}" + (f"; {remedy}" if remedy else "")
-        super().__init__(" ".join(text.split()))
+        super().__init__(printable(" ".join(text.split())))
 
 
 class ManyInputsError(MirelightError):

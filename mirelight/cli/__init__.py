@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import signal
 import sys
@@ -11,7 +13,7 @@ from types import FrameType
 from typing import NoReturn
 
 from mirelight import __version__
-from mirelight.errors import MirelightError
+from mirelight.errors import MirelightError, printable
 
 BAD = 2  # exit code of expected trouble: bad input, no backend, a full disk
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -20,6 +22,7 @@ TERMINATED = 143  # 128 + SIGTERM
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the return value is the exit code (0, 2, or 130 and 143 where it was stopped)."""
+    _prepare_streams()
     parser = _parser()
     args = parser.parse_args(arguments)
     if args.command is None:
@@ -28,8 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _terminate)
     try:
         code = _run(args)
-        sys.stdout.flush()
-        return code
+        return code if _flushed() else BAD
     except MirelightError as e:
         for line in str(e).splitlines():
             _say(line)
@@ -37,19 +39,65 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         _say("interrupted")
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of a pipe has gone, as `| head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BAD
     except MemoryError:
-        _say("out of memory; use a smaller resolution or fewer splats, or a machine with more")
+        _say(f"{_subject(args)}: out of memory; use a smaller resolution or fewer splats, or a machine with more")
         return BAD
     except OSError as e:
-        _say(f"{e.filename or 'the system'}: {e.strerror or e}")
+        if e.filename is None:  # files are read and written by name; what has none is a stream
+            _close_stdout(e)
+        else:
+            _say(f"{e.filename}: {e.strerror or e}")
         return BAD
+
+
+def _prepare_streams() -> None:
+    """Output that can always be written: characters that the stream's encoding lacks become escapes.
+
+    A stream that the caller has closed is replaced by the null device, so that no file that is opened later gets its
+    number, and with it what libraries print.
+    """
+    for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, mode)  # the lowest free number, this one
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _flushed() -> bool:
+    """Whether all that was printed has reached stdout; says so where it has not, and prints no more there."""
+    if sys.stdout is None:
+        return True
+    try:
+        sys.stdout.flush()
+    except OSError as e:
+        _close_stdout(e)
+        return False
+    return True
+
+
+def _close_stdout(error: OSError) -> None:
+    """Print no more there. The reader of a pipe may go when it likes, as `| head` does; all else is said."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    if not isinstance(error, BrokenPipeError):
+        _say(f"stdout: cannot be written ({error.strerror or error})")
+
+
+def _subject(args: argparse.Namespace) -> str:
+    """The file that a command is about."""
+    for name in ("job", "file", "paths"):
+        found = getattr(args, name, None)
+        if found:
+            return str(found if isinstance(found, str) else found[0])
+    return str(args.command)
 
 
 def _say(line: str) -> None:
-    print(f"mirelight: {line}", file=sys.stderr)
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError):
+            print(f"mirelight: {printable(line)}", file=sys.stderr)
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -80,11 +128,10 @@ def _run(args: argparse.Namespace) -> int:
 
             return run_explain(args)
         case "schema":
-            import json
-
+            from mirelight.cli.report import print_json
             from mirelight.io.job import json_schema
 
-            print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+            print_json(json_schema())
             return 0
         case _:
             from mirelight import doctor

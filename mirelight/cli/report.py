@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Sequence
 
+from mirelight.errors import printable
 from mirelight.io.facts import (
     Bounds,
     CameraFacts,
@@ -27,15 +29,22 @@ def run_inspect(file: str, wants_json: bool) -> int:
     """The command."""
     facts = inspect(file)
     if wants_json:
-        print(json.dumps(as_json(facts), indent=2, ensure_ascii=False))
+        print_json(as_json(facts))
     else:
         print("\n".join(lines(facts)))
     return 0
 
 
+def print_json(value: object) -> None:
+    """Print JSON that stays JSON on any terminal: what it cannot show is written as ``\\u`` escapes."""
+    encoding = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().replace("-", "")
+    text = json.dumps(value, indent=2, ensure_ascii=encoding != "utf8")
+    print("\n".join("".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in x) for x in text.split("\n")))
+
+
 def lines(facts: Facts) -> Iterator[str]:
     """The facts as text, a line each."""
-    yield facts.path
+    yield printable(facts.path)
     match facts:
         case SplatFacts():
             rows = _splats(facts)
@@ -46,7 +55,7 @@ def lines(facts: Facts) -> Iterator[str]:
         case JobFacts():
             rows = _job(facts)
     for name, value in rows:
-        yield f"  {name:<12} {value}"
+        yield f"  {name:<12} {printable(value)}"
 
 
 Rows = Iterator[tuple[str, str]]

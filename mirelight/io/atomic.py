@@ -36,15 +36,18 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         path: the file that shall appear; its folder must exist.
 
     Raises:
-        OutputError: the folder is missing or cannot be written, the disk is full, or `path` is a folder.
+        OutputError: the folder is missing or cannot be written, the disk is full, or `path` is a folder, a pipe or a
+            device.
     """
     path = Path(path)
-    if path.is_dir():
-        raise OutputError(f"{path}: cannot be written (it is a folder)")
     try:
+        if path.is_dir():
+            raise OutputError(f"{path}: cannot be written (it is a folder)")
+        if path.exists() and not path.is_file():  # renaming onto it would take the device's place
+            raise OutputError(f"{path}: cannot be written (it is a pipe or a device)")
         temporary = path.with_name(f".{path.stem[:80]}-{secrets.token_hex(6)}{path.suffix}")
         temporary.touch(exist_ok=False)
-    except OSError as e:
+    except (OSError, ValueError) as e:  # ValueError: a NUL in the name
         raise output_error(path, e) from None
     try:
         yield temporary
@@ -56,9 +59,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def output_error(path: str | Path, error: OSError) -> OutputError:
+def output_error(path: str | Path, error: OSError | ValueError) -> OutputError:
     """The error to raise for a file that the system refused to write."""
-    reason = _REASONS.get(error.errno or 0) or error.strerror or str(error)
+    reason = str(error)
+    if isinstance(error, OSError):
+        reason = _REASONS.get(error.errno or 0) or error.strerror or reason
     return OutputError(f"{path}: cannot be written ({reason}); nothing half-written was left")
 
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import stat
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
 
 from mirelight.errors import InputError
+
+BRIGHTEST = 1e12  # no light, emission or pixel of a map is brighter; its square is still far from float32's end
 
 
 def existing(path: str | Path) -> Path:
@@ -29,13 +33,31 @@ def open_binary(path: Path) -> BufferedReader:
     """The file, open for reading.
 
     Raises:
-        InputError: it cannot be opened.
+        InputError: it cannot be opened, or is a folder, a pipe or a device (those are not waited for).
     """
     try:
-        return path.open("rb")
+        number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except (OSError, ValueError) as e:
         reason = getattr(e, "strerror", None) or "bad path"
         raise InputError(path, f"cannot be read ({reason})", "check the path and its permissions") from None
+    if not stat.S_ISREG(os.fstat(number).st_mode):
+        os.close(number)
+        raise InputError(path, "not a file", "a folder, a pipe or a device cannot be read; name a file")
+    return os.fdopen(number, "rb")
+
+
+def read_whole(path: Path, what: str, times: float = 1.0) -> bytes:
+    """The whole of a file, read only where memory has room for `times` its bytes.
+
+    Raises:
+        InputError: it cannot be read, or is too large; `what` names its content there.
+    """
+    with open_binary(path) as file:
+        require_memory(path, int(os.fstat(file.fileno()).st_size * times), what)
+        try:
+            return file.read()
+        except OSError as e:
+            raise InputError(path, f"cannot be read ({e.strerror})") from None
 
 
 def read_bytes(path: Path, limit: int) -> bytes:

@@ -5,28 +5,35 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from mirelight.errors import printable
+
 
 def unique_names(candidates: Sequence[tuple[str, ...]]) -> list[str]:
     """One name for each thing, all different.
 
     Each thing brings candidates, best first (its own name, its node's, its kind). It gets the first that no other
-    thing shares; failing that its best one with a number: "lamp", "lamp 2", "lamp 3", in order.
+    thing shares; failing that its best one with a number: "lamp", "lamp 2", "lamp 3", in order. Characters that are not
+    printable are escaped: the names go to terminals, files and layers.
     """
+    candidates = [tuple(printable(name) for name in row) for row in candidates]
     chosen: list[str] = []
     shared = Counter(name for row in candidates for name in set(row) if name)
     taken: set[str] = set()
+    numbers: dict[str, int] = {}
     for row in candidates:
         given = [name.strip() for name in row if name.strip()]
         name = next((x for x in given[:-1] if shared[x] == 1 and x not in taken), "")
-        name = name or _numbered(given[0], taken)
+        name = name or _numbered(given[0], taken, numbers)
         taken.add(name)
         chosen.append(name)
     return chosen
 
 
-def _numbered(name: str, taken: set[str]) -> str:
-    number, out = 1, name
+def _numbered(name: str, taken: set[str], numbers: dict[str, int]) -> str:
+    """`numbers` holds the number to try first for each name, so that many of one name take no longer each."""
+    number, out = numbers.get(name, 1), name
     while out in taken:
         number += 1
         out = f"{name} {number}"
+    numbers[name] = number
     return out

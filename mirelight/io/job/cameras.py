@@ -19,7 +19,7 @@ from mirelight.io.job.camera_tables import (
     PosedCamera,
     TurntableTable,
 )
-from mirelight.io.job.lighting import choose, free_name
+from mirelight.io.job.lighting import FreeNames, choose
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.positions import Path
@@ -72,10 +72,9 @@ def extent(splats: SplatCloud | None, proxy: ProxyMesh | None) -> Extent:
 def cameras(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent) -> list[Camera]:
     """The cameras that stand in the job file; a turntable gives one for each of its frames."""
     out: list[Camera] = []
-    taken: set[str] = set()
+    names = FreeNames(x.name for x in tables if x.name)
     for table in tables:
-        name = table.name or free_name("camera", taken | {x.name for x in tables if x.name})
-        taken.add(name)
+        name = table.name or names.take("camera")
         size = table.width or resolution[0], table.height or resolution[1]
         if isinstance(table, TurntableTable):
             out += _turntable(table, name, size, scene)
@@ -108,13 +107,8 @@ def cameras_from(
 
 def uniquely_named(found: list[Camera]) -> tuple[Camera, ...]:
     """The cameras with a number on names that are taken."""
-    taken: set[str] = set()
-    out = []
-    for camera in found:
-        name = free_name(camera.name, taken)
-        taken.add(name)
-        out.append(camera if name == camera.name else replace(camera, name=name))
-    return tuple(out)
+    names = FreeNames()
+    return tuple(x if (name := names.take(x.name)) == x.name else replace(x, name=name) for x in found)
 
 
 def seeing_all(scene: Extent, resolution: tuple[int, int]) -> Camera:

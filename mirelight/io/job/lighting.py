@@ -23,7 +23,7 @@ from mirelight.io.job.light_tables import (
     SpotTable,
     SunTable,
 )
-from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.placing import environment_rotation, matrix, placed_light
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import EnvironmentTable
@@ -70,22 +70,27 @@ def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mis
 
 def unique(lights: list[Light], around: Iterable[str] = (ENVIRONMENT,)) -> tuple[Light, ...]:
     """The lights with names that differ from each other and from those of the environment's layers."""
-    taken = set(around)
-    out = []
-    for light in lights:
-        name = free_name(light.name, taken)
-        taken.add(name)
-        out.append(light if name == light.name else replace(light, name=name))
-    return tuple(out)
+    names = FreeNames(around)
+    return tuple(x if (name := names.take(x.name)) == x.name else replace(x, name=name) for x in lights)
 
 
-def free_name(name: str, taken: set[str]) -> str:
-    """`name`, or with a number where it is taken: lamp, lamp-2, lamp-3."""
-    out, number = name, 1
-    while out in taken:
-        number += 1
-        out = f"{name}-{number}"
-    return out
+class FreeNames:
+    """Gives names that differ: lamp, lamp-2, lamp-3. A hundred thousand lamps take no longer each than the first."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = set(taken)
+        self._next: dict[str, int] = {}  # the number to try first
+
+    def take(self, name: str) -> str:
+        """`name`, or with a number where it is taken; taken from now on."""
+        out = name
+        if name in self._taken:
+            number = self._next.get(name, 2)
+            while (out := f"{name}-{number}") in self._taken:
+                number += 1
+            self._next[name] = number + 1
+        self._taken.add(out)
+        return out
 
 
 def choose(
@@ -97,10 +102,13 @@ def choose(
             wrong.append(Mistake(at, f"{shown_path(file)} holds no {what}", "name a file that does, or leave it out"))
         yield from range(len(names))
         return
+    places = {name: i for i, name in reversed(list(enumerate(names)))}
     for i, name in enumerate(wanted):
-        if name in names:
-            yield names.index(name)
+        if name in places:
+            yield places[name]
             continue
+        if len(wrong) >= MOST:
+            return
         near = closest(name, names)
         listed = f"it has {', '.join(names[:10])}" if names else "it has none"
         remedy = f'did you mean "{near}"?' if near else listed

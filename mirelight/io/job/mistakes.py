@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from pydantic import ValidationError
@@ -14,6 +15,7 @@ from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
 
 _LONGEST = 12  # keys that a message lists
+MOST = 100  # mistakes that are worked out; a hundred thousand would take minutes to word
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +43,8 @@ def locate(location: tuple[str | int, ...], data: Any) -> Path:
 
 
 def mistakes(error: ValidationError, data: dict[str, Any], outline: Outline) -> list[Mistake]:
-    """All that pydantic reports, in the order of the tables' keys, each thing once."""
-    found = [_mistake(detail, data, outline) for detail in error.errors(include_url=False)]
+    """What pydantic reports, in the order of the tables' keys, each thing once; of thousands the first ones."""
+    found = [_mistake(detail, data, outline) for detail in islice(error.errors(include_url=False), MOST)]
     return list(dict.fromkeys(found))
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
 from mirelight.errors import InputError
+from mirelight.io.job.limits import DEEPEST, load_toml
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import label, shown
 
@@ -54,13 +54,15 @@ def _path(key: str, source: str) -> Path:
             raise InputError(source, f"{shown(key)} is not a key", "write it as render.spp or lights[0].intensity")
     if not path:
         raise InputError(source, "no key before '='", "write key=value, e.g. render.spp=256")
+    if len(path) > DEEPEST:
+        raise InputError(source, f"a key of {len(path)} parts", "a job has no such key")
     return path
 
 
 def _value(text: str, source: str) -> Any:
     try:
-        found = tomllib.loads(f"value = {text}\n")
-    except (tomllib.TOMLDecodeError, RecursionError):
+        found = load_toml(f"value = {text}\n")
+    except ValueError:  # no TOML, nested too deeply, or a number of thousands of digits
         found = {}
     if set(found) == {"value"}:
         return found["value"]

@@ -23,7 +23,7 @@ class RenderTable(Table):
     spp: int = Field(default=_RENDER.spp, ge=1, le=1_000_000, description="Samples per pixel.")
     noise: float | None = Field(
         default=_RENDER.noise,
-        gt=0,
+        ge=1e-4,
         le=1,
         allow_inf_nan=False,
         description="Relative error to reach. Default: spp alone decides.",

@@ -14,7 +14,8 @@ from mirelight.errors import InputError, ManyInputsError
 from mirelight.io import safety
 from mirelight.io.job import overrides as overriding
 from mirelight.io.job import positions
-from mirelight.io.job.mistakes import Mistake, locate
+from mirelight.io.job.limits import large_numbers, load_toml
+from mirelight.io.job.mistakes import MOST, Mistake, locate
 from mirelight.io.job.overrides import Override
 from mirelight.io.job.words import label
 
@@ -63,7 +64,9 @@ class Source:
         if len(found) == 1:
             raise self.error(found[0])
         if found:
-            raise ManyInputsError([self.error(mistake) for mistake in found])
+            said = [self.error(mistake) for mistake in found[:MOST]]
+            more = [InputError(self.shown, "more mistakes than these", "mend them first")] if len(found) > MOST else []
+            raise ManyInputsError(said + more)
 
     def _order(self, mistake: Mistake) -> int:
         brought = self._override(mistake.path)
@@ -90,13 +93,17 @@ def read(path: str | Path, overrides: Sequence[str | Override] = ()) -> Source:
     over = tuple(overriding.parse(o) if isinstance(o, str) else o for o in overrides)
     text = _text(Path(path))
     data = _data(path, text)
-    return Source(
+    source = Source(
         path=Path(path).absolute(),
         shown=str(path),
         text=text,
         data=overriding.apply(data, over),
         overrides=over,
     )
+    source.refuse(
+        Mistake(at, "a number of more than 64 bits", "give a smaller number") for at in large_numbers(source.data)
+    )
+    return source
 
 
 def _text(path: Path) -> str:
@@ -112,13 +119,12 @@ def _text(path: Path) -> str:
 
 def _data(path: str | Path, text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
+        return load_toml(text)
     except tomllib.TOMLDecodeError as e:
         where, found = _syntax_error(str(e), text)
         raise InputError(f"{path}:{where}", f"not TOML: {found}", _syntax_remedy(found)) from None
-    except (RecursionError, ValueError) as e:
-        found = "nested too deeply" if isinstance(e, RecursionError) else str(e)
-        raise InputError(path, f"not TOML: {found[:80]}", "a job needs no such value") from None
+    except ValueError as e:
+        raise InputError(path, f"not TOML: {str(e)[:80]}", "a job needs no such value") from None
 
 
 def _syntax_error(message: str, text: str) -> tuple[str, str]:

@@ -10,6 +10,8 @@ from mirelight.io.job.positions import Path
 
 _MOST = 40  # characters of a value that a message shows
 _MOST_OF_A_PATH = 200
+_MOST_OF_A_NAME = 100  # characters that are compared
+_MOST_COMPARED = 1000  # names
 
 # Names for the same thing in glTF, PlayCanvas, Blender and Mitsuba, where spelling alone does not lead to ours.
 _ELSEWHERE = {
@@ -57,8 +59,10 @@ def shown(value: Any) -> str:
     match value:
         case bool():
             return str(value).lower()
-        case int() | float():
-            return _cut(f"{value:g}" if isinstance(value, float) else str(value), _MOST)
+        case int():
+            return _cut(str(value), _MOST) if value.bit_length() < 1000 else f"a number of {value.bit_length()} bits"
+        case float():
+            return f"{value:g}"
         case str():
             return _cut(repr(value), _MOST)
         case list():
@@ -85,5 +89,5 @@ def closest(name: str, known: list[str]) -> str | None:
         return snake
     if _ELSEWHERE.get(snake) in known:
         return _ELSEWHERE[snake]
-    near = difflib.get_close_matches(snake, known, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(snake[:_MOST_OF_A_NAME], known[:_MOST_COMPARED], n=1, cutoff=0.6)
     return near[0] if near else None

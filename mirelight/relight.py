@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from mirelight.model import (
     RelightSettings,
     SplatLayer,
 )
+from mirelight.model.planes import Owner, Plane, planes_of
 
 _FULL_COVERAGE = np.float32(0.5)  # playcanvas: the share of a texel from which its one sample counts as a hit
 _FILL_REACH = 0.01  # ratio: share of the picture's longer side up to which the factor is carried past the proxy
@@ -113,36 +114,28 @@ def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
         return lighting
     coverage = _bilinear(lighting.coverage, size)
 
-    def average(aov: F32) -> F32:
-        flat = aov[..., None] if aov.ndim == 2 else aov
+    def resampled(values: F32 | None, plane: Plane) -> F32 | None:
+        if values is None:
+            return None
+        if plane.upsampling == "variance":
+            return _bilinear(values, size, squared_weights=True)
+        if plane.upsampling == "bilinear":
+            return _bilinear(values, size)
+        flat = values.reshape(*values.shape[:2], -1)
         summed = _bilinear(flat * lighting.coverage[..., None], size)
-        return (_divide(summed, coverage[..., None])).reshape((*size, *aov.shape[2:]))
+        average = _divide(summed, coverage[..., None]).reshape((*size, *values.shape[2:]))
+        return _unit_or_zero(average) if plane.upsampling == "unit" else average
 
-    def spread(variance: F32 | None) -> F32 | None:
-        return None if variance is None else _bilinear(variance, size, squared_weights=True)
+    def by_table(of: LightingBuffer | LightLayer, owner: Owner) -> dict[str, Any]:
+        return {x.field: resampled(getattr(of, x.field), x) for x in planes_of(owner) if x.upsampling != "none"}
 
-    def resampled(layer: LightLayer) -> LightLayer:
-        direct, indirect = _bilinear(layer.direct, size), _bilinear(layer.indirect, size)
-        return LightLayer(name=layer.name, direct=direct, indirect=indirect, variance=spread(layer.variance))
-
-    def optional(aov: F32 | None) -> F32 | None:
-        return None if aov is None else average(aov)
-
-    return LightingBuffer(
+    return replace(
+        lighting,
         camera=camera,
         coverage=coverage,
-        layers=tuple(resampled(x) for x in lighting.layers),
-        depth=average(lighting.depth),
-        position=average(lighting.position),
-        normal=_unit_or_zero(average(lighting.normal)),
-        geometric_normal=_unit_or_zero(average(lighting.geometric_normal)),
-        albedo=average(lighting.albedo),
-        sun_visibility=optional(lighting.sun_visibility),
-        ambient_occlusion=optional(lighting.ambient_occlusion),
-        variance=spread(lighting.variance),
-        samples=None if lighting.samples is None else _bilinear(lighting.samples, size),
-        spp=lighting.spp,
-        noisy=tuple(resampled(x) for x in lighting.noisy),
+        layers=tuple(replace(x, **by_table(x, "layer")) for x in lighting.layers),
+        noisy=tuple(replace(x, **by_table(x, "layer")) for x in lighting.noisy),
+        **by_table(lighting, "lighting"),
     )
 
 
@@ -355,11 +348,10 @@ def _moved(lighting: LightingBuffer, deviations: float) -> LightingBuffer:
 
 
 def _lit_proxy(lighting: LightingBuffer, made_by: Provenance | None) -> Frame:
-    rgba = np.concatenate([lighting.beauty, lighting.coverage[..., None]], axis=-1)
     noise = None if lighting.variance is None else np.sqrt(np.maximum(lighting.variance, 0))
     return Frame(
         camera=lighting.camera,
-        rgba=rgba,
+        rgba=lighting.rgba,
         unlit=None,
         factor=None,
         lighting=lighting,

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import RenderError
 from mirelight.lighting.layers import Layers
-from mirelight.model import F32, Camera, LightingBuffer, LightLayer
+from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
-# floats a pixel: coverage, depth | position | shading normal | geometric normal | albedo | sun visibility, openness
-SURFACE = 16
+SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,17 +72,22 @@ def develop(
             LightLayer(name=x.name, direct=x.direct, indirect=x.indirect, variance=spread if known else None)
             for x, spread in zip(means, squares, strict=False)
         ),
-        depth=surface[..., 1],
-        position=surface[..., 2:5],
-        normal=surface[..., 5:8],
-        geometric_normal=surface[..., 8:11],
-        albedo=surface[..., 11:14],
-        sun_visibility=surface[..., 14] if sun else None,
-        ambient_occlusion=surface[..., 15] if occlusion else None,
+        **_surface_aovs(surface, leave_out={"sun_visibility": not sun, "ambient_occlusion": not occlusion}),
         variance=squares[-1] if known else None,
         samples=samples.reshape(h, w).astype(np.float32),
         spp=int(samples.min()),
     )
+
+
+def _surface_aovs(surface: F32, leave_out: Mapping[str, bool]) -> dict[str, Any]:
+    """By the buffer's field what the film holds of it; None for those left out."""
+    found: dict[str, Any] = {}
+    at = 1  # behind the hits
+    for plane in planes.SURFACE:
+        values = surface[..., at] if plane.width == 1 else surface[..., at : at + plane.width]
+        found[plane.field] = None if leave_out.get(plane.field) else values
+        at += plane.width
+    return found
 
 
 def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:

@@ -91,6 +91,11 @@ class LightingBuffer(ArrayHolder):
         return out
 
     @property
+    def rgba(self) -> F32:
+        """(H, W, 4) beauty and coverage: the lit proxy as a premultiplied picture."""
+        return np.concatenate([self.beauty, self.coverage[..., None]], axis=-1)
+
+    @property
     def relative_noise(self) -> float | None:
         """Root mean square error over covered pixels, relative to each pixel; None where no variance is known.
 

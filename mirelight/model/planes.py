@@ -1,0 +1,206 @@
+"""The one table of what a frame's EXR file can hold besides its picture: layers and AOVs, one row each.
+
+The writer, the reader, the lighting film, upsampling, `output.aovs` and docs/outputs.md follow this table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+Owner: TypeAlias = Literal["frame", "splats", "lighting", "layer"]
+Upsampling: TypeAlias = Literal["none", "bilinear", "covered", "unit", "variance"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plane:
+    """One layer of a file."""
+
+    name: str  # in files and in `output.aovs`; NAME stands for the light
+    channels: Literal["RGBA", "RGB", "XYZ", "Z", "Y"]
+    owner: Owner  # Frame, SplatLayer, LightingBuffer or LightLayer
+    field: str  # the owner's attribute: (H, W, channels), or (H, W) for Z and Y
+    meaning: str  # as docs/outputs.md says it, with the unit
+    upsampling: Upsampling = "none"  # from a smaller lighting to the frame's pixels, see relight.upsample
+    half: bool = False  # a colour that `output.half` stores in 16 bits
+
+    @property
+    def width(self) -> int:
+        """Floats a pixel."""
+        return len(self.channels)
+
+
+PLANES: tuple[Plane, ...] = (
+    Plane(
+        name="unlit",
+        channels="RGBA",
+        owner="frame",
+        field="unlit",
+        meaning="the splats as captured, decoded to linear light, premultiplied",
+        half=True,
+    ),
+    Plane(
+        name="factor",
+        channels="RGB",
+        owner="frame",
+        field="factor",
+        meaning="what the splats were multiplied by, in the space that the job chose",
+        half=True,
+    ),
+    Plane(
+        name="noise",
+        channels="RGB",
+        owner="frame",
+        field="noise",
+        meaning="standard deviation of the relit picture that the lighting's own noise causes",
+    ),
+    Plane(
+        name="splat_color",
+        channels="RGB",
+        owner="splats",
+        field="color",
+        meaning="the splats in the space that they blend in, premultiplied: display-encoded, or linear in the engine's "
+        "linear pipeline",
+    ),
+    Plane(
+        name="transmittance",
+        channels="Y",
+        owner="splats",
+        field="transmittance",
+        meaning="what the splats let through of a background, 0 to 1",
+    ),
+    Plane(
+        name="splat_depth",
+        channels="Z",
+        owner="splats",
+        field="depth",
+        meaning="mean view depth of the blended splats, world units; 0 where there are none",
+    ),
+    Plane(
+        name="splat_median_depth",
+        channels="Z",
+        owner="splats",
+        field="median_depth",
+        meaning="view depth where half of the light is blocked, world units; 0 where it never is",
+    ),
+    Plane(
+        name="lighting",
+        channels="RGBA",
+        owner="lighting",
+        field="rgba",
+        meaning="the lit proxy, linear radiance, premultiplied; A = its coverage (antialiased)",
+        half=True,
+    ),
+    Plane(
+        name="depth",
+        channels="Z",
+        owner="lighting",
+        field="depth",
+        meaning="depth of the proxy along the view axis, world units; 0 where it is not covered",
+        upsampling="covered",
+    ),
+    Plane(
+        name="position",
+        channels="XYZ",
+        owner="lighting",
+        field="position",
+        meaning="position on the proxy, world units",
+        upsampling="covered",
+    ),
+    Plane(
+        name="normal",
+        channels="XYZ",
+        owner="lighting",
+        field="normal",
+        meaning="shading normal in world axes, turned to the viewer",
+        upsampling="unit",
+    ),
+    Plane(
+        name="geometric_normal",
+        channels="XYZ",
+        owner="lighting",
+        field="geometric_normal",
+        meaning="face normal in world axes, turned to the viewer",
+        upsampling="unit",
+    ),
+    Plane(
+        name="albedo",
+        channels="RGB",
+        owner="lighting",
+        field="albedo",
+        meaning="the proxy's albedo as rendered, linear",
+        upsampling="covered",
+        half=True,
+    ),
+    Plane(
+        name="sun_visibility",
+        channels="Y",
+        owner="lighting",
+        field="sun_visibility",
+        meaning="share of the directional lights' and suns' light that reaches the surface: 1 lit, 0 shadowed or "
+        "turned away. With several suns each counts by its illuminance; absent without one",
+        upsampling="covered",
+    ),
+    Plane(
+        name="ambient_occlusion",
+        channels="Y",
+        owner="lighting",
+        field="ambient_occlusion",
+        meaning="share of the cosine-weighted hemisphere that is free of the proxy up to `render.ao_distance`: 1 open, "
+        "0 closed",
+        upsampling="covered",
+    ),
+    Plane(
+        name="variance",
+        channels="RGB",
+        owner="lighting",
+        field="variance",
+        meaning="variance of the mean of `lighting`; denoised, its estimated mean square error. With `output.layers` "
+        "each light's `light_NAME_variance` comes with it",
+        upsampling="variance",
+    ),
+    Plane(
+        name="samples",
+        channels="Y",
+        owner="lighting",
+        field="samples",
+        meaning="light samples that went into the pixel",
+        upsampling="bilinear",
+    ),
+)
+LIGHT_PLANES: tuple[Plane, ...] = (
+    Plane(
+        name="light_NAME_direct",
+        channels="RGB",
+        owner="layer",
+        field="direct",
+        meaning="what one light or group of lights, the environment or glowing surfaces add after one reflection, "
+        "linear radiance, premultiplied",
+        upsampling="bilinear",
+        half=True,
+    ),
+    Plane(
+        name="light_NAME_indirect",
+        channels="RGB",
+        owner="layer",
+        field="indirect",
+        meaning="the same after more reflections. Direct and indirect of all lights together are `lighting`",
+        upsampling="bilinear",
+        half=True,
+    ),
+    Plane(
+        name="light_NAME_variance",
+        channels="RGB",
+        owner="layer",
+        field="variance",
+        meaning="variance of the mean of `light_NAME_direct` + `light_NAME_indirect`",
+        upsampling="variance",
+    ),
+)
+AOVS = tuple(plane.name for plane in PLANES)  # what `output.aovs` can name
+SURFACE = tuple(plane for plane in PLANES if plane.upsampling in ("covered", "unit"))  # in the film's order
+
+
+def planes_of(owner: Owner) -> tuple[Plane, ...]:
+    """The rows of one type, in the table's order."""
+    return tuple(plane for plane in (*PLANES, *LIGHT_PLANES) if plane.owner == owner)

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight.model import Profile, ToneCurve
+from mirelight.model import Profile, ToneCurve, rules_of
 
 F32: TypeAlias = NDArray[np.float32]
 
@@ -54,12 +54,57 @@ def power_decode(encoded: ArrayLike) -> F32:
 
 def encode(linear: ArrayLike, profile: Profile) -> F32:
     """Linear light to display values by the profile's curve: sRGB (physical) or the 2.2 power (playcanvas)."""
-    return power_encode(linear) if profile == "playcanvas" else srgb_encode(linear)
+    return power_encode(linear) if rules_of(profile).transfer == "power" else srgb_encode(linear)
 
 
 def decode(encoded: ArrayLike, profile: Profile) -> F32:
     """Display values to linear light by the profile's curve, the inverse of :func:`encode`."""
-    return power_decode(encoded) if profile == "playcanvas" else srgb_decode(encoded)
+    return power_decode(encoded) if rules_of(profile).transfer == "power" else srgb_decode(encoded)
+
+
+def shown(
+    rgb: F32,
+    alpha: F32,
+    profile: Profile,
+    *,
+    gain: float = 1.0,
+    tone: ToneCurve = "none",
+    background: ArrayLike = 0.0,
+) -> F32:
+    """Display values of a premultiplied linear picture: the one way from light to what a screen or an 8-bit file shows.
+
+    Each pixel's own colour (un-premultiplied) is multiplied by the gain, tone mapped and encoded, then laid over the
+    background in display space: splats blend in display space, so a picture that was only decoded comes back as it was.
+
+    Args:
+        rgb: (..., 3) linear, premultiplied.
+        alpha: (...,) 0 to 1.
+        profile: whose transfer curve.
+        gain: linear factor before the tone curve.
+        tone: tone curve.
+        background: display-encoded, broadcast to (..., 3).
+
+    Returns:
+        (..., 3), 0 to 1; what is no number is 0.
+    """
+    own = straight(rgb, alpha)
+    if gain != 1:
+        own *= np.float32(gain)
+    return laid_over(encode(tone_map(own, tone), profile), alpha, background)
+
+
+def straight(rgb: F32, alpha: F32) -> F32:
+    """(..., 3) a premultiplied colour over its alpha (...,); 0 where the alpha is 0. A new array."""
+    a = np.where(alpha > 0, alpha, np.float32(np.inf))
+    return np.asarray(rgb / a[..., None], dtype=np.float32)
+
+
+def laid_over(display: F32, alpha: F32, background: ArrayLike) -> F32:
+    """(..., 3) straight display values over a background of display values, 0 to 1; what is no number is 0."""
+    a = alpha[..., None]
+    over = display * a + np.asarray(background, dtype=np.float32) * (np.float32(1) - a)
+    clean = np.nan_to_num(over, copy=False, nan=0.0, posinf=1.0, neginf=0.0)
+    return np.asarray(np.clip(clean, np.float32(0), np.float32(1), out=clean), dtype=np.float32)
 
 
 def luminance(rgb: ArrayLike) -> F32:

@@ -61,7 +61,7 @@ def apply(
     if splats is None:
         if lighting is None:
             raise ValueError("a frame needs splats, lighting, or both")
-        return _lit_proxy(lighting, made_by)
+        return _lit_proxy(lighting, settings, made_by)
     unlit = unlit_rgba(splats)
     factor, relit, noise = np.ones_like(splats.color), unlit, None
     if lighting is not None:
@@ -347,7 +347,7 @@ def _moved(lighting: LightingBuffer, deviations: float) -> LightingBuffer:
 # --- frames ----------------------------------------------------------------------------------------------------------
 
 
-def _lit_proxy(lighting: LightingBuffer, made_by: Provenance | None) -> Frame:
+def _lit_proxy(lighting: LightingBuffer, settings: RelightSettings, made_by: Provenance | None) -> Frame:
     noise = None if lighting.variance is None else np.sqrt(np.maximum(lighting.variance, 0))
     return Frame(
         camera=lighting.camera,
@@ -358,6 +358,7 @@ def _lit_proxy(lighting: LightingBuffer, made_by: Provenance | None) -> Frame:
         splats=None,
         made_by=made_by,
         noise=noise,
+        profile=settings.profile,
     )
 
 

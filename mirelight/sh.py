@@ -6,6 +6,9 @@ A splat's colour is ``0.5 + sum_k sh[k] Y_k(d)``, ``d`` the unit vector from the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -43,8 +46,13 @@ def basis(directions: ArrayLike, degree: int) -> NDArray[np.float64]:
         (..., (degree + 1)^2) float64.
     """
     d = np.asarray(directions, dtype=np.float64)
-    x, y, z = d[..., 0], d[..., 1], d[..., 2]
-    out = [np.full_like(x, C0)]
+    return np.stack(terms([d[..., 0], d[..., 1], d[..., 2]], degree), axis=-1)
+
+
+def terms(direction: Sequence[Any], degree: int) -> list[Any]:
+    """The basis as (degree + 1)^2 polynomials of a unit vector [x, y, z], of any kind of arrays (NumPy, Dr.Jit)."""
+    x, y, z = direction
+    out = [x * 0 + C0]
     if degree >= 1:
         out += [-C1 * y, C1 * z, -C1 * x]
     if degree >= 2:
@@ -66,7 +74,7 @@ def basis(directions: ArrayLike, degree: int) -> NDArray[np.float64]:
             C3[5] * z * (xx - yy),
             C3[6] * x * (xx - 3 * yy),
         ]
-    return np.stack(out, axis=-1)
+    return out
 
 
 def rotation_matrices(rotation: ArrayLike, degree: int) -> list[NDArray[np.float64]]:

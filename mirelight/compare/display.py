@@ -10,7 +10,7 @@ import numpy as np
 from mirelight import colour
 from mirelight.compare.pictures import shows_engine_colours
 from mirelight.compare.types import CompareSettings, Picture
-from mirelight.model import F32
+from mirelight.model import F32, Profile
 
 _GAIN_STOPS = 6.0  # a fitted gain lies within this many stops of 1
 _GAIN_SAMPLES = 1 << 16  # pixels that the fit looks at
@@ -21,7 +21,7 @@ class Display:
     """How linear light is shown in one comparison."""
 
     settings: CompareSettings
-    engine_curve: bool  # 2.2 power instead of sRGB
+    profile: Profile  # whose transfer curve
     eight_bit: bool  # one side has 8 bits, so both are rounded to them
 
     @staticmethod
@@ -30,7 +30,7 @@ class Display:
         engine = settings.transfer == "power"
         if settings.transfer == "auto":
             engine = shows_engine_colours(reference) or shows_engine_colours(test)
-        return Display(settings, engine, not (reference.linear and test.linear))
+        return Display(settings, "playcanvas" if engine else "physical", not (reference.linear and test.linear))
 
     def show(self, picture: Picture, gain: float = 1.0) -> F32:
         """(H, W, 3) display values 0..1 over the background; `gain` multiplies the picture's light."""
@@ -38,16 +38,15 @@ class Display:
 
     def show_light(self, rgb: F32, alpha: F32, linear: bool, gain: float = 1.0) -> F32:
         """As :meth:`show`, for premultiplied (..., 3) and (...,)."""
-        a = alpha[..., None]
-        own = np.divide(rgb, a, out=np.zeros_like(rgb), where=a > 0)
+        settings, profile = self.settings, self.profile
         if linear:
-            own = self._encode(
-                colour.tone_map(own * np.float32(gain * 2.0**self.settings.exposure), self.settings.tone)
-            )
-        elif gain != 1:
-            own = self._encode(self._decode(own) * np.float32(gain))
-        over = own * a + np.asarray(self.settings.background, dtype=np.float32) * (1 - a)
-        shown = np.clip(over, 0, 1)
+            exposed = gain * 2.0**settings.exposure
+            shown = colour.shown(rgb, alpha, profile, gain=exposed, tone=settings.tone, background=settings.background)
+        else:
+            own = colour.straight(rgb, alpha)
+            if gain != 1:
+                own = colour.encode(colour.decode(own, profile) * np.float32(gain), profile)
+            shown = colour.laid_over(own, alpha, settings.background)
         if self.eight_bit:
             shown = np.rint(shown * np.float32(255)) / np.float32(255)
         return np.asarray(shown, dtype=np.float32)
@@ -59,7 +58,7 @@ class Display:
         """
         if picture.noise is None:
             return None
-        finer = Display(self.settings, self.engine_curve, eight_bit=False)
+        finer = Display(self.settings, self.profile, eight_bit=False)
         up = finer.show_light(picture.rgb + picture.noise, picture.alpha, True, gain)
         down = finer.show_light(np.maximum(picture.rgb - picture.noise, 0), picture.alpha, True, gain)
         deviation = (up - down) / 2
@@ -71,7 +70,7 @@ class Display:
         count = reference.alpha.size
         step = max(1, count // _GAIN_SAMPLES)
         rgb, alpha = reference.rgb.reshape(-1, 3)[::step], reference.alpha.reshape(-1)[::step]
-        finer = Display(self.settings, self.engine_curve, eight_bit=False)
+        finer = Display(self.settings, self.profile, eight_bit=False)
         target = finer.show_light(test.rgb.reshape(-1, 3)[::step], test.alpha.reshape(-1)[::step], test.linear)
 
         def error(stops: float) -> float:
@@ -81,12 +80,6 @@ class Display:
         best = coarse[int(np.argmin([error(s) for s in coarse]))]
         spread = coarse[1] - coarse[0]
         return float(2.0 ** _golden_section(error, best - spread, best + spread))
-
-    def _encode(self, linear: F32) -> F32:
-        return colour.encode(linear, "playcanvas" if self.engine_curve else "physical")
-
-    def _decode(self, encoded: F32) -> F32:
-        return colour.decode(encoded, "playcanvas" if self.engine_curve else "physical")
 
 
 def _golden_section(error: Callable[[float], float], low: float, high: float) -> float:

@@ -16,6 +16,7 @@ from mirelight.model import (
     Lighting,
     RelightSettings,
     ToneCurve,
+    rules_of,
 )
 from mirelight.realtime.browser import EngineFrames, render
 
@@ -43,9 +44,14 @@ def run_engine(job: Job, camera: Camera, lighting: Lighting, directory: Path) ->
 # --- the two sides of a job ------------------------------------------------------------------------------------------
 
 
+def _is_engines(job: Job) -> bool:
+    """Whether the job's splats go through the engine's pipelines anyway, so that its settings of them count."""
+    return rules_of(job.compositor.profile).splats.pipelines
+
+
 def engine_tone(job: Job) -> tuple[ToneCurve, float]:
     """Tone curve and linear exposure that the engine is given for a job; it has no AgX, and exposes in curves only."""
-    if job.relight.profile == "playcanvas":
+    if _is_engines(job):
         curve, exposure = job.compositor.tone, job.compositor.exposure
     else:
         curve, exposure = job.display.tone, 2.0**job.display.exposure
@@ -54,12 +60,12 @@ def engine_tone(job: Job) -> tuple[ToneCurve, float]:
 
 def engine_compositor(job: Job) -> CompositorSettings:
     """How the engine draws a job's splats, blended in floating point."""
-    theirs = job.compositor if job.compositor.profile == "playcanvas" else CompositorSettings()
+    theirs = job.compositor if _is_engines(job) else CompositorSettings()
     curve, exposure = engine_tone(job)
     return replace(
         theirs,
         profile="playcanvas",
-        linear=job.relight.profile == "playcanvas" and job.compositor.linear,
+        linear=job.compositor.blends_linear,
         tone=curve,
         exposure=exposure,
         eight_bit=False,
@@ -69,13 +75,13 @@ def engine_compositor(job: Job) -> CompositorSettings:
 
 def physical_settings(job: Job) -> RelightSettings:
     """How the last rung is relit: the job's settings by the profile physical, lighting at full size."""
-    space = "linear" if job.relight.profile == "playcanvas" else job.relight.space
+    space = "linear" if rules_of(job.relight.profile).blending_space else job.relight.space
     return replace(job.relight, profile="physical", space=space, texture_scale=1.0)
 
 
 def physical_display(job: Job) -> DisplaySettings:
     """How the last rung is shown: the job's display, or the engine's curve on the finished frame."""
-    if job.relight.profile != "playcanvas":
+    if not _is_engines(job):
         return job.display
     exposure = math.log2(job.compositor.exposure) if job.compositor.exposure > 0 else 0.0
     return replace(job.display, tone=job.compositor.tone, exposure=exposure)

@@ -37,6 +37,7 @@ from mirelight.model import (
     RelightSettings,
     SplatCloud,
     SplatLayer,
+    rules_of,
 )
 from mirelight.pipeline import lit_proxy
 from mirelight.realtime.engine import VERSION
@@ -349,7 +350,8 @@ class _Builder:
         layer = Compositor(self.splats, settings, variant=render.variant, threads=render.threads).composite(
             self.camera, depth=False
         )
-        if settings.profile != "playcanvas" or settings.linear or settings.tone != "none" or settings.exposure == 1:
+        pipelines = rules_of(settings.profile).splats.pipelines
+        if not pipelines or settings.linear or settings.tone != "none" or settings.exposure == 1:
             return layer
         gain = np.float32(settings.exposure ** (1 / colour.ENGINE_GAMMA))
         return replace(layer, color=layer.color * gain)
@@ -357,16 +359,12 @@ class _Builder:
     def _shown(self, recipe: _Recipe) -> F32:
         """(H, W, 3) display values 0..1 of a recipe."""
         frame = relight.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured)
-        background = np.asarray(recipe.display.background, dtype=np.float32)
-        alpha = frame.rgba[..., 3:]
-        if recipe.engine_blending and recipe.splats.linear:
-            behind = colour.power_decode(background)
-            shown = self._engine_tone(frame.rgba[..., :3] + behind * (1 - alpha))
-        else:
-            profile = recipe.splats.profile
-            own = frame.rgba[..., :3] / np.where(alpha > 0, alpha, np.float32(1))
-            light = colour.tone_map(own * np.float32(2.0**recipe.display.exposure), recipe.display.tone)
-            shown = colour.encode(light, profile) * alpha + background * (1 - alpha)
+        rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display
+        if not recipe.engine_blending or not recipe.splats.linear:
+            gain = 2.0**display.exposure
+            return colour.shown(rgb, alpha, frame.profile, gain=gain, tone=display.tone, background=display.background)
+        behind = colour.power_decode(display.background)
+        shown = self._engine_tone(rgb + behind * (1 - alpha[..., None]))
         return _f32(np.clip(np.nan_to_num(shown, nan=0.0, posinf=1.0, neginf=0.0), 0, 1))
 
     def _engine_tone(self, linear: F32) -> F32:

@@ -14,6 +14,7 @@ from mirelight.compare.types import Bool, Pair, Picture
 from mirelight.errors import InputError
 from mirelight.io.exr import read_exr
 from mirelight.io.image import PROVENANCE
+from mirelight.model import PROFILES
 
 _LINEAR = (".exr",)
 _DISPLAY = (".png", ".jpg", ".jpeg", ".webp")
@@ -193,4 +194,5 @@ def shows_engine_colours(picture: Picture) -> bool:
     """True where the picture says that it follows the real-time engine, whose display curve is a 2.2 power."""
     settings = picture.settings
     compositor = settings.get("settings", {}).get("compositor", {})
-    return "engine" in settings or (isinstance(compositor, dict) and compositor.get("profile") == "playcanvas")
+    profile = compositor.get("profile") if isinstance(compositor, dict) else None
+    return "engine" in settings or any(profile == x.name and x.transfer == "power" for x in PROFILES.values())

@@ -27,7 +27,6 @@ from mirelight.compositor.order import depth_order
 from mirelight.compositor.project import Projected, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Frame, empty_frame, layer_of, new_frame, values_of
-from mirelight.compositor.source import has_tone
 from mirelight.errors import BackendError
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
@@ -135,7 +134,7 @@ class Compositor:
         source = Source(device, kernel.fragment, channels, depth)
         for band, lists in _bands(device, records, whole, memory, what):
             blend(source, data, lists, band, frame)
-        if settings.eight_bit and settings.profile == "playcanvas":
+        if settings.rounds:
             records = _records(device, projected, device.dr.reverse(order), settings)
             source = Source(device, kernel.fragment, 0, False)
             for band, lists in _bands(device, records, whole, memory, what):
@@ -156,7 +155,7 @@ def _device(variant: Variant, threads: int | None) -> Device | None:
 def _records(device: Device, projected: Projected, order: Array, settings: CompositorSettings) -> Array:
     """Records in the given order, with their final colours."""
     records = sorted_records(device, projected.records, order)
-    if has_tone(settings):
+    if settings.tones_splats:
         tone_records(device, records, settings)
     return records
 

@@ -1,4 +1,4 @@
-"""The numbers that turn a splat into pixels, one set per profile, shared by the NumPy oracle and the Dr.Jit kernels.
+"""The numbers that turn a splat into pixels, for one frame's size; shared by the NumPy oracle and the Dr.Jit kernels.
 
 A splat of projected covariance S (px²) and opacity o covers a pixel at offset d from its centre with
 
@@ -8,9 +8,7 @@ A splat of projected covariance S (px²) and opacity o covers a pixel at offset 
 
 and a fragment with alpha below the clip is dropped.
 
-Sources: `physical` is Kerbl et al. 2023 and its CUDA rasteriser (forward.cu, auxiliary.h); `playcanvas` is the
-PlayCanvas 2.23 shader chunks gsplatCorner and gsplat, whose covariance is in doubled pixels, so that its "+0.3" is
-0.075 px².
+The numbers of each profile, and their sources, are in `mirelight.model.profiles`.
 """
 
 from __future__ import annotations
@@ -19,9 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.model import Camera, CompositorSettings
+from mirelight.model import Camera, CompositorSettings, rules_of
 
-MOST_ALPHA = float(np.float32(0.99))  # as the CUDA code has it: a second one would leave just less than `stop`
 LEAST_CLIP = 1e-6  # a clip of 0 would give every splat the whole frame
 E4 = float(np.exp(-4.0))  # the truncated kernel's value at its edge
 
@@ -59,32 +56,21 @@ class SplatKernel:
 
 def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
     """The kernel of `settings.profile` for one frame size."""
-    clip = max(settings.alpha_clip, LEAST_CLIP)
-    if settings.profile == "physical":
-        return SplatKernel(
-            low_pass=0.3,
-            alpha_clip=clip,
-            alpha_max=MOST_ALPHA,
-            truncated=False,
-            stop=1e-4,
-            frustum_margin=0.3,
-            clips_depth=True,
-            least_compensation=2.5e-5,
-            min_variance=0.0,
-            max_variance=float("inf"),
-        )
-    half_extent = min(1024, camera.width, camera.height)  # px, the engine's largest half quad
+    rules = rules_of(settings.profile).splats
+    limit = rules.largest_half
+    half = float("inf") if limit is None else float(min(limit, camera.width, camera.height))
     return SplatKernel(
-        low_pass=0.075,
-        alpha_clip=clip,
-        alpha_max=1.0,
-        truncated=True,
-        stop=None,
-        frustum_margin=None,
-        clips_depth=False,
-        least_compensation=0.0,
-        min_variance=settings.min_pixel_size**2 / 32,  # half extent sqrt(8 v) px against min_pixel_size / 2 px
-        max_variance=half_extent**2 / 8,
+        low_pass=rules.low_pass,
+        alpha_clip=max(settings.alpha_clip, LEAST_CLIP),
+        alpha_max=rules.alpha_max,
+        truncated=rules.truncated,
+        stop=rules.stop,
+        frustum_margin=rules.frustum_margin,
+        clips_depth=rules.clips_depth,
+        least_compensation=rules.least_compensation,
+        # half extent sqrt(8 v) px, against min_pixel_size / 2 px and against the largest
+        min_variance=settings.min_pixel_size**2 / 32 if rules.drops_small else 0.0,
+        max_variance=half**2 / 8,
     )
 
 

@@ -5,12 +5,13 @@ Slow (about 40 µs a splat) and exact: the Dr.Jit compositor is tested against i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import Legendre
 from numpy.typing import NDArray
 
-from mirelight import sh as spherical
 from mirelight.compositor.kernel import E4, SplatKernel, slope_limits, splat_kernel
 from mirelight.compositor.source import colors_of, factors_of, shape_of
 from mirelight.model import F32, F64, Camera, CompositorSettings, SplatCloud, SplatLayer
@@ -34,7 +35,7 @@ def composite(splats: SplatCloud, camera: Camera, settings: CompositorSettings =
     color, transmittance, depth, median = _blend(
         project(splats, camera, settings), splat_colors(splats, camera, settings), camera, settings
     )
-    if settings.eight_bit and settings.profile == "playcanvas":
+    if settings.rounds:
         color = _blend_eight_bit(
             project(splats, camera, settings), splat_colors(splats, camera, settings), camera, settings
         )
@@ -45,7 +46,7 @@ def composite(splats: SplatCloud, camera: Camera, settings: CompositorSettings =
         depth=depth.astype(np.float32),
         median_depth=median.astype(np.float32),
         profile=settings.profile,
-        linear=settings.linear and settings.profile == "playcanvas",
+        linear=settings.blends_linear,
     )
 
 
@@ -74,8 +75,26 @@ def _evaluated(splats: SplatCloud, camera: Camera) -> F64:
     else:
         offset = splats.means.astype(np.float64) - camera.position
         directions = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-30)
-    values = spherical.basis(directions, splats.sh_degree)
+    values = harmonics(np.asarray(directions, dtype=np.float64), splats.sh_degree)
     return np.asarray(0.5 + np.einsum("nk,nkc->nc", values, splats.sh.astype(np.float64)))
+
+
+def harmonics(directions: F64, degree: int) -> F64:
+    """(..., (degree + 1)²) real spherical harmonics by their definition, apart from the polynomials of `mirelight.sh`.
+
+    Y_lm = (-1)^m sqrt((2l + 1) (l - m)! / (2π (l + m)!)) dᵐP_l(z)/dzᵐ · Re or Im (x + iy)ᵐ, without the 2 at m = 0.
+    """
+    x, y, z = np.moveaxis(directions, -1, 0)
+    out = []
+    for band in range(degree + 1):
+        legendre = Legendre.basis(band)
+        for order in range(-band, band + 1):
+            m = abs(order)
+            around = (x + 1j * y) ** m
+            size = (2 * band + 1) * math.factorial(band - m) / (math.factorial(band + m) * (2 if m else 4) * math.pi)
+            slope = (legendre.deriv(m) if m else legendre)(z)
+            out.append((-1) ** m * math.sqrt(size) * slope * (around.imag if order < 0 else around.real))
+    return np.stack(out, axis=-1)
 
 
 def project(splats: SplatCloud, camera: Camera, settings: CompositorSettings) -> Footprints:

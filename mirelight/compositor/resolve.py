@@ -117,7 +117,7 @@ def layer_of(frame: Frame, camera: Camera, settings: CompositorSettings) -> Spla
         depth=mean,
         median_depth=median,
         profile=settings.profile,
-        linear=settings.linear and settings.profile == "playcanvas",
+        linear=settings.blends_linear,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import colour
-from mirelight.model import F32, F64, CompositorSettings, SplatCloud
+from mirelight.model import F32, F64, CompositorSettings, SplatCloud, rules_of
 
 _LOG_SCALE_MIN, _LOG_SCALE_RANGE = -12.0, 21.0  # COMPACT: natural logarithm of the scale, 8 bits
 MOST_COLOR = 65504.0  # half precision's largest number; brighter splats, which sums could not hold, are limited to it
@@ -51,7 +51,7 @@ def shape_of(splats: SplatCloud, settings: CompositorSettings) -> tuple[F32, F32
     with np.errstate(all="ignore"):
         quats = (splats.quats / np.linalg.norm(splats.quats, axis=1, keepdims=True)).astype(np.float32)
         opacities = np.clip(splats.opacities, 0, 1)
-        if settings.profile == "physical":
+        if not rules_of(settings.profile).splats.packed:
             return quats, splats.scales, opacities
         if settings.work_buffer == "large":
             return _large_quats(quats), through_half(splats.scales), through_half(opacities)
@@ -77,24 +77,19 @@ def colors_of(rgb: F64, settings: CompositorSettings) -> F32:
     gamma pipeline, or the 2.2 power in the linear one.
     """
     limited = np.clip(rgb, 0, MOST_COLOR)
-    if settings.profile == "physical":
+    if not rules_of(settings.profile).splats.packed:
         return limited.astype(np.float32)
     if settings.work_buffer == "large":
         stored = through_half(limited)
     else:
         steps = np.array(COMPACT_COLOR_STEPS) / 4
         stored = (np.floor(np.clip(rgb, 0, 4) * steps + 0.5) / steps).astype(np.float32)
-    return colour.power_decode(stored) if settings.linear else tone_of(stored, settings)
-
-
-def has_tone(settings: CompositorSettings) -> bool:
-    """Whether colours pass a tone curve before they are blended: only the engine's gamma pipeline does that."""
-    return settings.profile == "playcanvas" and not settings.linear and settings.tone != "none"
+    return colour.power_decode(stored) if settings.blends_linear else tone_of(stored, settings)
 
 
 def tone_of(stored: F32, settings: CompositorSettings) -> F32:
     """Colours after the engine's per-splat tone curve, if there is one; (N, 3) display-encoded."""
-    if not has_tone(settings):
+    if not settings.tones_splats:
         return stored
     light = colour.tone_map(colour.power_decode(stored) * np.float32(settings.exposure), settings.tone)
     return np.asarray(np.power(light + np.float32(colour.ENGINE_ENCODE_OFFSET), np.float32(1 / colour.ENGINE_GAMMA)))

@@ -60,8 +60,7 @@ def write(
         images = _images(frame, output)
         write_exr(path, images, _metadata(frame), half=_colours(images) if output.half else ())
     elif suffix == ".png":
-        profile = frame.splats.profile if frame.splats is not None else "physical"
-        write_png(path, encode_display(frame.rgba, display, profile), _texts(frame))
+        write_png(path, encode_display(frame.rgba, display, frame.profile), _texts(frame))
     else:
         raise OutputError(f"{path}: a frame is written as .exr or .png, not {path.suffix or 'without a suffix'}")
 

@@ -19,8 +19,7 @@ _END = b"\x00\x00\x00\x00IEND\xae\x42\x60\x82"  # the last chunk of every whole 
 def encode_display(rgba: F32, display: DisplaySettings, profile: Profile = "physical") -> NDArray[np.uint8]:
     """A premultiplied linear picture as display values over the display's background.
 
-    Each pixel's own colour is exposed, tone mapped and encoded by the profile's curve, then laid over the background in
-    display space: splats blend in display space, so a picture that was only decoded comes back as it was.
+    See :func:`mirelight.colour.shown`.
 
     Args:
         rgba: (H, W, 4) linear, premultiplied.
@@ -30,14 +29,16 @@ def encode_display(rgba: F32, display: DisplaySettings, profile: Profile = "phys
     Returns:
         (H, W, 3) uint8, rounded half to even.
     """
-    alpha = rgba[..., 3:]
-    own = rgba[..., :3] / np.where(alpha > 0, alpha, np.float32(1))
-    exposed = own * np.float32(2.0**display.exposure)
-    shown = colour.encode(colour.tone_map(exposed, display.tone), profile)
-    background = np.asarray(display.background, dtype=np.float32)
-    over = shown * alpha + background * (np.float32(1) - alpha)
-    clean = np.nan_to_num(over, nan=0.0, posinf=1.0, neginf=0.0)
-    return np.asarray(np.rint(np.clip(clean, 0, 1) * np.float32(255)), dtype=np.uint8)
+    shown = colour.shown(
+        rgba[..., :3],
+        rgba[..., 3],
+        profile,
+        gain=2.0**display.exposure,
+        tone=display.tone,
+        background=display.background,
+    )
+    shown *= np.float32(255)
+    return np.rint(shown, out=shown).astype(np.uint8)
 
 
 def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mirelight.lighting.engine import EngineTracer
 from mirelight.lighting.trace import Tracer
-from mirelight.model import Camera, Lighting, LightingBuffer, ProxyMesh, RenderSettings
+from mirelight.model import Camera, Lighting, LightingBuffer, ProxyMesh, RenderSettings, rules_of
 
 
 def tracer(
@@ -15,7 +15,7 @@ def tracer(
     Raises:
         BackendError: the variant cannot be used on this machine.
     """
-    if settings.profile == "playcanvas":
+    if not rules_of(settings.profile).path_traced:
         return EngineTracer(proxy, settings, layers=layers)
     return Tracer(proxy, settings, layers=layers, aovs=aovs)
 

@@ -22,6 +22,7 @@ from mirelight.model.lights import (
     SpotLight,
     SunLight,
 )
+from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, Scene, SplatCloud, Wrap, Wraps
 from mirelight.model.settings import (
@@ -29,7 +30,6 @@ from mirelight.model.settings import (
     DisplaySettings,
     Job,
     OutputSettings,
-    Profile,
     RelightSettings,
     RenderSettings,
     ToneCurve,
@@ -40,6 +40,7 @@ __all__ = [
     "F32",
     "F64",
     "I32",
+    "PROFILES",
     "AreaLight",
     "Camera",
     "CompositorSettings",
@@ -58,14 +59,18 @@ __all__ = [
     "OutputSettings",
     "PointLight",
     "Profile",
+    "ProfileRules",
     "Provenance",
     "ProxyMesh",
+    "RelightMode",
     "RelightSettings",
     "RenderSettings",
     "Scene",
     "SkyModel",
+    "Space",
     "SplatCloud",
     "SplatLayer",
+    "SplatRules",
     "SpotLight",
     "SunLight",
     "ToneCurve",
@@ -74,4 +79,5 @@ __all__ = [
     "Wraps",
     "digest",
     "frozen_array",
+    "rules_of",
 ]

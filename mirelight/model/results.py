@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
-from mirelight.model.settings import Profile
+from mirelight.model.profiles import Profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -186,7 +186,8 @@ class Frame(ArrayHolder):
     lighting: LightingBuffer | None
     splats: SplatLayer | None
     made_by: Provenance | None = None
-    noise: F32 | None = None  # (H, W, 3) standard deviation of rgba's colour; None where the lighting's is unknown
+    noise: F32 | None = None  # (H, W, 3) standard deviation of rgba's colour; None where it is unknown or not wanted
+    profile: Profile = "physical"  # by whose transfer curve it is shown; that of the splats where there are any
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width
@@ -194,3 +195,5 @@ class Frame(ArrayHolder):
         freeze(self, "unlit", (h, w, 4))
         freeze(self, "factor", (h, w, 3))
         freeze(self, "noise", (h, w, 3))
+        if self.splats is not None:
+            object.__setattr__(self, "profile", self.splats.profile)

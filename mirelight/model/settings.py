@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from mirelight.model.profiles import Profile, RelightMode, Space, rules_of
 from mirelight.model.scene import Scene
 
-Profile: TypeAlias = Literal["physical", "playcanvas"]
 Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 
@@ -44,14 +44,29 @@ class CompositorSettings:
     eight_bit: bool = False  # playcanvas: round after every blended splat, as its RGBA8 target does
     max_memory: int | None = None  # bytes; None: what the machine has free
 
+    @property
+    def blends_linear(self) -> bool:
+        """Whether splats blend in linear light: the engine's linear pipeline alone."""
+        return self.linear and rules_of(self.profile).splats.pipelines
+
+    @property
+    def tones_splats(self) -> bool:
+        """Whether splats pass a tone curve before they are blended: only the engine's gamma pipeline does that."""
+        return rules_of(self.profile).splats.pipelines and not self.linear and self.tone != "none"
+
+    @property
+    def rounds(self) -> bool:
+        """Whether the blended colour is rounded to 8 bits after every splat."""
+        return self.eight_bit and rules_of(self.profile).splats.pipelines
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelightSettings:
     """How lighting meets splats. Defaults are the engine's GsplatRelighting attributes."""
 
-    mode: Literal["tint", "ratio"] = "tint"
+    mode: RelightMode = "tint"
     profile: Profile = "physical"
-    space: Literal["linear", "display"] = "linear"  # in which the factor multiplies
+    space: Space = "linear"  # in which the factor multiplies
     blend: float = 1.0  # 0: unlit frame, bit for bit; 1: fully relit
     brightness: float = 2.0  # multiplies the lit proxy (tint)
     background: float = 1.0  # the factor where the proxy does not cover (tint)

@@ -29,7 +29,7 @@ from mirelight.io.hdr import write_hdr
 from mirelight.io.splats import ply
 from mirelight.lighting.engine.raster import culling_warnings
 from mirelight.lighting.sunsky import resolved
-from mirelight.model import Camera, CompositorSettings, Job, Lighting, ProxyMesh, Scene, ToneCurve
+from mirelight.model import PROFILES, Camera, CompositorSettings, Job, Lighting, ProxyMesh, Scene, ToneCurve, rules_of
 from mirelight.realtime import engine
 
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
@@ -135,14 +135,14 @@ def _with_normals(proxy: ProxyMesh) -> ProxyMesh:
 
 def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, Any]:
     scene, relight = job.scene, job.relight
-    playcanvas = relight.profile == "playcanvas"
+    playcanvas = rules_of(job.compositor.profile).splats.pipelines
     tone = job.compositor.tone if playcanvas else job.display.tone
     exposure = job.compositor.exposure if playcanvas else 2.0**job.display.exposure
     if tone == "none" and exposure != 1:
         curve = "linear"  # the engine exposes within its tone curves only
     else:
         curve = _TONE_CURVES[tone]
-    linear = playcanvas and job.compositor.linear
+    linear = job.compositor.blends_linear
     behind = np.asarray(job.display.background)
     background = (behind**ENGINE_GAMMA if linear else behind).tolist()  # the linear pipeline clears in linear light
     out: dict[str, Any] = {
@@ -199,7 +199,7 @@ def _furthest(camera: Camera, scene: Scene) -> float:
 
 
 def _gsplat(settings: CompositorSettings) -> dict[str, Any]:
-    if settings.profile != "playcanvas":
+    if not rules_of(settings.profile).splats.packed:
         return {}  # the engine's defaults
     return {
         "dataFormat": "GSPLATDATA_COMPACT" if settings.work_buffer == "compact" else "GSPLATDATA_LARGE",
@@ -246,11 +246,11 @@ def _light(light: EngineLight, shadow_distance: float) -> dict[str, Any]:
 
 def _settings_warnings(job: Job) -> list[str]:
     out = []
-    if job.relight.mode == "ratio":
-        out.append("relight.mode ratio: the engine knows the tint only")
-    if job.relight.profile == "physical" and job.scene.splats is not None:
+    if job.relight.mode not in PROFILES["playcanvas"].modes:
+        out.append(f"relight.mode {job.relight.mode}: the engine knows the tint only")
+    if not rules_of(job.relight.profile).blending_space and job.scene.splats is not None:
         out.append("profile physical: the engine tints in display space; the profile playcanvas does the same here")
-    tone = job.compositor.tone if job.relight.profile == "playcanvas" else job.display.tone
+    tone = job.compositor.tone if rules_of(job.compositor.profile).splats.pipelines else job.display.tone
     if tone == "agx":
         out.append("tone agx: the engine has no such curve; none is used")
     return out

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from mirelight import model
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
-from mirelight.model import ToneCurve, Variant
+from mirelight.model import RelightMode, Space, ToneCurve, Variant
 
 _RENDER = model.RenderSettings()
 _COMPOSITOR = model.CompositorSettings()
@@ -79,12 +79,12 @@ class CompositorTable(Table):
 class RelightTable(Table):
     """Settings of relighting."""
 
-    mode: Literal["tint", "ratio"] | None = Field(
+    mode: RelightMode | None = Field(
         default=None,
         description="tint: multiply by the lit proxy; ratio: by new over captured light. "
         "Default: ratio where captured is given and the profile is physical, else tint.",
     )
-    space: Literal["linear", "display"] | None = Field(
+    space: Space | None = Field(
         default=None,
         description="In which the factor multiplies. "
         "Default: linear for the profile physical and the engine's linear pipeline, else display.",

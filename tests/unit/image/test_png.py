@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import colour
+from mirelight import colour, relight
 from mirelight.io.image import write
 from mirelight.io.png import encode_display, read_png_text
-from mirelight.model import DisplaySettings, Frame, ToneCurve
+from mirelight.model import DisplaySettings, Frame, Profile, RelightSettings, ToneCurve
 
 
 def shown(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
@@ -39,6 +39,16 @@ def test_the_playcanvas_profile_uses_its_own_curve(frame: Frame, tmp_path: Path)
     rgba = np.concatenate([colour.power_decode(own) * alpha, alpha], axis=-1)
     write(replace(frame, splats=splats, rgba=rgba), tmp_path / "a.png")
     assert np.array_equal(shown(tmp_path / "a.png"), np.rint(splats.color * 255))
+
+
+@pytest.mark.parametrize("profile", ["physical", "playcanvas"])
+def test_a_lit_proxy_alone_is_shown_by_its_profile_s_curve(frame: Frame, tmp_path: Path, profile: Profile) -> None:
+    lit = relight.apply(None, frame.lighting, RelightSettings(profile=profile))
+    write(lit, tmp_path / "a.png")
+    light, alpha = lit.rgba[..., :3], lit.rgba[..., 3:]
+    own = np.divide(light, alpha, out=np.zeros_like(light), where=alpha > 0)
+    curve = {"physical": colour.srgb_encode, "playcanvas": colour.power_encode}[profile]
+    assert np.abs(shown(tmp_path / "a.png") - np.clip(curve(own) * alpha, 0, 1) * 255).max() <= 0.5 + 1e-3
 
 
 @pytest.mark.parametrize("tone", ["none", "aces", "neutral", "agx"])

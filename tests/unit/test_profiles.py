@@ -1,0 +1,48 @@
+"""What the profiles decide has one home: no other module asks for a profile or a mode by its name."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from mirelight import colour
+from mirelight.model import PROFILES, CompositorSettings, Profile, rules_of
+
+PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
+ASKS = re.compile(r"""\b(?:mode|profile) (?:==|!=) ["']|\b(?:mode|profile) (?:not )?in \(["']""")
+TO_COME = {"io/job/build.py", "pipeline.py", "model/settings.py", "compare/explain_ladder.py", "relight.py"}
+
+
+def test_every_profile_has_its_rules() -> None:
+    assert set(PROFILES) == set(get_args(Profile))
+    for name, rules in PROFILES.items():
+        assert rules.name == name
+        assert rules_of(name) is rules
+
+
+def test_no_module_asks_for_a_profile_or_a_mode_by_name() -> None:
+    asking = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if ASKS.search(path.read_text(encoding="utf-8"))
+    }
+    assert asking <= TO_COME
+
+
+@pytest.mark.parametrize("profile", get_args(Profile))
+def test_the_curve_of_a_profile_is_the_one_it_names(profile: Profile) -> None:
+    x = np.linspace(0, 1, 11, dtype=np.float32)
+    curve = {"srgb": colour.srgb_encode, "power": colour.power_encode}[rules_of(profile).transfer]
+    np.testing.assert_array_equal(colour.encode(x, profile), curve(x))
+
+
+def test_what_only_the_engine_has_does_nothing_in_the_physical_profile() -> None:
+    engine = CompositorSettings(profile="playcanvas", linear=True, eight_bit=True, tone="aces")
+    assert (engine.blends_linear, engine.tones_splats, engine.rounds) == (True, False, True)
+    assert CompositorSettings(profile="playcanvas", tone="aces").tones_splats
+    physical = CompositorSettings(profile="physical", linear=True, eight_bit=True, tone="aces")
+    assert (physical.blends_linear, physical.tones_splats, physical.rounds) == (False, False, False)

@@ -8,11 +8,11 @@ import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
 from typing import get_args
 
 from mirelight import __version__, backend
 from mirelight.errors import BackendError
+from mirelight.machine import memory
 from mirelight.model import Variant
 
 _SECONDS = 300  # a cold kernel compile takes under one; a machine under load takes longer
@@ -38,26 +38,9 @@ def _cores() -> int:
 
 
 def _memory() -> str:
-    try:
-        fields = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
-    except OSError:
-        return "not known on this system"
-    total, free = (int(fields[key].split()[0]) / 2**20 for key in ("MemTotal", "MemAvailable"))
-    limit = _group_limit()
-    within = f", limited to {limit / 2**30:.1f} GiB by the control group" if limit else ""
-    return f"{free:.1f} GiB available of {total:.1f} GiB{within}"
-
-
-def _group_limit() -> int | None:
-    """Bytes that this process's container may take; None where unlimited."""
-    for name in ("memory.max", "memory/memory.limit_in_bytes"):
-        try:
-            value = int((Path("/sys/fs/cgroup") / name).read_text())
-        except (OSError, ValueError):
-            continue
-        if value < 2**60:
-            return value
-    return None
+    found = memory()
+    within = "" if found.limit is None else f", limited to {found.limit / 2**30:.1f} GiB by the control group"
+    return f"{found.free / 2**30:.1f} GiB available of {found.total / 2**30:.1f} GiB{within}"
 
 
 def _llvm() -> list[str]:

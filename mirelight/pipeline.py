@@ -276,7 +276,11 @@ class _Studio:
                 layers=output.exr and output.layers,
                 aovs=output.exr and output.aovs,
             )
-        return self._tracer.trace(lighting, camera, progress=progress)
+        from mirelight.lighting import finished
+
+        output = self.job.output
+        buffer = self._tracer.trace(lighting, camera, progress=progress)
+        return finished(buffer, self.job.render, layers=output.exr and output.layers)
 
 
 class _View:

@@ -28,7 +28,7 @@ import numpy as np
 from bench_lighting_scenes import BOUNCES, Array, BenchScene, crowds, panorama, scenes
 
 from mirelight import backend
-from mirelight.lighting import Tracer, oracle
+from mirelight.lighting import Tracer, finished, oracle
 from mirelight.model import Camera, DirectionalLight, Lighting, PointLight, RenderSettings, SpotLight, SunLight
 
 Timed: TypeAlias = Callable[[int, int], tuple[Array, float]]  # (spp, seed) -> (H, W, 3) and CPU seconds
@@ -54,7 +54,8 @@ def ours(scene: BenchScene, *, layers: bool = False, denoise: bool = False) -> T
 
     def render(spp: int, seed: int) -> Array:
         tracer.settings = replace(tracer.settings, spp=spp, seed=seed)
-        return tracer.trace(scene.lighting, scene.camera).beauty.astype(np.float64)
+        buffer = tracer.trace(scene.lighting, scene.camera)
+        return finished(buffer, tracer.settings, layers=layers).beauty.astype(np.float64)
 
     return timed(render)
 

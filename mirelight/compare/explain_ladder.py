@@ -20,7 +20,7 @@ from mirelight.compare.explain_light import LitSurface, shadows, texture
 from mirelight.compositor import Compositor
 from mirelight.engine_lights import EngineLighting, to_engine
 from mirelight.errors import InputError, RenderError
-from mirelight.lighting import Tracer
+from mirelight.lighting import Tracer, finished
 from mirelight.lighting.engine.raster import rasterise
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.sunsky import resolved
@@ -144,7 +144,7 @@ class _Builder:
         """From points and one sample a pixel to the physical frame, by paths of that seed."""
         self.say("tracing")
         tracer = Tracer(self.proxy, replace(self.job.render, profile="physical", seed=seed))
-        traced = tracer.trace(self.lighting, self.camera)
+        traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
         recipe = self._traced(recipe, traced)
         self.say("splats")
         recipe = self._splat_side(recipe)
@@ -328,8 +328,8 @@ class _Builder:
             return
         if self.job.colors_proxy:
             tracer = Tracer(lit_proxy(self.job), tracer.settings)
-            traced = tracer.trace(self.lighting, self.camera)
-        old = tracer.trace(captured, self.camera)
+            traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
+        old = finished(tracer.trace(captured, self.camera), tracer.settings)
         settings = replace(recipe.settings, mode="ratio")
         self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old))
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 from mirelight.compositor.cloud import PADDED
 from mirelight.compositor.device import Device
 from mirelight.compositor.record import RECORD
 from mirelight.errors import RenderError
+from mirelight.machine import free_memory
 from mirelight.model import Camera, SplatCloud
 
 _GIB = 1 << 30
@@ -40,29 +38,6 @@ def check_pixels(camera: Camera) -> None:
             f"a frame of {camera.width} x {camera.height} pixels is too large; {_INDICES // 4 - 1} are possible: "
             "render it in parts by moving cx and cy"
         )
-
-
-def _free_in_control_group() -> int | None:
-    """Bytes that this process's memory control group (cgroup v2) still allows, if there is a limit."""
-    folder = Path("/sys/fs/cgroup")
-    try:
-        limit = int((folder / "memory.max").read_text())
-        used = int((folder / "memory.current").read_text())
-        parts = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-        return limit - used + int(parts["inactive_file"])  # files that are only cached give way
-    except (OSError, ValueError, KeyError):  # no cgroup v2, or no limit ("max")
-        return None
-
-
-def free_memory() -> int:
-    """Bytes that this machine can give without swapping; where it does not say, all it has."""
-    try:
-        fields = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
-        free = int(fields["MemAvailable"].split()[0]) * 1024
-    except (OSError, KeyError, ValueError):
-        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 1 << 62
-    allowed = _free_in_control_group()
-    return free if allowed is None else min(free, allowed)
 
 
 def allowance(device: Device, needed: int, most: int | None, what: str) -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import stat
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
 
 from mirelight.errors import InputError
+from mirelight.machine import free_memory
 
 BRIGHTEST = 1e12  # no light, emission or pixel of a map is brighter; its square is still far from float32's end
 
@@ -120,29 +120,13 @@ def _shown(name: str) -> str:
     return repr(name if len(name) <= 60 else name[:57] + "...")
 
 
-def available_memory() -> int | None:
-    """Bytes that this process can still take without swapping; None where the system does not tell.
-
-    Linux: MemAvailable, lowered by the limit of the process' own cgroup (v2), which is what a container has.
-    """
-    found = []
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        found += [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
-    with contextlib.suppress(OSError, ValueError):
-        group = Path("/sys/fs/cgroup")
-        limit, used = (int((group / name).read_text(encoding="ascii")) for name in ("memory.max", "memory.current"))
-        found.append(max(limit - used, 0))
-    return min(found) if found else None
-
-
 def require_memory(file: Path, needed: int, what: str) -> None:
     """Refuse what would not fit before it is allocated.
 
     Raises:
         InputError: `needed` bytes are more than the machine has left; names both.
     """
-    free = available_memory()
-    if free is not None and needed > free:
+    free = free_memory()
+    if needed > free:
         found = f"{what} take {needed / 2**30:,.1f} GiB, {free / 2**30:,.1f} GiB are free"
         raise InputError(file, found, "use a smaller file or a machine with more memory")

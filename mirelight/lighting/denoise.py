@@ -22,16 +22,7 @@ _BALANCED, _HIGH = 5, 6
 _CLEAN_GUIDES = 8
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Parts:
-    """One beauty from three sets of samples, (H, W, 3) each; the errors of the last two are independent."""
-
-    half: F32
-    quarter: F32
-    other_quarter: F32
-
-
-def denoise(buffer: LightingBuffer, parts: Parts | None, *, layers: bool = True) -> LightingBuffer:
+def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
     """The beauty denoised, and every layer, guided by albedo and normals.
 
     Denoised layers do not add up to the denoised beauty, so they are scaled to it pixel by pixel; with `layers` False
@@ -40,7 +31,11 @@ def denoise(buffer: LightingBuffer, parts: Parts | None, *, layers: bool = True)
     `variance` becomes an estimate of the denoised beauty's mean square error, bias included: one half of the samples is
     denoised and compared with two quarters of independent noise, E[(D - B)(D - C)] = E[(D - truth)²] (cross-validation
     in the manner of Rousselle, Knaus and Zwicker's dual buffers, 2012). That holds on the average over a frame; a pixel
-    of its own tells too little, so the noisy variance, averaged over a window, is scaled to it. None without `parts`.
+    of its own tells too little, so the noisy variance, averaged over a window, is scaled to it. None where the layers
+    do not hold those halves and quarters (`RenderSettings.denoise` keeps them).
+
+    A buffer is denoised after its layers are re-weighted: what a filter makes of a sum is not the sum of what it makes
+    of the layers. One without layers is returned as it is.
 
     Raises:
         BackendError: the optional package `pyoidn` is not installed.
@@ -51,6 +46,9 @@ def denoise(buffer: LightingBuffer, parts: Parts | None, *, layers: bool = True)
         raise BackendError(
             "denoising needs Open Image Denoise: pip install pyoidn, or set denoise = false"
         ) from missing
+    if not buffer.layers:
+        return buffer
+    parts = _Parts.of(buffer)
     with pyoidn.Device() as device:
         device.commit()
         clean = _Denoiser(pyoidn, device, buffer)
@@ -63,6 +61,25 @@ def denoise(buffer: LightingBuffer, parts: Parts | None, *, layers: bool = True)
         noisy=buffer.layers,
         variance=None if parts is None or half is None else _error(buffer, parts, half),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """The beauty from three sets of samples, (H, W, 3) each; the errors of the last two are independent."""
+
+    half: F32
+    quarter: F32
+    other_quarter: F32
+
+    @classmethod
+    def of(cls, buffer: LightingBuffer) -> _Parts | None:
+        """Summed over the layers; None where a layer does not hold them."""
+        half, quarter, other = (np.zeros_like(buffer.beauty) for _ in range(3))
+        for x in buffer.layers:
+            if x.half is None or x.quarter is None or x.other_quarter is None:
+                return None
+            half, quarter, other = half + x.half, quarter + x.quarter, other + x.other_quarter
+        return cls(half, quarter, other)
 
 
 def _cleaned(layer: LightLayer, clean: _Denoiser) -> LightLayer:
@@ -82,7 +99,7 @@ def _fitted(layers: list[LightLayer], beauty: F32) -> tuple[LightLayer, ...]:
     )
 
 
-def _error(buffer: LightingBuffer, parts: Parts, half: F32) -> F32 | None:
+def _error(buffer: LightingBuffer, parts: _Parts, half: F32) -> F32 | None:
     """(H, W, 3) mean square error of the denoised half, in proportion to the noisy variance round each pixel.
 
     Errors count relative to brightness, as in `LightingBuffer.relative_noise`. The proportion is never taken above 1:

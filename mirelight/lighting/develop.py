@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from mirelight.errors import RenderError
 from mirelight.lighting.layers import Layers
+from mirelight.machine import free_memory
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
 SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
@@ -25,6 +25,7 @@ class Sums:
     light: F32  # K * 2: radiance, direct and indirect
     squares: F32  # K, and 1 for the beauty where layers are separate: of the radiance summed over each batch
     surface: F32  # H * W * SURFACE
+    parts: F32 | None = None  # K * 2: radiance over batches 0, 2, 4 … and over 1, 5, 9 …; None: not kept
 
 
 def develop(
@@ -53,6 +54,7 @@ def develop(
     known = bool(batches.min() > 1)
 
     light = sums.light.reshape(-1, 2, h, w, 3)
+    parts = _parts(sums, samples // batch, batch, (h, w, 3))
     light /= n
     means = [LightLayer(name=name, direct=x[0], indirect=x[1]) for name, x in zip(layers.names, light, strict=False)]
     beauty = sum((x.total for x in means), np.zeros((h, w, 3), np.float32))
@@ -69,8 +71,8 @@ def develop(
         camera=camera,
         coverage=hits / n[..., 0],
         layers=tuple(
-            LightLayer(name=x.name, direct=x.direct, indirect=x.indirect, variance=spread if known else None)
-            for x, spread in zip(means, squares, strict=False)
+            replace(x, variance=spread if known else None, half=own[0], quarter=own[1], other_quarter=own[2])
+            for x, spread, own in zip(means, squares, parts, strict=False)
         ),
         **_surface_aovs(surface, leave_out={"sun_visibility": not sun, "ambient_occlusion": not occlusion}),
         variance=squares[-1] if known else None,
@@ -88,6 +90,22 @@ def _surface_aovs(surface: F32, leave_out: Mapping[str, bool]) -> dict[str, Any]
         found[plane.field] = None if leave_out.get(plane.field) else values
         at += plane.width
     return found
+
+
+def _parts(
+    sums: Sums, batches: NDArray[np.int64], batch: int, shape: tuple[int, int, int]
+) -> list[tuple[F32 | None, F32 | None, F32 | None]]:
+    """For each layer its means over three sets that share no samples; None where too few batches are in."""
+    light = sums.light.reshape(-1, 2, *shape)
+    if sums.parts is None or batches.min() < 4:
+        return [(None, None, None)] * len(light)
+    parts = sums.parts.reshape(-1, 2, *shape)
+    counts = (batches + 1) // 2, (batches + 2) // 4, batches // 4
+    n = [(batch * count).reshape(*shape[:2], 1).astype(np.float32) for count in counts]
+    return [
+        (half / n[0], quarter / n[1], (direct + indirect - half - quarter) / n[2])
+        for (direct, indirect), (half, quarter) in zip(light, parts, strict=True)
+    ]
 
 
 def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:
@@ -108,19 +126,30 @@ def dark(camera: Camera, layers: Layers, spp: int) -> LightingBuffer:
     return develop(camera, layers, sums, np.full(pixels, spp, np.int64))
 
 
-def refuse_if_too_large(camera: Camera, layers: Layers) -> None:
-    """Stop before a film is allocated that this machine cannot hold.
+def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False) -> None:
+    """Stop before a film is allocated that does not fit in free memory; `parts`: with those for the denoiser.
 
     Raises:
         RenderError: says the size needed.
     """
     pixels = camera.width * camera.height
     values = 6 * len(layers.names) * pixels  # of the film's largest array, which 32 bits must count
-    needed = 4 * pixels * (9 * len(layers.names) + 3 + 2 * SURFACE + 16)  # film, AOVs once more, working memory
-    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > 0.9 * there or max(values, 3 * pixels) >= 2**32:
+    of_layer = 9 + (6 + 9 if parts else 0)  # film; for the denoiser two sums more, and three means
+    needed = 4 * pixels * (of_layer * len(layers.names) + 3 + 2 * SURFACE + 16)  # AOVs once more, working memory
+    free = free_memory()
+    if needed > free:
+        free = _freed()
+    if needed > free or max(values, 3 * pixels) >= 2**32:
         raise RenderError(
             f"lighting of {camera.width} x {camera.height} pixels in {len(layers.names)} layers needs "
-            f"{needed / 2**30:.1f} GiB and this machine has {there / 2**30:.1f}; "
+            f"{needed / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; "
             "give lights a group to share a layer, leave layers out (output.layers), or set texture_scale below 1"
         )
+
+
+def _freed() -> int:
+    """Free memory once Dr.Jit has given back what it keeps for later."""
+    import drjit as dr
+
+    dr.flush_malloc_cache()
+    return free_memory()

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from mirelight.lighting import grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
-from mirelight.lighting.denoise import Parts
 from mirelight.lighting.develop import develop
 from mirelight.lighting.layers import Layers, sun_shares
+from mirelight.machine import uninterrupted
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ class FrameInProgress:
         settings: RenderSettings,
         *,
         aovs: bool,
+        emission: bool = True,  # False: surfaces that glow do not
         view: View | Probes | None = None,  # None: the camera's
     ) -> None:
         import drjit as dr
@@ -56,6 +57,7 @@ class FrameInProgress:
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
         self._sun = bool(shares.any())
+        self._emission = emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
         self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
@@ -82,7 +84,7 @@ class FrameInProgress:
         for first in range(0, len(chosen), step):
             some = chosen[first : first + step]
             places = integers(some)
-            self._film.open(len(some), batches)
+            before = integers(self.samples[some] // self._batch)
             job = Pass(
                 lanes=len(some) * count,
                 count=dr.opaque(mi.UInt32, len(some)),
@@ -93,10 +95,13 @@ class FrameInProgress:
                 seed=self._seed,
                 max_depth=self._max_depth,
                 ao_distance=self._ao_distance,
+                emission=self._emission,
             )
-            trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
-            self._film.close(places, integers(self.samples[some] // self._batch), len(some), batches)
-            self.samples[some] += count
+            with uninterrupted():  # samples in the film that are not counted would be light twice
+                self._film.open(len(some), batches)
+                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
+                self._film.close(places, before, len(some), batches)
+                self.samples[some] += count
             yield int(self.samples.sum())
 
     def estimate(self) -> Estimate:
@@ -104,21 +109,6 @@ class FrameInProgress:
         sums, squares, hits = self._film.beauty()
         shape = self.camera.height, self.camera.width
         return Estimate.of(sums, squares, hits, self.samples, self._batch, shape)
-
-    def parts(self) -> Parts | None:
-        """The frame in three that share no samples; None where they were not kept apart or batches are too few."""
-        count = self.samples // self._batch
-        if not self._film.in_parts or count.min() < 4:
-            return None
-        shape = self.camera.height, self.camera.width, 3
-        total, _, _ = self._film.beauty()
-        half, quarter = self._film.parts().reshape(2, -1)
-        sums = half, quarter, total - half - quarter
-        counts = (count + 1) // 2, (count + 2) // 4, count // 4
-        means = (
-            x.reshape(-1, 3) / (self._batch * k[:, None]).astype(np.float32) for x, k in zip(sums, counts, strict=True)
-        )
-        return Parts(*(x.reshape(shape) for x in means))
 
     def develop(self) -> LightingBuffer:
         """The means. The film is used up; ask once, at the end."""

@@ -21,10 +21,23 @@ def tracer(
 
 
 def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: RenderSettings) -> LightingBuffer:
-    """Light a proxy once; what :func:`tracer` gives does the same for many frames of one proxy.
+    """Light a proxy once; what :func:`tracer` gives and :func:`finished` do the same for many frames of one proxy.
 
     Raises:
-        BackendError: the variant cannot be used on this machine.
+        BackendError: the variant cannot be used on this machine, or the denoiser is asked for and not installed.
         RenderError: the frame's film does not fit in memory.
     """
-    return tracer(proxy, settings).trace(lighting, camera)
+    return finished(tracer(proxy, settings).trace(lighting, camera), settings)
+
+
+def finished(buffer: LightingBuffer, settings: RenderSettings, *, layers: bool = True) -> LightingBuffer:
+    """A traced buffer, mixed or not, as it is shown: denoised where the settings ask for it, each layer or the sum.
+
+    Raises:
+        BackendError: the optional package `pyoidn` is not installed.
+    """
+    if not settings.denoise or settings.profile == "playcanvas":  # the engine's light model has no noise
+        return buffer
+    from mirelight.lighting.denoise import denoise
+
+    return denoise(buffer, layers=layers)

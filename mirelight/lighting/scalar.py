@@ -11,12 +11,17 @@ import numpy as np
 from mirelight import backend
 from mirelight.lighting import oracle
 from mirelight.lighting.layers import Layers
-from mirelight.lighting.materials import is_emissive
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings
 
 
 def trace_scalar(
-    proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: RenderSettings, layers: Layers
+    proxy: ProxyMesh,
+    lighting: Lighting,
+    camera: Camera,
+    settings: RenderSettings,
+    layers: Layers,
+    *,
+    emission: bool,
 ) -> LightingBuffer:
     """As `Tracer.trace`, by `path`: each layer twice, with and without bounces, exactly `spp` samples each.
 
@@ -29,7 +34,7 @@ def trace_scalar(
     mi = backend.mitsuba(settings.variant, settings.threads)
     dull = replace(proxy, materials=tuple(replace(m, emissive=np.zeros(3)) for m in proxy.materials))
     made: list[LightLayer] = []
-    apart = layers if layers.separate else Layers.of(lighting, emissive=is_emissive(proxy))
+    apart = layers if layers.separate else Layers.of(lighting, emissive=emission)
     for name, body, source in _sources(proxy, dull, lighting, apart):
         world = oracle.scene(mi, body, source, camera)
         direct, total = (

@@ -18,7 +18,6 @@ from mirelight.lighting.sunsky import resolved
 from mirelight.model import F32, F64, I32, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
-    from mirelight.lighting.denoise import Parts
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.surface import Surface
 
@@ -56,52 +55,49 @@ class Tracer:
 
             self._surface = Surface(proxy)
 
-    def trace(self, lighting: Lighting, camera: Camera, *, progress: Progress | None = None) -> LightingBuffer:
-        """Trace one frame.
+    def trace(
+        self, lighting: Lighting, camera: Camera, *, emission: bool = True, progress: Progress | None = None
+    ) -> LightingBuffer:
+        """Trace one frame. What a pixel's samples see of the surface does not depend on the lights.
+
+        Light is additive: frames of one camera under parts of a lighting, put together, are a frame under all of it but
+        for noise.
 
         Args:
             lighting: lights, environment, sky model.
             camera: the splat camera; pixels coincide with its own.
+            emission: False: surfaces that glow do not, for a part of a lighting; another part brings it.
             progress: called with (paths done, paths in all) after every launch; under a noise target the second number
                 is a forecast.
 
         Returns:
             A layer for each group of lights and each light without one, the environment, and emission where the proxy
             glows; their sum is the beauty. Where those of lights are more than `layers.MAX_LAYERS`, they share one
-            named "lights".
+            named "lights". Noisy: with `settings.denoise` layers hold what `mirelight.lighting.denoise` needs.
 
         Raises:
             Interrupted: Ctrl-C; holds what there was.
             RenderError: the frame's film does not fit in memory.
         """
         lighting = resolved(lighting, self.settings.variant)
-        layers = Layers.of(lighting, emissive=self._emissive, separate=self._layers)
-        refuse_if_too_large(camera, layers)
+        emission = emission and self._emissive
+        layers = Layers.of(lighting, emissive=emission, separate=self._layers)
+        refuse_if_too_large(camera, layers, parts=self.settings.denoise)
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
         if self._surface is None:
             from mirelight.lighting.scalar import trace_scalar
 
-            buffer, parts = trace_scalar(self._proxy, lighting, camera, self.settings, layers), None
-        else:
-            buffer, parts = self._sampled(self._surface, lighting, camera, layers, progress or _ignore)
-        if not self.settings.denoise:
-            return buffer
-        from mirelight.lighting.denoise import denoise
-
-        return denoise(buffer, parts, layers=self._layers)
-
-    def _sampled(
-        self, surface: Surface, lighting: Lighting, camera: Camera, layers: Layers, progress: Progress
-    ) -> tuple[LightingBuffer, Parts | None]:
+            return trace_scalar(self._proxy, lighting, camera, self.settings, layers, emission=emission)
         settings, sky = _with_pilot(self.settings), self._sky_of(lighting.environment)
-        frame = FrameInProgress(surface, sky, lighting, camera, layers, settings, aovs=self._aovs)
+        frame = FrameInProgress(
+            self._surface, sky, lighting, camera, layers, settings, aovs=self._aovs, emission=emission
+        )
         try:
-            _sample(frame, settings, progress)
+            _sample(frame, settings, progress or _ignore)
         except KeyboardInterrupt:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
-        parts = frame.parts()
-        return frame.develop(), parts
+        return frame.develop()
 
     def irradiance(self, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
         """Light that falls on points of the proxy from the side that their normals point to, direct and indirect.

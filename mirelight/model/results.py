@@ -40,9 +40,14 @@ class LightLayer(ArrayHolder):
     direct: F32  # (H, W, 3) linear radiance after one reflection
     indirect: F32  # (H, W, 3) linear radiance after more
     variance: F32 | None = None  # (H, W, 3) variance of the mean of direct + indirect, where it was estimated
+    # Means of direct + indirect over a half and two quarters of the samples, (H, W, 3) each, which share none; kept for
+    # `mirelight.lighting.denoise` alone, which tells its error by them.
+    half: F32 | None = None
+    quarter: F32 | None = None
+    other_quarter: F32 | None = None
 
     def __post_init__(self) -> None:
-        for name in ("direct", "indirect", "variance"):
+        for name in ("direct", "indirect", "variance", "half", "quarter", "other_quarter"):
             freeze(self, name, (None, None, 3))
 
     @property
@@ -155,9 +160,17 @@ class LightingBuffer(ArrayHolder):
 
 
 def _scaled(layer: LightLayer, factor: F32) -> LightLayer:
-    variance = None if layer.variance is None else layer.variance * factor**2
+    def times(array: F32 | None, by: F32 = factor) -> F32 | None:
+        return None if array is None else array * by
+
     return LightLayer(
-        name=layer.name, direct=layer.direct * factor, indirect=layer.indirect * factor, variance=variance
+        name=layer.name,
+        direct=layer.direct * factor,
+        indirect=layer.indirect * factor,
+        variance=times(layer.variance, factor**2),
+        half=times(layer.half),
+        quarter=times(layer.quarter),
+        other_quarter=times(layer.other_quarter),
     )
 
 

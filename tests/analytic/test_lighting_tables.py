@@ -13,7 +13,7 @@ import pytest
 from mirelight import backend
 from mirelight.errors import BackendError
 from mirelight.lighting import environment, grid, lights, materials
-from mirelight.lighting.denoise import Parts, denoise
+from mirelight.lighting.denoise import denoise
 from mirelight.model import (
     F32,
     Camera,
@@ -232,7 +232,7 @@ def test_denoised_layers_add_up_to_the_denoised_beauty(monkeypatch: pytest.Monke
     monkeypatch.setitem(sys.modules, "pyoidn", SimpleNamespace(Device=_Device, Filter=_Filter, OIDN_FORMAT_FLOAT3=3))
     _Filter.asked.clear()
     before = noisy()
-    after = denoise(before, None)
+    after = denoise(before)
     np.testing.assert_allclose(after.beauty, np.broadcast_to(before.beauty.mean(axis=(0, 1)), (4, 6, 3)), rtol=1e-5)
     assert after.noisy == before.layers
     assert after.variance is None and before.variance is not None
@@ -249,7 +249,7 @@ def test_without_layers_the_sum_alone_is_denoised(monkeypatch: pytest.MonkeyPatc
     dark = before.layers[0].direct.copy()
     dark[0, 0] = 0
     black = LightLayer(name="beauty", direct=dark, indirect=dark)
-    after = denoise(replace(before, layers=(black,)), None, layers=False)
+    after = denoise(replace(before, layers=(black,)), layers=False)
     np.testing.assert_allclose(after.beauty, np.broadcast_to((2 * dark).mean(axis=(0, 1)), (4, 6, 3)), rtol=1e-5)
     assert sum("color" in x["images"] for x in _Filter.asked) == 1
 
@@ -266,12 +266,13 @@ def test_the_error_of_a_denoised_picture_counts_its_bias(monkeypatch: pytest.Mon
     def seen(sigma: float) -> F32:
         return (truth + sigma * RNG.standard_normal((h, w, 3))).astype(np.float32)
 
-    parts = Parts(half=seen(0.57), quarter=seen(0.8), other_quarter=seen(0.8))
-    beauty = ((2 * parts.half + parts.quarter + parts.other_quarter) / 4).astype(np.float32)
+    half, quarter, other = seen(0.57), seen(0.8), seen(0.8)
+    beauty = ((2 * half + quarter + other) / 4).astype(np.float32)
+    layer = LightLayer(name="a", direct=beauty, indirect=0 * beauty, half=half, quarter=quarter, other_quarter=other)
     buffer = LightingBuffer(
         camera=camera,
         coverage=one,
-        layers=(LightLayer(name="a", direct=beauty, indirect=0 * beauty),),
+        layers=(layer,),
         depth=one,
         position=beauty,
         normal=beauty,
@@ -279,7 +280,7 @@ def test_the_error_of_a_denoised_picture_counts_its_bias(monkeypatch: pytest.Mon
         albedo=beauty,
         variance=np.full((h, w, 3), 0.4**2, np.float32),
     )
-    after = denoise(buffer, parts)
+    after = denoise(buffer)
     assert after.variance is not None
     assert after.variance.mean() == pytest.approx(0.25**2, rel=0.1)
     assert np.mean((after.beauty - truth) ** 2) == pytest.approx(0.25**2, rel=0.02)
@@ -288,4 +289,4 @@ def test_the_error_of_a_denoised_picture_counts_its_bias(monkeypatch: pytest.Mon
 def test_denoising_without_the_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(BackendError, match="pip install pyoidn"):
-        denoise(noisy(), None)
+        denoise(noisy())

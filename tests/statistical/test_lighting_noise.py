@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -213,6 +214,73 @@ def test_a_noise_target_gives_the_same_bits_on_any_number_of_threads() -> None:
     assert len(digests) == 1
 
 
+# --- unit lights ---
+
+
+def test_sets_of_unit_lights_re_weighted_are_the_whole_lighting() -> None:
+    """A lamp, a sun, an environment and glowing faces at once, and each set traced alone at intensity 1 in white."""
+    lamp, sun = replace(LAMPS[0], group=None, intensity=0.7), replace(SUN, color=np.array([1.0, 0.8, 0.5]))
+    sky = replace(_sky(), intensity=1.6)
+    whole = Lighting(lights=(lamp, sun), environment=sky)
+    white = np.ones(3)
+    unit_lamp, unit_sun = (replace(x, intensity=1.0, color=white) for x in (lamp, sun))
+    sets: tuple[tuple[Lighting, dict[str, Array | float]], ...] = (
+        (Lighting(lights=(unit_lamp,)), {lamp.name: lamp.intensity * lamp.color}),
+        (Lighting(lights=(unit_sun,)), {sun.name: sun.intensity * sun.color}),
+        (Lighting(environment=replace(sky, intensity=1.0)), {sky.name: sky.intensity}),
+        (Lighting(), {}),
+    )
+    count = 24
+    tracer = Tracer(FLAT, RenderSettings(spp=16, max_depth=4))
+    together, mixed = [], []
+    for seed in range(count):
+        tracer.settings = replace(tracer.settings, seed=seed)
+        full = tracer.trace(whole, VIEW)
+        assert [x.name for x in full.layers] == [lamp.name, sun.name, sky.name, "emission"]
+        together.append(full.beauty.astype(np.float64))
+        tracer.settings = replace(tracer.settings, seed=seed + 1000)
+        parts = [tracer.trace(x, VIEW, emission=not weights).reweighted(weights) for x, weights in sets]
+        assert [y.name for x in parts for y in x.layers] == [x.name for x in full.layers]
+        mixed.append(sum(x.beauty.astype(np.float64) for x in parts))
+    worst, allowed = worst_and_allowed(np.stack(together), np.stack(mixed))
+    assert worst < allowed
+    worst, allowed = worst_and_allowed(np.stack(together), 1.03 * np.stack(mixed))
+    assert worst > allowed  # a bias of 3 % is seen
+
+
+@pytest.mark.parametrize("denoise", [False, True])
+def test_what_a_camera_sees_of_the_surface_has_the_same_bits_under_any_light(denoise: bool) -> None:
+    tracer = Tracer(FLAT, RenderSettings(spp=24, max_depth=3, denoise=denoise))
+    lightings = (LIGHTING, Lighting(), Lighting(lights=(SUN,)), Lighting(environment=_sky()))
+    buffers = [tracer.trace(x, VIEW, emission=glow) for x in lightings for glow in (True, False)]
+    summed = Tracer(FLAT, tracer.settings, layers=False).trace(LIGHTING, VIEW)
+    for name in ("coverage", "depth", "position", "normal", "geometric_normal", "albedo", "ambient_occlusion"):
+        first = getattr(buffers[0], name)
+        assert first.any()
+        for buffer in (*buffers[1:], summed):
+            assert getattr(buffer, name).tobytes() == first.tobytes(), name
+
+
+def test_halves_and_quarters_are_parts_of_each_layer() -> None:
+    """6 batches of 4: three, two and one of them; together they are the layer, and errors of the last two are apart."""
+    buffers = frames(LIGHTING, 40, spp=24, denoise=True)
+    for layer in buffers[0].layers:
+        assert layer.half is not None and layer.quarter is not None and layer.other_quarter is not None
+        mean = (3 * layer.half + 2 * layer.quarter + layer.other_quarter) / 6
+        np.testing.assert_allclose(mean, layer.total, rtol=1e-4, atol=1e-5)
+    one, other = (
+        np.stack([sum(np.asarray(getattr(y, name), np.float64) for y in x.layers) for x in buffers])
+        for name in ("quarter", "other_quarter")
+    )
+    one, other = one - one.mean(axis=0), other - other.mean(axis=0)
+    correlation = np.sum(one * other) / np.sqrt(np.sum(one**2) * np.sum(other**2))
+    assert abs(correlation) < 0.02
+    tinted = buffers[0].reweighted({"sun": (2.0, 1.0, 0.5)})
+    (before,), (after,) = ([x for x in b.layers if x.name == "sun"] for b in (buffers[0], tinted))
+    np.testing.assert_allclose(np.asarray(after.half), np.asarray(before.half) * (2.0, 1.0, 0.5), rtol=1e-6)
+    assert all(x.half is None for x in frames(LIGHTING, 1, spp=24)[0].layers)
+
+
 # --- interrupts ------------------------------------------------------------------------------------------------------
 
 
@@ -231,3 +299,28 @@ def test_an_interrupt_in_the_first_pass_leaves_what_has_no_sample_black() -> Non
     assert np.isfinite(buffer.beauty).all()
     assert not buffer.beauty[buffer.samples == 0].any() and not buffer.coverage[buffer.samples == 0].any()
     assert buffer.beauty[buffer.samples > 0].mean() > 0
+
+
+def test_an_interrupt_between_adding_samples_and_counting_them_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A film with samples that nobody has counted would be too bright."""
+    from mirelight.lighting.kernel.film import Film
+
+    tracer = Tracer(DULL, RenderSettings(spp=48))
+    lighting = Lighting(lights=(KEY,))
+    close, calls = Film.close, list[None]()
+
+    def interrupted(self: Film, *args: object) -> None:
+        close(self, *args)  # type: ignore[arg-type]
+        calls.append(None)
+        if len(calls) == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Film, "close", interrupted)
+    with pytest.raises(Interrupted) as caught:
+        tracer.trace(lighting, VIEW)
+    buffer = caught.value.buffer
+    assert buffer is not None and buffer.spp == 32
+    monkeypatch.undo()
+    tracer.settings = replace(tracer.settings, spp=32)
+    np.testing.assert_array_equal(buffer.beauty, tracer.trace(lighting, VIEW).beauty)
+    np.testing.assert_array_equal(buffer.coverage, tracer.trace(lighting, VIEW).coverage)

@@ -62,13 +62,19 @@ class EngineTracer:
         self._seen: _Seen | None = None  # the last camera's, as many lightings share it
 
     def trace(
-        self, lighting: Lighting, camera: Camera, *, progress: Callable[[int, int], None] | None = None
+        self,
+        lighting: Lighting,
+        camera: Camera,
+        *,
+        emission: bool = True,
+        progress: Callable[[int, int], None] | None = None,
     ) -> LightingBuffer:
         """The lighting texture that the engine would make.
 
         Args:
             lighting: physical units; `mirelight.engine_lights` says what the engine makes of them.
             camera: the splat camera; pixels coincide with its own.
+            emission: changes nothing, as glowing surfaces light nothing in the engine.
             progress: called once, when all is done.
 
         Returns:

@@ -18,7 +18,7 @@ class Film:
     light: (layer, direct and indirect, pixel, rgb).
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
-    parts: (2, pixel, rgb) of the beauty over every second batch and over one in four; only where they are asked for.
+    parts: (layer, 2, pixel, rgb) over every second batch and over one in four; only where they are asked for.
 
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
     """
@@ -34,7 +34,7 @@ class Film:
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
         self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
         self._surface = dr.zeros(mi.Float, pixels * SURFACE)
-        self._parts = dr.zeros(mi.Float, 2 * pixels * 3 if parts else 1)
+        self._parts = dr.zeros(mi.Float, count * 2 * pixels * 3 if parts else 1)
         self._launch = mi.Float(0)
         self._stride = mi.UInt32(0)
         dr.eval(self._light, self._squares, self._surface, self._parts)
@@ -103,23 +103,24 @@ class Film:
         layer = lane // n
         here = lane - layer * n
         place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
-        direct, indirect, squares = _layer_sums(self._launch, layer * 2 * b * n + here, b, n)
+        first = layer * 2 * b * n + here
         row = 3 * self._pixels
+        direct, indirect, squares = _layer_sums(self._launch, first, b, n)
         _put(self._light, direct, layer * 2 * row + place)
         _put(self._light, indirect, (layer * 2 + 1) * row + place)
         _put(self._squares, squares, layer * row + place)
-        dr.eval(self._light, self._squares)
-        if self.separate or self.in_parts:
+        if self.in_parts:
+            before = dr.gather(mi.UInt32, first_batches, here // 3)
+            second, fourth = _part_sums(self._launch, first, before, b, n)
+            _put(self._parts, second, layer * 2 * row + place)
+            _put(self._parts, fourth, (layer * 2 + 1) * row + place)
+        dr.eval(self._light, self._squares, self._parts)
+        if self.separate:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
-            before = dr.gather(mi.UInt32, first_batches, here // 3)
-            squares, second, fourth = _beauty_sums(self._launch, here, before, b, n, 2 * self._layers)
-            if self.separate:
-                _put(self._squares, squares, self._layers * row + place)
-            if self.in_parts:
-                _put(self._parts, second, place)
-                _put(self._parts, fourth, row + place)
-            dr.eval(self._squares, self._parts)
+            squares = _squared_batches(self._launch, here, b, n, 2 * self._layers)
+            _put(self._squares, squares, self._layers * row + place)
+            dr.eval(self._squares)
         self._launch = mi.Float(0)
         dr.sync_thread()
 
@@ -131,13 +132,10 @@ class Film:
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
         return total.numpy(), self._squares.numpy()[-size:], hits.numpy()
 
-    def parts(self) -> Any:
-        """NumPy array, flat."""
-        return self._parts.numpy()
-
     def sums(self) -> Sums:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""
-        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy())
+        parts = self._parts.numpy() if self.in_parts else None
+        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts)
 
 
 @dr.syntax
@@ -155,20 +153,31 @@ def _layer_sums(launch: Any, place: Any, batches: Any, stride: Any) -> Any:
 
 
 @dr.syntax
-def _beauty_sums(launch: Any, place: Any, before: Any, batches: Any, stride: Any, rows: Any) -> Any:
-    """(squared batches, batches 0, 2, 4 …, batches 1, 5, 9 …), each summed, of one channel over all layers."""
-    squares, second, fourth, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
+def _part_sums(launch: Any, place: Any, before: Any, batches: Any, stride: Any) -> Any:
+    """(batches 0, 2, 4 …, batches 1, 5, 9 …), each summed, of one layer and channel."""
+    second, fourth, batch = mi.Float(0), mi.Float(0), mi.UInt32(0)
+    while batch < batches:
+        d = dr.gather(mi.Float, launch, place + batch * stride)
+        i = dr.gather(mi.Float, launch, place + (batch + batches) * stride)
+        number = before + batch
+        second += dr.select((number & 1) == 0, d + i, 0)
+        fourth += dr.select((number & 3) == 1, d + i, 0)
+        batch += 1
+    return second, fourth
+
+
+@dr.syntax
+def _squared_batches(launch: Any, place: Any, batches: Any, stride: Any, rows: Any) -> Any:
+    """Sum of squared batches of one channel of the beauty, which is the sum over all rows of layers."""
+    squares, batch = mi.Float(0), mi.UInt32(0)
     while batch < batches:
         total, row = mi.Float(0), mi.UInt32(0)
         while row < rows:
             total += dr.gather(mi.Float, launch, place + (row * batches + batch) * stride)
             row += 1
         squares += dr.square(total)
-        number = before + batch
-        second += dr.select((number & 1) == 0, total, 0)
-        fourth += dr.select((number & 3) == 1, total, 0)
         batch += 1
-    return squares, second, fourth
+    return squares
 
 
 @dr.syntax

@@ -69,6 +69,7 @@ class Pass(NamedTuple):
     seed: Any  # UInt32
     max_depth: Any  # UInt32
     ao_distance: Any  # Float how far ambient occlusion looks
+    emission: bool  # surfaces that glow do
 
 
 def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: Any, active: Any) -> Any:
@@ -116,7 +117,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         indirect = depth > 0
 
         # what glows here, seen directly or met by the reflected ray
-        if dr.hint(surface.emissive, mode="scalar"):
+        if dr.hint(job.emission, mode="scalar"):
             drawn = surface.glow_pdf(face, distance, abs(dr.dot(at.geometric_normal, d)), active)
             share = dr.select(indirect & (drawn > 0), reflected / (reflected + drawn), 1)
             value = dr.select(active, throughput * at.emission * share, 0)
@@ -176,7 +177,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         sums = film.add_light(sums, place, film.sky_layer, indirect, value, lit)
 
         # what glows elsewhere, sampled by its power
-        if dr.hint(surface.emissive, mode="scalar"):
+        if dr.hint(job.emission, mode="scalar"):
             choice, inside = number(sample, mix(salt, 5)), pair(sample, mix(salt, 6))
             glow_d, length, drawn, glow = surface.sample_glow(at.p, choice, inside, active)
             cosine = dr.dot(glow_d, at.normal)
@@ -188,7 +189,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         # the reflected ray
         depth += 1
         throughput *= at.albedo
-        go_on = active & ((depth < max_depth) | sky_on | surface.emissive) & (dr.max(throughput) > 0)
+        go_on = active & ((depth < max_depth) | sky_on | job.emission) & (dr.max(throughput) > 0)
         survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
         go_on &= fate < survival
         fate = fate / survival
@@ -214,7 +215,7 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         sums = film.add_light(sums, place, film.sky_layer, depth > 1, value, escaped)
 
         face, uv, distance = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), mi.Float(found.t)
-        active = hit & ((depth < max_depth) | surface.emissive)
+        active = hit & ((depth < max_depth) | job.emission)
 
     film.add_sums(sums, place, covered)
     if dr.hint(film.aovs, mode="scalar"):

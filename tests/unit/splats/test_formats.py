@@ -268,7 +268,7 @@ def test_glb_of_other_kinds_is_refused_by_name(tmp_path: Path, change: dict[str,
 
 def test_glb_instances_beyond_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a kilobyte of accessor makes 5,000 copies; the sum is refused before the first is made."""
-    monkeypatch.setattr("mirelight.io.safety.available_memory", lambda: 1 << 26)
+    monkeypatch.setattr("mirelight.io.safety.free_memory", lambda: 1 << 26)
 
     def edit(gltf: dict[str, list[dict[str, object]]]) -> None:
         gltf["accessors"].append({"componentType": 5126, "count": 5_000, "type": "VEC3"})

@@ -107,11 +107,6 @@ def engine_diffuse(albedo: ArrayLike) -> F64:
     return np.asarray(np.asarray(albedo, dtype=np.float64) ** (1 / colour.ENGINE_GAMMA))
 
 
-def physical_albedo(diffuse: ArrayLike) -> F64:
-    """Linear albedo that the engine decodes from StandardMaterial.diffuse: 0.5 becomes 0.2176."""
-    return np.asarray(np.asarray(diffuse, dtype=np.float64) ** colour.ENGINE_GAMMA)
-
-
 def engine_color(linear: ArrayLike) -> tuple[F64, float]:
     """Light color and intensity whose `linear_color` is `linear` (3,): intensity never below 1, colour at most 1."""
     value = np.maximum(np.asarray(linear, dtype=np.float64), 0)
@@ -122,14 +117,10 @@ def engine_color(linear: ArrayLike) -> tuple[F64, float]:
 def engine_rotation(rotation: float) -> float:
     """Degrees for scene.skyboxRotation about Y from an environment's rotation, in -180..180.
 
-    The engine's map looks to +Z at u = 0.5, ours to +X, and its rotation turns the light the other way.
+    The engine's map looks to +Z at u = 0.5, ours to +X, and its rotation turns the light the other way. It is its own
+    inverse.
     """
     return (-rotation - 90.0 + 180.0) % 360.0 - 180.0
-
-
-def physical_rotation(rotation: float) -> float:
-    """The inverse of :func:`engine_rotation`, which is its own inverse."""
-    return engine_rotation(rotation)
 
 
 # --- physical to engine ----------------------------------------------------------------------------------------------
@@ -271,22 +262,6 @@ def _distance_warnings(lights: list[EngineLight], proxy: ProxyMesh) -> list[str]
 
 
 # --- engine to physical ----------------------------------------------------------------------------------------------
-
-
-def from_engine(lighting: EngineLighting, name: str = "lighting") -> tuple[Lighting, tuple[str, ...]]:
-    """The physical lighting for an engine's, and a line for each thing that physical light does not do.
-
-    :func:`to_engine` gives the engine's lighting back.
-    """
-    lights = tuple(physical_light(light) for light in lighting.lights)
-    environment, warnings = lighting.environment, physical_warnings(lights)
-    if lighting.ambient.any():
-        if environment is None:
-            radiance = physical_albedo(lighting.ambient).astype(np.float32).reshape(1, 1, 3)
-            environment = Environment(name="ambient", radiance=radiance)
-        else:
-            warnings += ("the scene's ambient colour is left out: the environment replaces it, as in the engine",)
-    return Lighting(name=name, lights=lights, environment=environment), warnings
 
 
 def physical_warnings(lights: tuple[Light, ...]) -> tuple[str, ...]:

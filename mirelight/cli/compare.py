@@ -18,8 +18,9 @@ def add_compare(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     parser = commands.add_parser(
         "compare",
         help="score pictures against references, with a report",
-        description="Compare pairs of files, or folders whose files are matched by name. An even number of paths: the "
-        "first half are references, the second half their tests. Exit code 1: a requirement does not hold.",
+        description="Compare pairs of files, or folders whose frames are matched by name, those of `mirelight render` "
+        "and `mirelight realtime` among them. An even number of paths: the first half are references, the second half "
+        "their tests. Exit code 1: a requirement does not hold, or a reference has no test that could hold it.",
     )
     parser.add_argument("paths", metavar="PATH", nargs="+", help="REFERENCE… TEST…: EXR, PNG, JPEG, WebP, or folders")
     parser.add_argument("--html", metavar="FILE", help="write a report that opens from disk")

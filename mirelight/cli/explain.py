@@ -40,6 +40,7 @@ def add_explain(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run_explain(args: argparse.Namespace) -> int:
     """The command. The table goes to stdout, progress and what could not be done to stderr."""
+    from mirelight.compare import metrics
     from mirelight.compare.explain import summary
     from mirelight.compare.explain_engine import EngineRun, run_engine
     from mirelight.compare.explain_ladder import explain, require
@@ -51,6 +52,7 @@ def run_explain(args: argparse.Namespace) -> int:
         if not args.quiet:
             print(f"mirelight: {line}", file=sys.stderr, flush=True)
 
+    metrics.require(flip_alone=True)
     work = job.load(args.job, [parse(text) for text in args.set])
     name, camera, lighting = _frame(work, args.camera, args.lighting)
     require(work, camera)

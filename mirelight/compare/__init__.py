@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mirelight.compare import metrics
 from mirelight.compare.evaluate import evaluate
-from mirelight.compare.pictures import find_pairs
+from mirelight.compare.pairing import find_pairs
 from mirelight.compare.report import Report
 from mirelight.compare.requirements import Requirement, parse_requirement, unmet
 from mirelight.compare.tables import write_csv, write_json
-from mirelight.compare.types import CompareSettings, Comparison, Maps, Pair, Scores
+from mirelight.compare.types import CompareSettings, Comparison, Maps, Pair, Pairing, Scores
 
 __all__ = [
     "CompareSettings",
@@ -19,6 +20,7 @@ __all__ = [
     "Maps",
     "Outcome",
     "Pair",
+    "Pairing",
     "Report",
     "Requirement",
     "Scores",
@@ -32,14 +34,15 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """Every pair's figures, worst first, and the requirements that were not met, a line each."""
+    """Every pair's figures, worst first; a line for each requirement that is not met, and for each frame left out."""
 
     results: tuple[Comparison, ...]
     failures: tuple[str, ...]
+    unpaired: tuple[str, ...] = ()  # not compared; references among them are failures too where there are requirements
 
 
 def compare(
-    pairs: Sequence[Pair],
+    frames: Pairing,
     settings: CompareSettings = CompareSettings(),  # noqa: B008 - frozen
     *,
     requirements: Sequence[Requirement] = (),
@@ -51,9 +54,9 @@ def compare(
     """Score pairs and write what is asked for.
 
     Args:
-        pairs: from :func:`find_pairs`.
+        frames: from :func:`find_pairs`.
         settings: how pictures are shown and scored.
-        requirements: bounds that every pair must hold.
+        requirements: bounds that every pair must hold; a reference without a test does not.
         html: a report in one file.
         json: all figures.
         csv: all figures, one line per pair and region.
@@ -64,6 +67,8 @@ def compare(
         OutputError: a file that cannot be written.
         MirelightError: a package of the extra `compare` is missing.
     """
+    metrics.require()
+    pairs = frames.pairs
     report = Report(settings) if html is not None else None
     results: list[Comparison] = []
     for done, pair in enumerate(pairs):
@@ -77,18 +82,21 @@ def compare(
         progress(len(pairs), len(pairs))
 
     worst_first = tuple(sorted(results, key=lambda r: (-r.overall.flip, r.overall.psnr)))
-    failures = unmet(worst_first, requirements)
+    failures = unmet(worst_first, requirements) + (frames.without_test if requirements else ())
+    outcome = Outcome(
+        results=worst_first, failures=failures, unpaired=(*frames.without_test, *frames.without_reference)
+    )
     if report is not None and html is not None:
-        report.write(html, failures)
+        report.write(html, failures, outcome.unpaired)
     if json is not None:
-        write_json(json, worst_first, settings, failures)
+        write_json(json, worst_first, settings, failures, outcome.unpaired)
     if csv is not None:
         write_csv(csv, worst_first)
-    return Outcome(results=worst_first, failures=failures)
+    return outcome
 
 
 def summary(outcome: Outcome) -> str:
-    """A table in plain text, worst pair first, and the failures below."""
+    """A table in plain text, worst pair first; below what was not compared, and the failures."""
     rows = [("pair", "FLIP", "PSNR", "SSIM", "dE mean", "dE p99", "relMSE", "gain", "verdict")]
     for result in outcome.results:
         s = result.overall
@@ -100,4 +108,5 @@ def summary(outcome: Outcome) -> str:
     for name, *cells in rows:
         aligned = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
         lines.append("  ".join([name.ljust(widths[0]), *aligned]))
-    return "\n".join([*lines, *outcome.failures])
+    left_out = [f"not compared: {line}" for line in outcome.unpaired]
+    return "\n".join([*lines, *left_out, *outcome.failures])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mirelight import colour, relight
+from mirelight.compare import metrics
 from mirelight.compare.explain import CAUSES, Ladder, Rung
 from mirelight.compare.explain_engine import (
     EngineRun,
@@ -63,9 +64,11 @@ def explain(
 
     Raises:
         InputError: there are no splats or no proxy, an orthographic camera, or the variant `scalar_rgb`.
+        MirelightError: a package of the extra `compare` is missing; said before any work.
         RenderError: the engine's texture has an unexpected size.
         BackendError: the variant cannot be used on this machine.
     """
+    metrics.require(flip_alone=True)
     splats, proxy = require(job, camera)
     lighting = resolved(lighting, job.render.variant)
     return _Builder(job, splats, proxy, camera, lighting, engine, say).build()
@@ -81,6 +84,8 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     if scene.splats is None or scene.proxy is None:
         missing = "splats" if scene.splats is None else "proxy"
         raise InputError(job.source, f"no {missing}", "a ladder needs splats, a proxy and light", field=missing)
+    if not len(scene.proxy.faces):
+        raise InputError(job.source, "a proxy without a face", "a ladder needs something to light", field="proxy")
     if camera.projection != "perspective":
         raise InputError(
             job.source, f"camera {camera.name} is orthographic", "the engine relights perspective cameras only"
@@ -179,7 +184,7 @@ class _Builder:
             shown = frames.frame_f32[..., :3]
             if recipe.splats.linear:
                 shown = self._engine_tone(shown)
-            self._append("float", _f32(np.clip(shown, 0, 1)))
+            self._append("float", _f32(np.clip(np.nan_to_num(shown, nan=0.0), 0, 1)))
             self._add("model", recipe)
         if engine_compositor(job).work_buffer == "compact":
             recipe = replace(recipe, splats=self._composite(replace(engine_compositor(job), work_buffer="large")))

@@ -15,6 +15,7 @@ from mirelight.model import F32
 _LUMA = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709 weights on display values
 _SSIM_SIGMA, _SSIM_RADIUS = 1.5, 5
 _SSIM_C1, _SSIM_C2 = 0.01**2, 0.03**2
+_PACKAGES = {"flip_evaluator": "flip-evaluator", "colour": "colour-science"}  # of the extra `compare`
 _DARK_SHARE = 0.01  # relMSE: share of the squared mean that keeps dark pixels from deciding
 
 
@@ -71,7 +72,7 @@ def _blur(image: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dt
 
 def delta_e(reference: F32, test: F32) -> F32:
     """(H, W) CIEDE2000 of display values seen on an sRGB screen (D65)."""
-    colour = _library("colour", "colour-science")
+    colour = _library("colour")
     lab = [colour.XYZ_to_Lab(colour.sRGB_to_XYZ(x.astype(np.float64)), _d65(colour)) for x in (reference, test)]
     return np.asarray(colour.difference.delta_E_CIE2000(*lab), dtype=np.float32)
 
@@ -102,7 +103,7 @@ def hdr_flip(reference: F32, test: F32, settings: CompareSettings) -> F32:
 
 
 def _flip(reference: F32, test: F32, kind: str, parameters: dict[str, Any]) -> F32:
-    evaluator = _library("flip_evaluator", "flip-evaluator")
+    evaluator = _library("flip_evaluator")
     error, _, _ = evaluator.evaluate(
         np.ascontiguousarray(reference, dtype=np.float32),
         np.ascontiguousarray(test, dtype=np.float32),
@@ -120,7 +121,28 @@ def luma(display: F32) -> F32:
     return np.asarray(display @ _LUMA, dtype=np.float32)
 
 
-def _library(module: str, package: str) -> Any:
+def require(*, flip_alone: bool = False) -> None:
+    """Make sure of the packages before any work is done; imports none of them.
+
+    Args:
+        flip_alone: only :func:`flip` is wanted, and :func:`delta_e` is not.
+
+    Raises:
+        MirelightError: a package of the extra `compare` is missing.
+    """
+    from importlib.util import find_spec
+
+    for module, package in _PACKAGES.items():
+        if not (flip_alone and module != "flip_evaluator") and find_spec(module) is None:
+            raise _missing(package)
+
+
+def _missing(package: str) -> MirelightError:
+    remedy = "install it with: pip install 'mirelight[compare]'"
+    return MirelightError(f"comparing pictures needs the package {package}; {remedy}")
+
+
+def _library(module: str) -> Any:
     from importlib import import_module
 
     try:
@@ -128,5 +150,4 @@ def _library(module: str, package: str) -> Any:
             warnings.simplefilter("ignore")  # colour-science tells of plotting packages that are not needed here
             return import_module(module)
     except ImportError:
-        remedy = "install it with: pip install 'mirelight[compare]'"
-        raise MirelightError(f"comparing pictures needs the package {package}; {remedy}") from None
+        raise _missing(_PACKAGES[module]) from None

@@ -1,98 +1,27 @@
-"""Finding pairs and reading them: linear EXR, and 8-bit PNG, JPEG or WebP."""
+"""Reading pictures: linear EXR, and 8-bit PNG, JPEG or WebP."""
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mirelight.compare.types import Bool, Pair, Picture
+from mirelight.compare.types import Bool, Picture
 from mirelight.errors import InputError
 from mirelight.io.exr import read_exr
 from mirelight.io.image import PROVENANCE
 from mirelight.model import PROFILES
 
-_LINEAR = (".exr",)
-_DISPLAY = (".png", ".jpg", ".jpeg", ".webp")
+LINEAR = (".exr",)
+DISPLAY = (".png", ".jpg", ".jpeg", ".webp")
+ENGINE_PICTURES = ("frame.png", "unlit.png")  # of `mirelight realtime`, in a folder for each frame
 _MAX_PIXELS = 1 << 27
 _MAX_META = 1 << 20  # bytes of a meta.json that is read
 _BRIGHTEST = 1e9  # stands for infinite light
-
-
-def find_pairs(references: Sequence[Path], tests: Sequence[Path], mask: Path | None = None) -> list[Pair]:
-    """Pairs of files: given one by one, or as folders whose files are matched by stem (an EXR goes before a PNG).
-
-    Args:
-        references: files or folders.
-        tests: as many, in the same order; where a reference is a folder, so is its test.
-        mask: a picture for all pairs, or a folder with a picture for each by stem.
-
-    Raises:
-        InputError: counts differ, a path is missing, or a frame of a reference folder has no partner.
-    """
-    if len(references) != len(tests):
-        found = f"{len(references)} references and {len(tests)} tests"
-        raise InputError("compare", found, "give as many of one as of the other")
-    pairs: list[Pair] = []
-    for reference, test in zip(references, tests, strict=True):
-        if reference.is_dir() != test.is_dir():
-            raise InputError(test, "one side is a folder, the other is not", "give two files or two folders")
-        for a, b in _in_folders(reference, test) if reference.is_dir() else [(reference, test)]:
-            pairs.append(Pair(name=a.stem, reference=_existing(a), test=_existing(b), mask=_mask_of(a.stem, mask)))
-    return _named_apart(pairs)
-
-
-def _in_folders(reference: Path, test: Path) -> list[tuple[Path, Path]]:
-    wanted, offered = _by_stem(reference), _by_stem(test)
-    if not wanted:
-        raise InputError(reference, "no EXR, PNG, JPEG or WebP file in this folder")
-    missing = [stem for stem in wanted if stem not in offered]
-    if missing:
-        named = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
-        raise InputError(test, f"no partner for {named}", "files are matched by their name without extension")
-    return [(file, offered[stem]) for stem, file in wanted.items()]
-
-
-def _by_stem(folder: Path) -> dict[str, Path]:
-    order = {suffix: k for k, suffix in enumerate(_LINEAR + _DISPLAY)}
-    files = [f for f in sorted(folder.iterdir()) if f.suffix.lower() in order and not f.name.startswith(".")]
-    found: dict[str, Path] = {}
-    for file in sorted(files, key=lambda f: order[f.suffix.lower()]):
-        found.setdefault(file.stem, file)
-    return dict(sorted(found.items()))
-
-
-def _mask_of(stem: str, mask: Path | None) -> Path | None:
-    if mask is None or not mask.is_dir():
-        return mask
-    masks = _by_stem(mask)
-    if stem not in masks:
-        raise InputError(mask, f"no mask for {stem}", "name masks as the frames")
-    return masks[stem]
-
-
-def _named_apart(pairs: list[Pair]) -> list[Pair]:
-    """Pairs of the same stem from several folders get their folder's name in front."""
-    stems = [p.name for p in pairs]
-    return [
-        Pair(name=f"{p.reference.parent.name}/{p.name}", reference=p.reference, test=p.test, mask=p.mask)
-        if stems.count(p.name) > 1
-        else p
-        for p in pairs
-    ]
-
-
-def _existing(path: Path) -> Path:
-    if not path.is_file():
-        raise InputError(path, "no such file", "check the path")
-    return path
-
-
-# --- reading ---------------------------------------------------------------------------------------------------------
 
 
 def read_picture(path: Path, *, premultiplied: bool = False) -> Picture:
@@ -100,17 +29,29 @@ def read_picture(path: Path, *, premultiplied: bool = False) -> Picture:
 
     Args:
         path: EXR (linear light, premultiplied) or PNG, JPEG, WebP (display values).
-        premultiplied: an 8-bit file's colour is already multiplied by its alpha.
+        premultiplied: an 8-bit file's colour is already multiplied by its alpha; what `mirelight realtime` wrote is
+            known to be, and needs no word.
 
     Raises:
         InputError: not such a picture, damaged, or larger than 134 million pixels.
     """
     suffix = path.suffix.lower()
-    if suffix in _LINEAR:
-        return _read_exr(_existing(path))
-    if suffix in _DISPLAY:
-        return _read_display(_existing(path), premultiplied)
+    if suffix in LINEAR:
+        return _read_exr(existing(path))
+    if suffix in DISPLAY:
+        return _read_display(existing(path), premultiplied)
     raise InputError(path, f"a file of type {suffix or 'unknown'}", "give EXR, PNG, JPEG or WebP")
+
+
+def existing(path: Path) -> Path:
+    """The path itself.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    if not path.is_file():
+        raise InputError(path, "no such file", "check the path")
+    return path
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> Bool:
@@ -139,10 +80,11 @@ def _read_display(path: Path, premultiplied: bool) -> Picture:
                 pixels = np.asarray(image.convert("RGBA"), dtype=np.float32) / np.float32(255)
     except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as e:
         raise InputError(path, f"a picture that cannot be decoded ({type(e).__name__})", "give a sound file") from None
+    settings = _provenance(texts) or _beside(path)
     rgb, alpha = pixels[..., :3], pixels[..., 3]
-    if not premultiplied:
+    if not (premultiplied or _is_back_buffer(path, settings)):
         rgb = rgb * alpha[..., None]
-    return Picture(file=path, rgb=rgb, linear=False, alpha=alpha, settings=_provenance(texts) or _beside(path))
+    return Picture(file=path, rgb=rgb, linear=False, alpha=alpha, settings=settings)
 
 
 def _read_exr(path: Path) -> Picture:
@@ -188,6 +130,11 @@ def _beside(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         pass
     return {}
+
+
+def _is_back_buffer(path: Path, settings: Mapping[str, Any]) -> bool:
+    """True for the engine's own pictures: with `meta.json` beside them, which names the engine."""
+    return path.name in ENGINE_PICTURES and "engine" in settings
 
 
 def shows_engine_colours(picture: Picture) -> bool:

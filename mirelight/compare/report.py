@@ -59,17 +59,17 @@ class Report:
         )
         self._pairs.append((result, images))
 
-    def write(self, path: Path, failures: Sequence[str] = ()) -> None:
+    def write(self, path: Path, failures: Sequence[str] = (), unpaired: Sequence[str] = ()) -> None:
         """Write the page, worst pair first.
 
         Raises:
             OutputError: the file cannot be written.
         """
-        page = self.page(failures)
+        page = self.page(failures, unpaired)
         with atomic_path(path) as temporary:
             temporary.write_text(page, encoding="utf-8")
 
-    def page(self, failures: Sequence[str] = ()) -> str:
+    def page(self, failures: Sequence[str] = (), unpaired: Sequence[str] = ()) -> str:
         """The page as text."""
         pairs = sorted(self._pairs, key=lambda p: (-p[0].overall.flip, p[0].overall.psnr))
         sections = [_section(k, result, images) for k, (result, images) in enumerate(pairs[:_WITH_PICTURES])]
@@ -82,6 +82,7 @@ class Report:
             lead=_lead([result for result, _ in pairs], failures),
             failures=_failures(failures),
             table=_table([result for result, _ in pairs]),
+            unpaired=_unpaired(unpaired),
             shown=_shown(self._settings),
             sections="\n".join(sections),
         )
@@ -108,6 +109,13 @@ def _failures(failures: Sequence[str]) -> str:
     if not failures:
         return ""
     return f'<ul class="failures">{"".join(f"<li>{escape(line)}</li>" for line in failures)}</ul>'
+
+
+def _unpaired(lines: Sequence[str]) -> str:
+    if not lines:
+        return ""
+    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f'<details class="unpaired"><summary>{len(lines)} not compared</summary><ul>{items}</ul></details>'
 
 
 def _table(results: Sequence[Comparison]) -> str:
@@ -264,6 +272,7 @@ img-comparison-slider, img-comparison-slider [slot] {{ visibility: visible; disp
 </header>
 <main>
 {table}
+{unpaired}
 <p class="quiet">{shown}</p>
 {sections}
 </main>

@@ -16,7 +16,13 @@ from mirelight.io.atomic import atomic_path
 SCORE_FIELDS = tuple(f.name for f in fields(Scores))
 
 
-def write_json(path: Path, results: Sequence[Comparison], settings: CompareSettings, failures: Sequence[str]) -> None:
+def write_json(
+    path: Path,
+    results: Sequence[Comparison],
+    settings: CompareSettings,
+    failures: Sequence[str],
+    unpaired: Sequence[str] = (),
+) -> None:
     """All figures, worst pair first; an infinite PSNR becomes null.
 
     Raises:
@@ -25,6 +31,7 @@ def write_json(path: Path, results: Sequence[Comparison], settings: CompareSetti
     document = {
         "settings": asdict(settings),
         "failures": list(failures),
+        "unpaired": list(unpaired),
         "pairs": [_plain(result) for result in results],
     }
     with atomic_path(path) as temporary:

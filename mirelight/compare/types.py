@@ -49,6 +49,15 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Pairing:
+    """What is compared, and a line for each frame that is not, for lack of a partner."""
+
+    pairs: tuple[Pair, ...]
+    without_test: tuple[str, ...] = ()
+    without_reference: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CompareSettings:
     """How two pictures are made comparable. The tone curve and exposure apply to linear pictures alone."""
 

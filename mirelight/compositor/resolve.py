@@ -11,6 +11,13 @@ from mirelight.compositor.device import Array, Device
 from mirelight.compositor.queue import row_of
 from mirelight.model import F32, Camera, CompositorSettings, SplatLayer
 
+NOTHING = 2.0**-80
+"""Smaller values leave the blend as 0.
+
+A processor that rounds denormal numbers to 0 and one that keeps them (threads of one run may differ in that) part ways
+only below: what a denormal weight adds to anything larger is less than half of its last bit.
+"""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
@@ -74,11 +81,12 @@ def untile(
     read = dr.gather(types.ArrayXf, states, line, filled, shape=(width * slots, band.tiles * height))
     targets = []
     for name, taken in images.items():
-        values = [
-            dr.select(filled, read[x * slots + s], fresh[s]) if fresh[s] else read[x * slots + s]
-            for x in range(width)
-            for s in taken
-        ]
+        values = []
+        for x in range(width):
+            for s in taken:
+                value = read[x * slots + s]
+                value = dr.select(abs(value) < NOTHING, 0, value)
+                values.append(dr.select(filled, value, fresh[s]) if fresh[s] else value)
         targets.append(getattr(frame, name))
         dr.scatter(targets[-1], types.ArrayXf(values), place)
     dr.eval(targets)

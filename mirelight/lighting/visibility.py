@@ -54,6 +54,8 @@ class ShadowRays:
         from mirelight.lighting.kernel.memory import integers
         from mirelight.lighting.kernel.view import bounded_ray
 
+        if not len(face):
+            return np.zeros(0, dtype=bool)
         active = mi.Bool(True)
         uv = _barycentric(self._proxy, face, position)
         at = self._surface.at(
@@ -74,9 +76,12 @@ class ShadowRays:
 
         from mirelight.lighting.kernel.memory import integers
 
+        if not len(face):
+            return np.zeros((0, 3))
         uv = mi.Point2f(*_columns(_barycentric(self._proxy, face, position)))
         at = self._surface.at(integers(face), uv, mi.Vector3f(0, 0, 1), mi.Bool(True))
-        return np.asarray(at.albedo.numpy().T, dtype=np.float64)
+        # a proxy of one colour gives a single row
+        return np.broadcast_to(np.asarray(at.albedo.numpy().T, dtype=np.float64), position.shape)
 
 
 def _vector(rows: F64, mi: Any) -> Any:

@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -267,6 +268,6 @@ def load_frames(directory: str | Path) -> EngineFrames:
         with np.load(folder / "buffers.npz", allow_pickle=False) as stored:
             buffers = {name: stored[name] for name in _BUFFERS}
         meta = json.loads(read_bytes(folder / "meta.json", _TEXT_LIMIT))
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(folder, f"no complete engine frames ({error})", "make them with mirelight realtime") from error
     return EngineFrames(**images, **buffers, meta=meta, warnings=tuple(meta.get("warnings", ())))

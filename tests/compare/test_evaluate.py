@@ -78,10 +78,10 @@ def test_the_engines_own_frame(data: Path, tmp_path: Path) -> None:
     linear = colour.power_decode(straight) * alpha
     channels = {name: linear[..., k] for k, name in enumerate("RGB")} | {"A": shown[..., 3]}
     write_exr(tmp_path / "frame.exr", channels, {})
-    result, _ = run(tmp_path / "frame.exr", case / "frame.png", premultiplied=True)
+    result, _ = run(tmp_path / "frame.exr", case / "frame.png")
     assert result.test_settings["engine"]["version"] == "2.23.3"
     assert result.overall.psnr > 55  # the back buffer rounds every splat; 8 bits alone would give 59
-    assert run(tmp_path / "frame.exr", case / "frame.png", premultiplied=True, transfer="srgb")[0].overall.psnr < 50
+    assert run(tmp_path / "frame.exr", case / "frame.png", transfer="srgb")[0].overall.psnr < 50
 
 
 def test_files_say_what_made_them(made: Any, save: Any) -> None:
@@ -216,17 +216,61 @@ def test_a_mask_takes_pixels_out(made: Any, save: Any, tmp_path: Path) -> None:
 def test_folders_are_matched_by_name_and_exr_goes_first(made: Any, save: Any, tmp_path: Path) -> None:
     for name in ("a/x.exr", "a/x.png", "a/y.png", "b/x.png", "b/y.exr", "b/more.png", "a/notes.txt"):
         save(made(), name) if not name.endswith("txt") else (tmp_path / name).write_text("")
-    pairs = find_pairs([tmp_path / "a"], [tmp_path / "b"])
-    assert [(p.name, p.reference.name, p.test.name) for p in pairs] == [
+    found = find_pairs([tmp_path / "a"], [tmp_path / "b"])
+    assert [(p.name, p.reference.name, p.test.name) for p in found.pairs] == [
         ("x", "x.exr", "x.png"),
         ("y", "y.png", "y.exr"),
     ]
+    assert found.without_test == ()
+    assert found.without_reference == (f"more: no partner in {tmp_path / 'a'}",)
+
+
+def engine_folder(save: Any, frame: Any, name: str) -> None:
+    """As `mirelight realtime` leaves one: the frame, the unlit frame, and the engine's meta.json."""
+    for picture in ("frame", "unlit"):
+        path = save(frame, f"{name}/{picture}.png")
+    path.with_name("meta.json").write_text('{"engine": {"version": "2.23.3"}}')
+
+
+def test_folders_of_the_engine_are_matched_by_their_name(made: Any, save: Any, tmp_path: Path) -> None:
+    """What `render` and `realtime` write of one job, each into a folder of its own."""
+    for name in ("front.night", "front.day", "side.night"):
+        save(made(), f"room/{name}.exr")
+        save(made(), f"room/{name}.png")
+    for name in ("front.night", "side.night", "top.night"):
+        engine_folder(save, made(), f"live/{name}")
+    found = find_pairs([tmp_path / "room"], [tmp_path / "live"])
+    assert [(p.name, p.reference.name, p.test.relative_to(tmp_path).as_posix()) for p in found.pairs] == [
+        ("front.night", "front.night.exr", "live/front.night/frame.png"),
+        ("side.night", "side.night.exr", "live/side.night/frame.png"),
+    ]
+    assert found.without_test == (f"front.day: no partner in {tmp_path / 'live'}",)
+    assert found.without_reference == (f"top.night: no partner in {tmp_path / 'room'}",)
+    back = find_pairs([tmp_path / "live"], [tmp_path / "room"])
+    assert [p.reference.name for p in back.pairs] == ["frame.png"] * 2
+    (one,) = find_pairs([tmp_path / "room" / "front.day.exr"], [tmp_path / "live" / "top.night"]).pairs
+    assert (one.name, one.test.name) == ("front.day", "frame.png")
+
+
+def test_the_engines_pictures_are_premultiplied(tmp_path: Path) -> None:
+    """Half-covered white is stored as half white, and shown over black so; other files hold the colour itself."""
+    from PIL import Image
+
+    pixels = np.full((4, 4, 4), 128, np.uint8)
+    for name in ("frame.png", "unlit.png", "other.png"):
+        Image.fromarray(pixels, "RGBA").save(tmp_path / name)
+    straight = read_picture(tmp_path / "frame.png").rgb
+    np.testing.assert_allclose(straight, (128 / 255) ** 2, rtol=1e-6)
+    (tmp_path / "meta.json").write_text('{"engine": {"version": "2.23.3"}}')
+    for name in ("frame.png", "unlit.png"):
+        np.testing.assert_allclose(read_picture(tmp_path / name).rgb, 128 / 255, rtol=1e-6)
+    np.testing.assert_array_equal(read_picture(tmp_path / "other.png").rgb, straight)
 
 
 def test_a_frame_without_partner_is_an_error(made: Any, save: Any, tmp_path: Path) -> None:
     save(made(), "a/x.png")
     save(made(), "b/y.png")
-    with pytest.raises(InputError, match="no partner for x"):
+    with pytest.raises(InputError, match=r"no frame of .*a by name \(x there, y here\)"):
         find_pairs([tmp_path / "a"], [tmp_path / "b"])
     with pytest.raises(InputError, match="1 references and 2 tests"):
         find_pairs([tmp_path / "a"], [tmp_path / "b", tmp_path / "a"])
@@ -238,7 +282,7 @@ def test_a_frame_without_partner_is_an_error(made: Any, save: Any, tmp_path: Pat
 
 def test_pairs_of_one_name_are_told_apart(made: Any, save: Any, tmp_path: Path) -> None:
     files = [save(made(), f"{folder}/f.png") for folder in ("one", "two", "other")]
-    assert [p.name for p in find_pairs(files[:2], [files[2]] * 2)] == ["one/f", "two/f"]
+    assert [p.name for p in find_pairs(files[:2], [files[2]] * 2).pairs] == ["one/f", "two/f"]
 
 
 @pytest.mark.parametrize(

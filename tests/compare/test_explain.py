@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +13,10 @@ import pytest
 
 from mirelight import pipeline
 from mirelight.compare.explain import CAUSES, Ladder, Rung, summary
-from mirelight.compare.explain_engine import physical_display, physical_settings
+from mirelight.compare.explain_engine import EngineRun, physical_display, physical_settings
 from mirelight.compare.explain_ladder import explain
 from mirelight.compare.explain_light import LitSurface, shadows
+from mirelight.compare.explain_report import write_ladder
 from mirelight.errors import InputError
 from mirelight.io.png import encode_display
 from mirelight.lighting import Tracer
@@ -40,6 +42,7 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
+from mirelight.realtime import EngineFrames
 
 CAMERA = Camera.look_at((0, 0, 4), (0, 0, 0), 96, 64, yfov=40, near=0.1, far=50)
 
@@ -104,6 +107,7 @@ def ladder_of(job: Job) -> Ladder:
 FRONT = DirectionalLight(name="front", direction=np.array([0.0, 0, -1]), intensity=2.0)
 LEFT = DirectionalLight(name="left", direction=np.array([-1.0, 0, -1]), intensity=3.0)
 OVER = np.array([0.0, -1, -0.8])
+NO_FACE = ProxyMesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
 # --- the measure -----------------------------------------------------------------------------------------------------
@@ -321,16 +325,61 @@ def test_the_linear_pipeline_has_its_own_cause() -> None:
     [
         ({"scene": {"proxy": None}}, "no proxy"),
         ({"scene": {"splats": None}}, "no splats"),
+        ({"scene": {"proxy": NO_FACE}}, "a proxy without a face"),
         ({"render": RenderSettings(variant="scalar_rgb")}, "scalar_rgb"),
         ({"relight": RelightSettings(mode="ratio")}, "captured"),
     ],
-    ids=["proxy", "splats", "scalar", "captured"],
+    ids=["proxy", "splats", "face", "scalar", "captured"],
 )
 def test_what_has_no_ladder_is_refused(change: dict[str, Any], expected: str) -> None:
     job = make_job(wall(), lights=(FRONT,))
     scene = replace(job.scene, **change.pop("scene", {}))
     with pytest.raises(InputError, match=expected):
         explain(replace(job, scene=scene, **change), CAMERA, job.scene.lightings[0])
+
+
+def empty() -> SplatCloud:
+    whole = cloud()
+    none = {name: getattr(whole, name)[:0] for name in ("means", "quats", "scales", "opacities", "sh")}
+    return replace(whole, **none)
+
+
+def engine_buffers(camera: Camera, value: float) -> EngineFrames:
+    """Buffers of the engine that hold one value."""
+    size = (camera.height, camera.width, 4)
+    picture = np.zeros(size, np.uint8)
+    light = np.zeros(size, np.float32)
+    shown = np.full(size, value, np.float32)
+    return EngineFrames(frame=picture, unlit=picture, relight=light, frame_f32=shown, unlit_f32=shown, meta={})
+
+
+@pytest.mark.parametrize("missing", ["proxy out of view", "splats", "light"])
+@pytest.mark.parametrize("rendered", [None, 0.0, math.nan], ids=["predicted", "black", "nan"])
+def test_empty_pictures_have_a_ladder(missing: str, rendered: float | None, tmp_path: Path) -> None:
+    """The camera looks past a proxy in its file's colours, there is no splat, or no light: every figure is a number."""
+    job = make_job(wall(), lights=(FRONT,), sky=0.3, render={"spp": 2, "max_depth": 2})
+    scene, camera = replace(job.scene, proxy=replace(quads(wall()), albedo=None)), replace(CAMERA, width=24, height=16)
+    if missing == "proxy out of view":
+        camera = Camera.look_at((0, 0, 4), (0, 0, 9), 24, 16, yfov=40)
+    elif missing == "splats":
+        scene = replace(scene, splats=empty())
+    else:
+        scene = replace(scene, lightings=(Lighting(name="dark"),))
+    run = None
+    if rendered is not None:
+        frames = engine_buffers(camera, rendered)
+        run = EngineRun(frames, frames.relight)
+    ladder = explain(replace(job, scene=scene), camera, scene.lightings[0], run)
+    write_ladder(tmp_path, ladder)
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    found = json.loads((tmp_path / "explain.json").read_text(), parse_constant=refuse)
+    assert all(isinstance(step[key], float) for step in found["steps"] for key in ("share", "squared", "rms", "flip"))
+    assert any(step["psnr"] is None for step in found["steps"])  # infinite: nothing changed
+    assert "inf" in summary(ladder)
+    assert "∞ dB" in (tmp_path / "explain.html").read_text(encoding="utf-8")
 
 
 def test_orthographic_cameras_are_refused() -> None:

@@ -6,6 +6,7 @@ Chromium and npm are part of the test environment, as for the tests of the real-
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,17 @@ def test_without_the_engine_it_says_so(
     assert not found["really_rendered"]
     assert {"model", "shadows"} <= set(found["absent"])
     assert "the engine itself did not run" in (tmp_path / "out" / "explain.html").read_text()
+
+
+def test_a_missing_package_is_said_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The job is not even opened: there is none."""
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    assert main(["explain", str(tmp_path / "gone.toml"), "-o", str(tmp_path / "out")]) != 0
+    (told,) = capsys.readouterr().err.splitlines()
+    assert "pip install 'mirelight[compare]'" in told
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from mirelight.compare import compare, find_pairs, parse_requirement, summary
+from mirelight.compare import Pairing, compare, find_pairs, parse_requirement, summary
 from mirelight.compare.requirements import unmet
 from mirelight.errors import InputError, OutputError
 
@@ -82,7 +82,7 @@ def test_json_and_csv_hold_the_figures(pairs: Any, tmp_path: Path) -> None:
 
 def test_results_are_reproducible(pairs: Any, tmp_path: Path) -> None:
     for name in ("one", "two"):
-        compare(pairs[1:2], html=tmp_path / f"{name}.html", json=tmp_path / f"{name}.json")
+        compare(Pairing(pairs=pairs.pairs[1:2]), html=tmp_path / f"{name}.html", json=tmp_path / f"{name}.json")
     assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
     assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
 
@@ -97,7 +97,7 @@ def test_the_summary_is_a_table_with_the_failures(pairs: Any) -> None:
 
 def test_a_report_that_cannot_be_written_is_one_line(pairs: Any, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"gone/r\.html"):
-        compare(pairs[:1], html=tmp_path / "gone" / "r.html")
+        compare(pairs, html=tmp_path / "gone" / "r.html")
 
 
 def test_a_missing_package_is_one_line(pairs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,4 +107,21 @@ def test_a_missing_package_is_one_line(pairs: Any, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     with pytest.raises(MirelightError, match=r"pip install 'mirelight\[compare\]'"):
-        compare(pairs[:1])
+        compare(pairs)
+
+
+def test_frames_without_a_partner_are_said_and_fail_requirements(
+    made: Any, save: Any, page: Any, tmp_path: Path
+) -> None:
+    for name in ("ref/one.png", "ref/two.png", "test/one.png", "test/three.png"):
+        save(made(), name)
+    found = find_pairs([tmp_path / "ref"], [tmp_path / "test"])
+    outcome = compare(found, json=tmp_path / "r.json", html=tmp_path / "r.html")
+    lines = [f"two: no partner in {tmp_path / 'test'}", f"three: no partner in {tmp_path / 'ref'}"]
+    assert (list(outcome.unpaired), outcome.failures) == (lines, ())
+    assert json.loads((tmp_path / "r.json").read_text())["unpaired"] == lines
+    assert summary(outcome).splitlines()[2:] == [f"not compared: {line}" for line in lines]
+    page.open(tmp_path / "r.html", 1280, 900, "light")
+    page.run("document.querySelector('details.unpaired').open = true")
+    assert page.run("[...document.querySelectorAll('.unpaired li')].map(x => x.innerText)") == lines
+    assert compare(found, requirements=[parse_requirement("psnr>=30")]).failures == (lines[0],)

@@ -17,7 +17,7 @@ from mirelight.compositor.device import Array, open_device
 from mirelight.compositor.memory import check_indices, cloud_bytes, frame_bytes
 from mirelight.compositor.resolve import Frame
 from mirelight.errors import BackendError, RenderError
-from mirelight.model import Camera, CompositorSettings
+from mirelight.model import Camera, CompositorSettings, SplatCloud
 
 from .compositor_clouds import COMPACT, PHYSICAL, VIEW, assert_agrees, cloud, same_bits
 
@@ -196,3 +196,25 @@ def test_without_llvm_the_scalar_variant_uses_the_oracle(monkeypatch: pytest.Mon
     assert compositor.colors(VIEW).shape == (50, 3)
     with pytest.raises(BackendError):
         Compositor(splats)
+
+
+@pytest.mark.usefixtures("threads")
+def test_same_bits_where_transmittance_is_a_denormal_number() -> None:
+    """Piles of small, nearly opaque splats: under each some 40 factors of 1/255, which no float holds."""
+    piles, high = 256, 40
+    rng = np.random.default_rng(3)
+    across = (np.stack(np.meshgrid(np.arange(16), np.arange(16)), axis=-1).reshape(-1, 1, 2) - 7.5) * 0.2
+    behind = -0.001 * np.arange(high)[None, :, None] * np.linspace(1, 2, piles)[:, None, None]
+    means = np.concatenate([np.broadcast_to(across, (piles, high, 2)), behind], axis=-1).reshape(-1, 3)
+    count = len(means)
+    splats = SplatCloud(
+        means=means.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        scales=np.full((count, 3), 0.01, np.float32),
+        opacities=np.full(count, 0.998, np.float32),
+        sh=rng.normal(0, 0.5, (count, 1, 3)).astype(np.float32),
+    )
+    camera = Camera.look_at((0, 0, 4), (0, 0, 0), 256, 256, yfov=45)
+    one, two = (Compositor(splats, COMPACT, threads=n).composite(camera) for n in (1, 2))
+    assert (one.transmittance < 1e-20).sum() > 100  # many leave nothing
+    assert same_bits(one, two)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
-from mirelight.engine_lights import EngineLight, EngineLighting, from_engine, physical_albedo, physical_rotation
+from mirelight import colour, conventions
+from mirelight.engine_lights import EngineLight, EngineLighting, engine_rotation, physical_light, physical_warnings
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.hdr import read_hdr
 from mirelight.io.mesh import transform
 from mirelight.lighting import trace
-from mirelight.model import F32, Camera, Environment, ProxyMesh, RenderSettings
+from mirelight.model import F32, Camera, Environment, Lighting, ProxyMesh, RenderSettings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,13 +29,29 @@ class Case:
     relight: F32  # (H, W, 4) what the engine wrote
 
 
+def from_engine(lighting: EngineLighting, name: str = "lighting") -> tuple[Lighting, tuple[str, ...]]:
+    """The physical lighting for an engine's, and a line for each thing that physical light does not do.
+
+    :func:`to_engine` gives the engine's lighting back.
+    """
+    lights = tuple(physical_light(light) for light in lighting.lights)
+    environment, warnings = lighting.environment, physical_warnings(lights)
+    if lighting.ambient.any():
+        if environment is None:
+            radiance = (lighting.ambient**colour.ENGINE_GAMMA).astype(np.float32).reshape(1, 1, 3)
+            environment = Environment(name="ambient", radiance=radiance)
+        else:
+            warnings += ("the scene's ambient colour is left out: the environment replaces it, as in the engine",)
+    return Lighting(name=name, lights=lights, environment=environment), warnings
+
+
 def texture(proxy: ProxyMesh, camera: Camera, lighting: EngineLighting, diffuse: ArrayLike = 0.5) -> F32:
     """(H, W, 4) what `mirelight.trace` makes of the engine's lights: lit colour and coverage.
 
     The lights go through physical units, as those of a job do.
     """
     job_lighting, _ = from_engine(lighting)
-    albedo = np.broadcast_to(physical_albedo(diffuse), (3,))
+    albedo = np.broadcast_to(np.asarray(diffuse, dtype=np.float64) ** colour.ENGINE_GAMMA, (3,))
     buffer = trace(replace(proxy, albedo=albedo), job_lighting, camera, RenderSettings(profile="playcanvas"))
     return np.concatenate([buffer.beauty, buffer.coverage[..., None]], axis=-1)
 
@@ -52,7 +68,7 @@ def read_case(folder: Path, assets: Path) -> Case:
         environment = Environment(
             radiance=_radiance(assets / Path(scene["env"]["equirect"]).name),
             intensity=scene["env"].get("intensity", 1),
-            rotation=physical_rotation(scene["env"].get("rotation", 0)),
+            rotation=engine_rotation(scene["env"].get("rotation", 0)),
         )
     lights = tuple(_light(wanted, is_) for wanted, is_ in zip(scene.get("lights", ()), meta["lights"], strict=True))
     with np.load(folder / "buffers.npz") as buffers:

@@ -21,6 +21,7 @@ from mirelight import realtime
 from mirelight.engine_lights import EngineLighting, engine_diffuse, to_engine
 from mirelight.errors import BackendError, InputError, RenderError
 from mirelight.io.gltf.scene import read_scene
+from mirelight.io.png import write_png
 from mirelight.io.splats import ply
 from mirelight.lighting import trace
 from mirelight.model import (
@@ -321,3 +322,10 @@ def test_scene_that_the_engine_cannot_load_is_one_line(tmp_path: Path) -> None:
 def test_frames_that_are_not_there_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="mirelight realtime"):
         realtime.load_frames(tmp_path)
+    for name in ("frame.png", "unlit.png"):
+        write_png(tmp_path / name, np.zeros((4, 4, 3), np.uint8), {})
+    (tmp_path / "meta.json").write_text("{}")
+    for content in (b"", b"PK\x03\x04 cut"):
+        (tmp_path / "buffers.npz").write_bytes(content)
+        with pytest.raises(InputError, match="no complete engine frames"):
+            realtime.load_frames(tmp_path)

@@ -32,6 +32,8 @@ from mirelight.model import (
     SunLight,
 )
 
+from .engine_cases import from_engine
+
 ALBEDO = np.array([0.5, 0.3, 0.8])
 FLOOR = ProxyMesh(
     vertices=np.array([[-40, 0, -40], [-40, 0, 40], [40, 0, 40], [40, 0, -40]], dtype=np.float32),
@@ -186,7 +188,7 @@ def test_colour_and_intensity_come_back(intensity: float, color: tuple[float, fl
 
 @given(st.floats(-720, 720))
 def test_rotation_comes_back(rotation: float) -> None:
-    back = engine_lights.physical_rotation(engine_lights.engine_rotation(rotation))
+    back = engine_lights.engine_rotation(engine_lights.engine_rotation(rotation))
     assert math.cos(math.radians(back - rotation)) == pytest.approx(1)
 
 
@@ -205,7 +207,7 @@ def test_lights_come_back() -> None:
         ),
     )
     engine, _ = engine_lights.to_engine(Lighting(lights=lights), FLOOR, shadows=False)
-    back, warnings = engine_lights.from_engine(engine)
+    back, warnings = from_engine(engine)
     assert warnings == ()
     for before, after in zip(lights, back.lights, strict=True):
         assert type(before) is type(after)
@@ -232,7 +234,7 @@ def test_the_engines_lights_come_back(kind: Any, falloff: Falloff, intensity: fl
         outer_cone_angle=45.0,
         cast_shadows=True,
     )
-    physical, _ = engine_lights.from_engine(EngineLighting(lights=(before,)))
+    physical, _ = from_engine(EngineLighting(lights=(before,)))
     engine, warnings = engine_lights.to_engine(physical, FLOOR)
     (after,) = engine.lights
     assert warnings == ()
@@ -248,7 +250,7 @@ def test_the_engines_lights_come_back(kind: Any, falloff: Falloff, intensity: fl
 
 def test_linear_falloff_is_equal_at_half_the_range() -> None:
     lamp = EngineLight(name="lamp", kind="omni", intensity=4.0, range=6.0)
-    back, (said,) = engine_lights.from_engine(EngineLighting(lights=(lamp,)))
+    back, (said,) = from_engine(EngineLighting(lights=(lamp,)))
     light = back.lights[0]
     assert isinstance(light, PointLight)
     # engine: L (1 - d / R) albedo; physical: I / d² (1 - (d / R)^4) albedo / pi
@@ -258,7 +260,7 @@ def test_linear_falloff_is_equal_at_half_the_range() -> None:
 
 def test_ambient_becomes_a_constant_environment_and_comes_back() -> None:
     ambient = np.array([0.5, 0.2, 0.1])
-    back, _ = engine_lights.from_engine(EngineLighting(ambient=ambient))
+    back, _ = from_engine(EngineLighting(ambient=ambient))
     assert back.environment is not None
     np.testing.assert_allclose(back.environment.pixels[0, 0], ambient**2.2, rtol=1e-6)
     engine, _ = engine_lights.to_engine(back, FLOOR, shadows=False)

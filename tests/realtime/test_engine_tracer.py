@@ -181,3 +181,16 @@ def test_an_orthographic_camera_is_rendered_and_warned_of() -> None:
     np.testing.assert_allclose(buffer.beauty[buffer.coverage == 1], 0.5, rtol=1e-6)
     (said,) = engine_lights.camera_warnings(flat)
     assert "plan is orthographic" in said
+
+
+def test_the_files_one_colour_where_it_has_no_texture() -> None:
+    """`albedo = "file"` on a proxy without materials: one gray for all points."""
+    plain = replace(quads(level(5, 0), level(1, 1.5)), albedo=None)
+    lamp = PointLight(name="lamp", position=np.array([0.0, 4.0, 0.0]), intensity=30.0)
+    buffer = lit(plain, DOWN, lamp)
+    own = buffer.albedo[buffer.coverage == 1]
+    assert own.min() == own.max() > 0
+    same = lit(replace(plain, albedo=np.full(3, own[0, 0])), DOWN, lamp)
+    np.testing.assert_allclose(buffer.beauty, same.beauty, rtol=1e-6)
+    away = Camera.look_at((0, 8, 0), (0, 16, 0), 16, 12)
+    assert trace(plain, Lighting(lights=(DOWN, lamp)), away, SETTINGS).coverage.max() == 0

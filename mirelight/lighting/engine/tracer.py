@@ -110,8 +110,6 @@ class EngineTracer:
     def _albedo(self, face: NDArray[np.int32], position: F64) -> F64:
         if self._proxy.albedo is not None:
             return np.broadcast_to(self._proxy.albedo, position.shape)
-        if not len(face):
-            return np.zeros((0, 3))
         return self._ray_caster().albedo(face, position)
 
     def _lit(self, lamp: EngineLight, seen: _Seen) -> F64:

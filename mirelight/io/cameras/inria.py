@@ -1,0 +1,65 @@
+"""cameras.json of INRIA's 3D Gaussian Splatting: written beside a trained model.
+
+An array of {id, img_name, width, height, position, rotation, fx, fy}. `position` and `rotation` (row by row) are the
+camera's place and axes in the capture: world from camera, OpenCV's axes (+Z ahead, +Y down). There is no principal
+point: it is the middle.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mirelight.errors import InputError
+from mirelight.io.cameras import reading
+from mirelight.io.cameras.placed import FileCamera
+from mirelight.io.gltf.fields import Fields
+from mirelight.model import Camera
+
+
+def read(path: Path, data: Any) -> tuple[FileCamera, ...]:
+    """The cameras in the order of the file. Raises InputError."""
+    entries = reading.objects(path, "", data)
+    names = reading.picture_names(
+        entry.text("img_name", str(entry.values.get("id", i))) for i, entry in enumerate(entries)
+    )
+    return tuple(_camera(entry, name) for entry, name in zip(entries, names, strict=True))
+
+
+def _camera(entry: Fields, name: str) -> FileCamera:
+    size = reading.side(entry, "width"), reading.side(entry, "height")
+    lens = (entry.number("fx"), entry.number("fy"), size[0] / 2, size[1] / 2)
+    value = entry.values.get("rotation")
+    if not isinstance(value, list) or len(value) != 3:
+        raise entry.fail("rotation", "not a matrix", "3 rows of 3 numbers are expected")
+    rows = [
+        Fields(entry.file, entry.where, {f"rotation[{i}]": r}).vector(f"rotation[{i}]", 3) for i, r in enumerate(value)
+    ]
+    pose = reading.rigid(reading.composed(rows, entry.vector("position", 3)), partial(_fail, entry, "rotation"))
+    return FileCamera(
+        name=name,
+        world_from_camera=pose @ reading.FLIP,
+        lens=reading.intrinsics(lens, size, partial(_fail, entry, "fx")),
+    )
+
+
+def _fail(entry: Fields, key: str, found: str, remedy: str) -> InputError:
+    return entry.fail(key, found, remedy)
+
+
+def entry(camera: Camera, number: int) -> dict[str, Any]:
+    """A camera as an entry of the file; what it has no place for (the principal point) is left out."""
+    c = np.asarray(camera.world_from_camera) @ reading.FLIP
+    return {
+        "id": number,
+        "img_name": camera.name,
+        "width": camera.width,
+        "height": camera.height,
+        "position": c[:3, 3].tolist(),
+        "rotation": c[:3, :3].tolist(),
+        "fx": camera.fx,
+        "fy": camera.fy,
+    }

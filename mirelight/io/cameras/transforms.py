@@ -1,0 +1,190 @@
+"""transforms.json: nerfstudio's, instant-ngp's and Blender-NeRF's, one reader.
+
+`transform_matrix` is world from camera in OpenGL's axes (-Z ahead, +Y up); a few data sets use the same file with
+OpenCV's (+Z ahead, +Y down). nerfstudio turns the capture first and says so: what the file holds is `applied_transform`
+times the capture's pose, its position times `applied_scale`. The lens stands at the top or in each frame: `fl_x fl_y cx
+cy w h`, or `camera_angle_x` in radians; a frame's own comes first. Fields: docs.nerf.studio, "Data conventions";
+instant-ngp, docs/nerf_dataset_tips.md.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from mirelight.conventions import Matrix
+from mirelight.errors import InputError
+from mirelight.io.cameras import reading
+from mirelight.io.cameras.placed import Angle, Distortion, FileCamera, Intrinsics
+from mirelight.io.gltf.fields import Fields
+from mirelight.model import Camera
+
+Axes = Literal["opengl", "opencv"]
+
+DATAPARSER = "dataparser_transforms.json"
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # a world with Y up to one with Z up
+
+_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+_RADIAL = ("k1", "k2", "k3", "k4")
+_TANGENTIAL = ("p1", "p2")
+_ANGLES = ("camera_angle_x", "camera_angle_y")
+_FOCALS = ("fl_x", "fl_y")
+_OTHERS = ("distortion_params", "camera_model", "is_fisheye", "cx", "cy", "w", "h")
+_LENS = (*_FOCALS, *_ANGLES, *_RADIAL, *_TANGENTIAL, *_OTHERS)
+
+
+def read(path: Path, data: dict[str, Any], axes: Axes, dataparser: Path | None) -> tuple[FileCamera, ...]:
+    """The cameras in the order of the file, in the capture's axes.
+
+    Args:
+        path: the file.
+        data: what is in it.
+        axes: of its cameras.
+        dataparser: nerfstudio's :data:`DATAPARSER` of a training, to have the cameras in that training's world, which
+            its exported splats are in; None: the capture's.
+
+    Raises:
+        InputError: what is wrong, with its field.
+    """
+    top = Fields(path, "", data)
+    frames = _frames(top)
+    names = reading.picture_names(_picture(frame, i) for i, frame in enumerate(frames))
+    undo = _applied(top)
+    world = None if dataparser is None else trained_world(dataparser)
+    out = []
+    for frame, name in zip(frames, names, strict=True):
+        pose = reading.rows(frame, "transform_matrix")
+        fail = partial(_fail, frame, "transform_matrix")
+        pose = reading.rigid(undo @ (pose @ reading.FLIP if axes == "opencv" else pose), fail)
+        if world is not None:
+            pose = reading.rigid(world @ pose, fail)
+        lens, distortion = _lens(_own_or_shared(frame, top))
+        out.append(FileCamera(name=name, world_from_camera=pose, lens=lens, distortion=distortion))
+    return tuple(out)
+
+
+def trained_world(path: Path) -> Matrix:
+    """The matrix (4, 4) from a capture to the world that nerfstudio trained in. Raises InputError."""
+    data = reading.load_json(path)
+    if not isinstance(data, dict):
+        raise InputError(path, "the JSON is not an object")
+    fields = Fields(path, "", data)
+    matrix = reading.rows(fields, "transform")
+    reading.rigid(matrix, partial(_fail, fields, "transform"))
+    scale = fields.number("scale", 1.0)
+    if not 1e-9 < scale < 1e9:
+        raise fields.fail("scale", f"{scale:g}", "it must be positive")
+    return np.asarray(np.diag([scale, scale, scale, 1.0]) @ matrix)
+
+
+def _frames(top: Fields) -> list[Fields]:
+    value = top.values.get("frames")
+    if isinstance(value, dict):  # OpenIllumination: frames by name
+        named = [{"file_path": key, **x} if isinstance(x, dict) else x for key, x in value.items()]
+        return reading.objects(top.file, "frames", named)
+    return reading.objects(top.file, "frames", value)
+
+
+def _picture(frame: Fields, number: int) -> str:
+    return frame.text("file_path", f"frame_{number + 1:05d}")
+
+
+def _applied(top: Fields) -> Matrix:
+    """Back from the file's world to the capture's."""
+    out = np.eye(4)
+    if "applied_transform" in top:
+        matrix = reading.rows(top, "applied_transform")
+        reading.rigid(matrix, partial(_fail, top, "applied_transform"))
+        out = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    if "applied_scale" in top:
+        scale = top.number("applied_scale")
+        if not 1e-9 < scale < 1e9:
+            raise top.fail("applied_scale", f"{scale:g}", "it must be positive")
+        out = out @ np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
+    return out
+
+
+def _own_or_shared(frame: Fields, top: Fields) -> Fields:
+    """The keys of a frame's lens: its own, else those at the top."""
+    own = {name: frame.values[name] for name in _LENS if name in frame}
+    shared = {name: top.values[name] for name in _LENS if name in top}
+    if own.keys() & {_FOCALS[0], _ANGLES[0]}:
+        shared = {name: value for name, value in shared.items() if name not in (*_FOCALS, *_ANGLES)}
+    return Fields(top.file, frame.where if own else "", {**shared, **own})
+
+
+def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | None]:
+    model = source.text("camera_model", "OPENCV")
+    if model not in _PINHOLES or source.flag("is_fisheye"):
+        raise source.fail("camera_model", f"{model[:40]!r}, which no pinhole stands for", "undistort the capture")
+    size = (reading.side(source, "w"), reading.side(source, "h")) if "w" in source and "h" in source else None
+    if "fl_x" in source:
+        fx = source.number("fl_x")
+        if size is None:
+            raise source.fail("w", "missing", "a focal length in pixels needs w and h")
+        values = (fx, source.number("fl_y", fx), source.number("cx", size[0] / 2), source.number("cy", size[1] / 2))
+        lens = reading.intrinsics(values, size, partial(_fail, source, "fl_x"))
+        return lens, _distortion(source, model)
+    if "camera_angle_x" not in source:
+        raise source.fail("", "no lens", "fl_x, or camera_angle_x, is expected in the frame or at the top")
+    degrees = math.degrees(source.number("camera_angle_x"))
+    degrees = reading.field_of_view(degrees, partial(_fail, source, "camera_angle_x"))
+    angle = Angle(degrees=degrees, side="horizontal", size=size)
+    if size is None:
+        return angle, None
+    centered = angle.fitted(size)
+    fy = centered.fy
+    if "camera_angle_y" in source:
+        vertical = math.degrees(source.number("camera_angle_y"))
+        vertical = reading.field_of_view(vertical, partial(_fail, source, "camera_angle_y"))
+        fy = Angle(degrees=vertical, side="vertical").fitted(size).fy
+    values = (centered.fx, fy, source.number("cx", size[0] / 2), source.number("cy", size[1] / 2))
+    lens = reading.intrinsics(values, size, partial(_fail, source, "camera_angle_x"))
+    return lens, _distortion(source, model)
+
+
+def _distortion(source: Fields, model: str) -> Distortion | None:
+    if "distortion_params" in source:
+        radial = source.vector("distortion_params", 6)
+        k, p = tuple(radial[:4].tolist()), radial[4:].tolist()
+    else:
+        k = tuple(source.number(name, 0.0) for name in _RADIAL)
+        p = [source.number(name, 0.0) for name in _TANGENTIAL]
+    return Distortion(model=model, radial=k, tangential=(p[0], p[1])) if any(k) or any(p) else None
+
+
+def _fail(fields: Fields, key: str, found: str, remedy: str) -> InputError:
+    return fields.fail(key, found, remedy)
+
+
+# --- writing ---------------------------------------------------------------------------------------------------------
+
+
+def lens_entry(camera: Camera) -> dict[str, Any]:
+    """The keys of a lens, for a frame or the top; pinholes of any shape and centre."""
+    return {
+        "camera_model": "PINHOLE",
+        "fl_x": camera.fx,
+        "fl_y": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "w": camera.width,
+        "h": camera.height,
+    }
+
+
+def matrix_entry(camera: Camera, world: Matrix = Z_UP, axes: Axes = "opengl") -> list[list[float]]:
+    """`transform_matrix` of a camera, 4 rows of 4 numbers.
+
+    Args:
+        camera: in mirelight's world.
+        world: from mirelight's world (Y up) to the file's (Z up, as these files have it).
+        axes: of the file's cameras.
+    """
+    pose = np.asarray(world) @ camera.world_from_camera
+    rows: list[list[float]] = (pose @ reading.FLIP if axes == "opencv" else pose).tolist()
+    return rows

@@ -215,7 +215,7 @@ def test_csv(tmp_path: Path) -> None:
         path.write_text("\n".join(lines) + "\n\n", encoding="utf-8")
         file = open_file(path)
         assert file.kind == "CSV"
-        check(file.read(axes=axes), seen)  # type: ignore[arg-type]
+        check(file.read(axes=axes), seen)
 
 
 def test_csv_with_targets(tmp_path: Path) -> None:

@@ -92,8 +92,9 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
         )
     if job.render.variant == "scalar_rgb":
         raise InputError(job.source, "the variant scalar_rgb", "use llvm_ad_rgb or cuda_ad_rgb", field="render.variant")
-    if job.relight.mode == "ratio" and scene.captured is None:
-        raise InputError(job.source, "mode 'ratio' without captured lighting", "name it, or set mode to 'tint'")
+    if relight.mode_of(job.relight).needs_captured and scene.captured is None:
+        without = f"mode {job.relight.mode!r} without captured lighting"
+        raise InputError(job.source, without, "name it, or set mode to 'tint'")
     return scene.splats, scene.proxy
 
 
@@ -326,16 +327,16 @@ class _Builder:
         return recipe
 
     def _relight_mode(self, recipe: _Recipe, traced: LightingBuffer, tracer: Tracer) -> None:
-        """Ratio instead of tint, where the job asks for it."""
-        captured = self.job.scene.captured
-        if self.job.relight.mode != "ratio" or captured is None:
-            self.absent.append(("ratio", "the job's mode is tint"))
+        """The job's own mode instead of the tint, where it is one that divides the captured light out."""
+        captured, mode = self.job.scene.captured, relight.mode_of(self.job.relight)
+        if not mode.needs_captured or captured is None:
+            self.absent.append(("ratio", f"the job's mode is {mode.name}"))
             return
         if self.job.colors_proxy:
             tracer = Tracer(lit_proxy(self.job), tracer.settings)
             traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
         old = finished(tracer.trace(captured, self.camera), tracer.settings)
-        settings = replace(recipe.settings, mode="ratio")
+        settings = replace(recipe.settings, mode=mode.name)
         self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old))
 
     # --- frames ---
@@ -363,7 +364,7 @@ class _Builder:
 
     def _shown(self, recipe: _Recipe) -> F32:
         """(H, W, 3) display values 0..1 of a recipe."""
-        frame = relight.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured)
+        frame = relight.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured, noise=False)
         rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display
         if not recipe.engine_blending or not recipe.splats.linear:
             gain = 2.0**display.exposure

@@ -32,7 +32,7 @@ def engine_frame(job: Job, camera: Camera, lighting: Lighting) -> Frame:
     if job.scene.proxy is not None:
         seen = relight.lighting_camera(camera, settings)
         buffer = trace(job.scene.proxy, lighting, seen, replace(job.render, profile="playcanvas"))
-    return relight.apply(layer, buffer, settings)
+    return relight.apply(layer, buffer, settings, noise=False)
 
 
 def blended(frame: Frame) -> F32:

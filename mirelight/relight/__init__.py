@@ -1,0 +1,27 @@
+"""Light meets splats: one factor per pixel and channel, by which the finished composite is multiplied.
+
+The factor is the same for every splat under a pixel, and blending is linear, so multiplying the composite is the same
+as multiplying each splat before blending: one composite serves every lighting of its camera. Modes differ only in the
+factor; each is one object (`mode`) in a module of its own (`tint`, `ratio`), found by its name (`modes`). See
+docs/relighting.md.
+"""
+
+from __future__ import annotations
+
+from mirelight.relight.frame import apply, lighting_camera, unlit_rgba
+from mirelight.relight.mode import Lit, Mode, Task
+from mirelight.relight.modes import MODES, mode_of, reads
+from mirelight.relight.resample import upsample
+
+__all__ = [
+    "MODES",
+    "Lit",
+    "Mode",
+    "Task",
+    "apply",
+    "lighting_camera",
+    "mode_of",
+    "reads",
+    "unlit_rgba",
+    "upsample",
+]

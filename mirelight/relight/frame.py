@@ -1,0 +1,162 @@
+"""Frames: a composite times a factor, the composite alone, or the lit proxy alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mirelight import colour
+from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
+from mirelight.relight.mode import Lit, Task
+from mirelight.relight.modes import mode_of, space_of
+from mirelight.relight.noise import noise as noise_of
+from mirelight.relight.resample import upsample
+
+
+def apply(
+    splats: SplatLayer | None,
+    lighting: LightingBuffer | None,
+    settings: RelightSettings,
+    *,
+    captured: LightingBuffer | None = None,
+    captured_level: float | None = None,
+    made_by: Provenance | None = None,
+    noise: bool = True,
+) -> Frame:
+    """One relit frame.
+
+    Args:
+        splats: the composite to relight; None gives the lit proxy itself (radiance, premultiplied, alpha = coverage;
+            `brightness` is a setting of the tint and is not applied).
+        lighting: the new light, seen by the same camera, at the frame's or a smaller resolution; None gives the unlit
+            frame.
+        settings: mode, space, blend and the modes' own numbers.
+        captured: the light that the capture was made under, from the same camera, resolution and seed, for modes that
+            need it.
+        captured_level: a constant of the scene from :func:`mirelight.lighting.captured_level`: with it, a point of the
+            surface has the same factor in every view. None: the mean of this view's captured light.
+        made_by: carried into the frame.
+        noise: whether the frame's noise is estimated; that takes longer than the frame.
+
+    Returns:
+        The frame; with `blend` 0 its `rgba` is its `unlit` bit for bit. `lighting` in it has the frame's resolution.
+
+    Raises:
+        ValueError: neither splats nor lighting; no `captured` for a mode that needs it; buffers of different cameras.
+    """
+    if splats is None:
+        if lighting is None:
+            raise ValueError("a frame needs splats, lighting, or both")
+        return _lit_proxy(lighting, settings, made_by, noise)
+    unlit = unlit_rgba(splats)
+    factor, relit, deviation = np.ones_like(splats.color), unlit, None
+    if lighting is not None:
+        mode = mode_of(settings)
+        if mode.needs_captured and captured is None:
+            raise ValueError(f"mode {mode.name!r} needs the lighting that the capture was made under")
+        old = captured if mode.needs_captured else None
+        _same_view(splats.camera, lighting)
+        if old is not None:
+            _same_view(splats.camera, old)
+        size = splats.camera.height, splats.camera.width
+
+        def factor_of(new: Lit, captured: Lit | None) -> F32:
+            task = Task(size=size, new=new, captured=captured, captured_level=captured_level, settings=settings)
+            return _blended(mode.factor(task), settings.blend)
+
+        if settings.blend > 0:
+            factor = factor_of(Lit.of(lighting), None if old is None else Lit.of(old))
+            relit = _multiplied(splats, unlit, factor, settings)
+        if noise:
+            deviation = noise_of(lambda *lit: _multiplied(splats, unlit, factor_of(*lit), settings), lighting, old)
+        lighting = upsample(lighting, splats.camera)
+    return Frame(
+        camera=splats.camera,
+        rgba=relit,
+        unlit=unlit,
+        factor=factor,
+        lighting=lighting,
+        splats=splats,
+        made_by=made_by,
+        noise=deviation,
+        profile=splats.profile,
+    )
+
+
+def unlit_rgba(splats: SplatLayer) -> F32:
+    """(H, W, 4) the splats as captured: linear light, premultiplied by alpha = 1 - transmittance.
+
+    Display-encoded composites are decoded un-premultiplied, per pixel, by their profile's curve: encoding the result
+    the same way gives back the picture that was blended in display space.
+    """
+    out = np.empty((*splats.transmittance.shape, 4), dtype=np.float32)
+    np.subtract(np.float32(1), splats.transmittance, out=out[..., 3])
+    if splats.linear:
+        out[..., :3] = splats.color
+    else:
+        _decode_premultiplied(splats.color, splats, out)
+    return out
+
+
+def lighting_camera(camera: Camera, settings: RelightSettings) -> Camera:
+    """The camera that the lighting of `camera` is traced with: the same view on `texture_scale` times the pixels.
+
+    Sizes are rounded up; where the profile has unit texels down, as GsplatRelighting sizes its texture.
+    """
+    round_size = math.floor if rules_of(settings.profile).unit_texels else math.ceil
+    width, height = (max(1, round_size(n * settings.texture_scale)) for n in (camera.width, camera.height))
+    return camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
+
+
+def _blended(factor: F32, blend: float) -> F32:
+    """mix(1, factor, blend)."""
+    if blend == 1:
+        return factor
+    share = np.float32(blend)
+    return np.asarray((1 - share) + factor * share, dtype=np.float32)
+
+
+def _multiplied(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSettings) -> F32:
+    """(H, W, 4) linear, premultiplied: the composite times the factor; `unlit` is it in linear light."""
+    out = np.empty_like(unlit)
+    out[..., 3] = unlit[..., 3]
+    if space_of(splats, settings) == "display":
+        _decode_premultiplied(splats.color * factor, splats, out)
+    else:
+        np.multiply(unlit[..., :3], factor, out=out[..., :3])
+    return out
+
+
+def _decode_premultiplied(color: F32, splats: SplatLayer, out: F32) -> None:
+    """Decoded colour (H, W, 3), premultiplied like the given one, into `out` (H, W, 4), which holds the alpha."""
+    alpha = out[..., 3]
+    decoded = colour.decode(colour.straight(color, alpha), splats.profile)
+    np.multiply(decoded, alpha[..., None], out=out[..., :3])
+
+
+def _lit_proxy(lighting: LightingBuffer, settings: RelightSettings, made_by: Provenance | None, noise: bool) -> Frame:
+    variance = lighting.variance if noise else None
+    return Frame(
+        camera=lighting.camera,
+        rgba=lighting.rgba,
+        unlit=None,
+        factor=None,
+        lighting=lighting,
+        splats=None,
+        made_by=made_by,
+        noise=None if variance is None else np.sqrt(np.maximum(variance, np.float32(0))),
+        profile=settings.profile,
+    )
+
+
+def _same_view(camera: Camera, lighting: LightingBuffer) -> None:
+    """Refuses a buffer of another camera; the pixel grid may differ."""
+    other = lighting.camera.resized(camera.width, camera.height)
+    matches = (
+        np.array_equal(other.world_from_camera, camera.world_from_camera)
+        and np.allclose([other.fx, other.fy, other.cx, other.cy], [camera.fx, camera.fy, camera.cx, camera.cy])
+        and other.projection == camera.projection
+    )
+    if not matches:
+        raise ValueError(f"the lighting was traced from {lighting.camera.name!r}, the splats seen from {camera.name!r}")

@@ -1,0 +1,55 @@
+"""What a relight mode is: one object that says what it needs and how light becomes a factor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F32, LightingBuffer, RelightMode, RelightSettings, Space
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lit:
+    """The lit proxy as a factor is made of it, h x w pixels."""
+
+    beauty: F32  # (h, w, 3) linear radiance of all lights, premultiplied by coverage
+    coverage: F32  # (h, w) 0 to 1
+    albedo: F32  # (h, w, 3) of the covered part
+
+    @staticmethod
+    def of(lighting: LightingBuffer) -> Lit:
+        """That of a whole buffer."""
+        return Lit(beauty=lighting.beauty, coverage=lighting.coverage, albedo=lighting.albedo)
+
+    def moved(self, by: F32) -> Lit:
+        """With that much more light (h, w, 3), not below zero."""
+        return replace(self, beauty=np.maximum(self.beauty + by, np.float32(0)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Task:
+    """One factor to make."""
+
+    size: tuple[int, int]  # rows and columns of the frame; those of the light may be fewer
+    new: Lit
+    captured: Lit | None  # the light that the capture was made under; there where the mode needs it
+    captured_level: float | None  # its mean luminance over the scene's surface (radiance over albedo); None: unknown
+    settings: RelightSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mode:
+    """How light becomes a factor."""
+
+    name: RelightMode
+    needs_captured: bool  # the light that the capture was made under must be known
+    uses_proxy_colours: bool  # light may be traced on a proxy with the splats' colours: its own albedo is divided out
+    reads: frozenset[str]  # settings that decide the factor, fields of RelightSettings beside mode, profile and blend
+    space: Space | None  # in which the factor multiplies; None: as the settings or the profile say
+    factor: Callable[[Task], F32]  # (H, W, 3) at full strength: `blend` is not its business
+
+
+Seen = NDArray[np.bool_]  # (H, W) where the proxy covers anything

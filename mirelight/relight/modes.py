@@ -1,0 +1,39 @@
+"""The relight modes by name, and what a mode needs to be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from mirelight.model import RelightMode, RelightSettings, SplatLayer, rules_of
+from mirelight.model.profiles import Space
+from mirelight.relight.mode import Mode
+from mirelight.relight.ratio import RATIO
+from mirelight.relight.tint import TINT
+
+MODES: Mapping[RelightMode, Mode] = MappingProxyType({mode.name: mode for mode in (TINT, RATIO)})
+
+
+def mode_of(settings: RelightSettings) -> Mode:
+    """The mode that the settings name."""
+    return MODES[settings.mode]
+
+
+def reads(settings: RelightSettings) -> frozenset[str]:
+    """Names of the settings that decide a frame once its splats and light are there; others may change at no cost.
+
+    `texture_scale` is not among them: it decides the camera that light is traced with, see :func:`lighting_camera`.
+    """
+    mode = mode_of(settings)
+    own = mode.reads | ({"space"} if mode.space is None and not rules_of(settings.profile).blending_space else set())
+    return frozenset(own | {"mode", "profile", "blend"})
+
+
+def space_of(splats: SplatLayer, settings: RelightSettings) -> Space:
+    """Where the factor multiplies a composite."""
+    if splats.linear:
+        return "linear"
+    mode = mode_of(settings)
+    if mode.space is not None:
+        return mode.space
+    return "display" if rules_of(settings.profile).blending_space else settings.space

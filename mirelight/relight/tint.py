@@ -1,0 +1,45 @@
+"""Mode `tint`: the splats times the lit proxy, as the real-time engine's GsplatRelighting does it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mirelight.model import F32, rules_of
+from mirelight.relight.mode import Mode, Task
+from mirelight.relight.resample import bilinear, divide
+
+_FULL_COVERAGE = np.float32(0.5)  # unit texels: the share of a texel from which its one sample counts as a hit
+
+
+def factor(task: Task) -> F32:
+    """mix(background, lit brightness, coverage), where lit is already multiplied by coverage."""
+    if rules_of(task.settings.profile).unit_texels:
+        return _of_unit_texels(task)
+    settings = task.settings
+    coverage = bilinear(task.new.coverage, task.size)[..., None]
+    lit = bilinear(task.new.beauty, task.size)
+    return np.float32(settings.background) * (1 - coverage) + lit * np.float32(settings.brightness)
+
+
+def _of_unit_texels(task: Task) -> F32:
+    """The tint as GsplatRelighting's shader computes it from its texture.
+
+    The texture has one sample a texel: colour and coverage 1, or zeros. Between texels both are interpolated and then
+    multiplied again by `mix`, so scaled textures darken towards silhouettes; that is the engine's look, kept here.
+    """
+    settings, lit = task.settings, task.new
+    hit = (lit.coverage >= _FULL_COVERAGE)[..., None]
+    texel = np.where(hit, divide(lit.beauty, lit.coverage[..., None]), np.float32(0))
+    coverage = bilinear(hit.astype(np.float32), task.size)
+    background = np.float32(settings.background)
+    return background * (1 - coverage) + bilinear(texel, task.size) * np.float32(settings.brightness) * coverage
+
+
+TINT = Mode(
+    name="tint",
+    needs_captured=False,
+    uses_proxy_colours=False,
+    reads=frozenset({"brightness", "background"}),
+    space=None,
+    factor=factor,
+)

@@ -36,7 +36,7 @@ def finished(buffer: LightingBuffer, settings: RenderSettings, *, layers: bool =
     Raises:
         BackendError: the optional package `pyoidn` is not installed.
     """
-    if not settings.denoise or settings.profile == "playcanvas":  # the engine's light model has no noise
+    if not settings.denoise or not rules_of(settings.profile).path_traced:  # the engine's light has no noise
         return buffer
     from mirelight.lighting.denoise import denoise
 

@@ -17,10 +17,10 @@ from mirelight.machine import uninterrupted
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.probes import Probes
+    from mirelight.lighting.kernel.probes import PointRays
+    from mirelight.lighting.kernel.proxy import DeviceProxy
+    from mirelight.lighting.kernel.rays import CameraRays
     from mirelight.lighting.kernel.sky import Sky
-    from mirelight.lighting.kernel.surface import Surface
-    from mirelight.lighting.kernel.view import View
 
 LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
 PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
@@ -32,7 +32,7 @@ class FrameInProgress:
 
     def __init__(
         self,
-        surface: Surface,
+        surface: DeviceProxy,
         sky: Sky,
         lighting: Lighting,
         camera: Camera,
@@ -41,18 +41,18 @@ class FrameInProgress:
         *,
         aovs: bool,
         emission: bool = True,  # False: surfaces that glow do not
-        view: View | Probes | None = None,  # None: the camera's
+        view: CameraRays | PointRays | None = None,  # None: the camera's
     ) -> None:
         import drjit as dr
         import mitsuba as mi
 
         from mirelight.lighting.kernel.film import Film
         from mirelight.lighting.kernel.paths import LightSet
-        from mirelight.lighting.kernel.view import View
+        from mirelight.lighting.kernel.rays import CameraRays
 
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
-        self._surface, self._sky, self._view = surface, sky, view or View(camera)
+        self._surface, self._sky, self._view = surface, sky, view or CameraRays(camera)
         self._film = Film(len(self.samples), layers, aovs=aovs, parts=settings.denoise)
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)

@@ -32,19 +32,21 @@ def trace_scalar(
         RenderError: a light that Mitsuba has no equal of (a lamp with both a radius and a cone or range).
     """
     mi = backend.mitsuba(settings.variant, settings.threads)
-    dull = replace(proxy, materials=tuple(replace(m, emissive=np.zeros(3)) for m in proxy.materials))
+    without_glow = replace(proxy, materials=tuple(replace(m, emissive=np.zeros(3)) for m in proxy.materials))
     made: list[LightLayer] = []
     apart = layers if layers.separate else Layers.of(lighting, emissive=emission)
-    for name, body, source in _sources(proxy, dull, lighting, apart):
+    for name, body, source in _sources(proxy, without_glow, lighting, apart):
         world = oracle.scene(mi, body, source, camera)
         direct, total = (
             oracle.path_beauty(
-                mi, world, spp=settings.spp, max_depth=depth, seed=settings.seed, hide_lights=body is dull
+                mi, world, spp=settings.spp, max_depth=depth, seed=settings.seed, hide_lights=body is without_glow
             )[0]
             for depth in (1, settings.max_depth)
         )
         made.append(LightLayer(name=name, direct=direct, indirect=total - direct))
-    coverage, position, normal, facing, albedo = _surface(mi, oracle.scene(mi, dull, Lighting(), camera), settings)
+    coverage, position, normal, facing, albedo = _surface(
+        mi, oracle.scene(mi, without_glow, Lighting(), camera), settings
+    )
     to_viewer = _to_viewer(camera, position)
     depth = (camera.position - position) @ camera.world_from_camera[:3, 2]
     return LightingBuffer(
@@ -68,16 +70,16 @@ def _together(name: str, layers: list[LightLayer], camera: Camera) -> LightLayer
 
 
 def _sources(
-    proxy: ProxyMesh, dull: ProxyMesh, lighting: Lighting, layers: Layers
+    proxy: ProxyMesh, without_glow: ProxyMesh, lighting: Lighting, layers: Layers
 ) -> Iterator[tuple[str, ProxyMesh, Lighting]]:
     """(layer, the mesh, what alone lights it)."""
     of_light = layers.of_light[: len(lighting.lights)]
     for index, name in enumerate(layers.names):
         lights = tuple(x for x, layer in zip(lighting.lights, of_light, strict=True) if layer == index)
         if lights:
-            yield name, dull, Lighting(lights=lights)
+            yield name, without_glow, Lighting(lights=lights)
         elif lighting.environment is not None and index == layers.environment:
-            yield name, dull, Lighting(environment=lighting.environment)
+            yield name, without_glow, Lighting(environment=lighting.environment)
         else:
             yield name, proxy, Lighting()
 

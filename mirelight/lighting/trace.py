@@ -18,8 +18,8 @@ from mirelight.lighting.sunsky import resolved
 from mirelight.model import F32, F64, I32, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
 
 if TYPE_CHECKING:
+    from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.sky import Sky
-    from mirelight.lighting.kernel.surface import Surface
 
 Progress: TypeAlias = Callable[[int, int], None]
 
@@ -47,13 +47,13 @@ class Tracer:
         self._layers, self._aovs = layers, aovs
         self._proxy = proxy
         self._emissive = is_emissive(proxy)
-        self._surface: Surface | None = None
+        self._surface: DeviceProxy | None = None
         self._sky: tuple[Environment | None, Sky] | None = None  # the last frame's, as many frames share one
         backend.mitsuba(settings.variant, settings.threads)
         if settings.variant != "scalar_rgb" and len(proxy.faces):
-            from mirelight.lighting.kernel.surface import Surface
+            from mirelight.lighting.kernel.proxy import DeviceProxy
 
-            self._surface = Surface(proxy)
+            self._surface = DeviceProxy(proxy)
 
     def trace(
         self, lighting: Lighting, camera: Camera, *, emission: bool = True, progress: Progress | None = None
@@ -114,13 +114,13 @@ class Tracer:
         Raises:
             BackendError: the variant `scalar_rgb`.
         """
-        from mirelight.lighting.kernel.probes import Probes
+        from mirelight.lighting.kernel.probes import PointRays
 
         surface = self._on_device()
         lighting = resolved(lighting, self.settings.variant)
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)
-        sky, view = self._sky_of(lighting.environment), Probes(points, normals)
+        sky, view = self._sky_of(lighting.environment), PointRays(points, normals)
         layers = Layers.of(lighting, emissive=self._emissive, separate=False)
         frame = FrameInProgress(surface, sky, lighting, row, layers, settings, aovs=False, view=view)
         _sample(frame, settings, _ignore)
@@ -153,7 +153,7 @@ class Tracer:
         """
         self._on_device().recolor(vertex_colors)
 
-    def _on_device(self) -> Surface:
+    def _on_device(self) -> DeviceProxy:
         if self._surface is None:
             raise BackendError("points of the proxy need the variant llvm_ad_rgb or cuda_ad_rgb")
         return self._surface

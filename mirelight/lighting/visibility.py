@@ -11,7 +11,7 @@ from mirelight import backend
 from mirelight.model import F64, ProxyMesh, Variant
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.surface import Surface
+    from mirelight.lighting.kernel.proxy import DeviceProxy
 
 Bool = NDArray[np.bool_]
 _INSIDE = 2.0**-10  # smallest weight of a corner
@@ -31,10 +31,10 @@ class ShadowRays:
 
     def __init__(self, proxy: ProxyMesh, variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> None:
         backend.mitsuba(variant, threads)
-        from mirelight.lighting.kernel.surface import Surface
+        from mirelight.lighting.kernel.proxy import DeviceProxy
 
         self._proxy = proxy
-        self._surface: Surface = Surface(proxy)
+        self._surface: DeviceProxy = DeviceProxy(proxy)
 
     def visible(self, face: NDArray[np.int32], position: F64, eye: F64, light: F64) -> Bool:
         """(N,) True where nothing of the proxy lies between a point and a light.
@@ -52,7 +52,7 @@ class ShadowRays:
 
         from mirelight.lighting.kernel.lights import SHADOW_END
         from mirelight.lighting.kernel.memory import integers
-        from mirelight.lighting.kernel.view import bounded_ray
+        from mirelight.lighting.kernel.rays import bounded_ray
 
         if not len(face):
             return np.zeros(0, dtype=bool)

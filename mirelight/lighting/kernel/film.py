@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
 from mirelight.lighting.develop import SURFACE, Sums
-from mirelight.lighting.kernel.surface import Point
+from mirelight.lighting.kernel.proxy import Point
+from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector2f, Vector3f, Vector4f
 from mirelight.lighting.layers import Layers
+from mirelight.model import F32
 
 
 class Film:
@@ -41,10 +41,10 @@ class Film:
 
     # --- in the kernel ---
 
-    def add_surface(self, pixel: Any, at: Point, depth: Any, active: Any) -> None:
+    def add_surface(self, pixel: UInt32, at: Point, depth: Float, active: Bool) -> None:
         """One sample's surface point."""
         p, n, g, a = at.p, at.normal, at.geometric_normal, at.albedo
-        groups: tuple[Any, ...] = (
+        groups: tuple[Vector4f | Vector2f, ...] = (
             mi.Vector4f(1, depth, p.x, p.y),
             mi.Vector4f(p.z, n.x, n.y, n.z),
             mi.Vector4f(g.x, g.y, g.z, a.x),
@@ -53,13 +53,19 @@ class Film:
         for k, group in enumerate(groups):
             _add(self._surface, group, pixel * (SURFACE // len(group)) + k * (4 // len(group)), active)
 
-    def add_openness(self, pixel: Any, sunlit: Any, unoccluded: Any, active: Any) -> None:
+    def add_openness(self, pixel: UInt32, sunlit: Float, unoccluded: Float, active: Bool) -> None:
         """How much of the suns' light and of the hemisphere one sample's surface point sees, 0 to 1 each."""
         _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active)
 
     def add_light(
-        self, sums: tuple[Any, Any], place: Any, layer: Any, indirect: Any, value: Any, active: Any
-    ) -> tuple[Any, Any]:
+        self,
+        sums: tuple[Vector3f, Vector3f],
+        place: UInt32,
+        layer: UInt32,
+        indirect: Bool,
+        value: Vector3f,
+        active: Bool,
+    ) -> tuple[Vector3f, Vector3f]:
         """Radiance that one source brings, Vector3f; `place` is batch times the launch's pixels plus pixel.
 
         Where layers are not separate the film is left for `add_sums`: returned are the path's (direct, indirect).
@@ -70,13 +76,13 @@ class Film:
         self._add_row(place, layer, indirect, value, active)
         return sums
 
-    def add_sums(self, sums: tuple[Any, Any], place: Any, active: Any) -> None:
+    def add_sums(self, sums: tuple[Vector3f, Vector3f], place: UInt32, active: Bool) -> None:
         """What `add_light` has kept of a path that has ended."""
         if not self.separate:
             self._add_row(place, mi.UInt32(0), mi.Bool(False), sums[0], active)
             self._add_row(place, mi.UInt32(0), mi.Bool(True), sums[1], active)
 
-    def _add_row(self, place: Any, layer: Any, indirect: Any, value: Any, active: Any) -> None:
+    def _add_row(self, place: UInt32, layer: UInt32, indirect: Bool, value: Vector3f, active: Bool) -> None:
         row = layer * 2 + dr.select(indirect, mi.UInt32(1), mi.UInt32(0))
         _add(self._launch, value, row * self._stride + place, active)
 
@@ -88,7 +94,7 @@ class Film:
         self._launch = dr.zeros(mi.Float, self._layer_count * 2 * batches * pixels * 3)
         dr.eval(self._launch)
 
-    def close(self, pixels: Any, first_batches: Any, count: int, batches: int) -> None:
+    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int) -> None:
         """Run what has been recorded, then add the launch to the film.
 
         Args:
@@ -124,7 +130,7 @@ class Film:
         self._launch = mi.Float(0)
         dr.sync_thread()
 
-    def beauty(self) -> tuple[Any, Any, Any]:
+    def beauty(self) -> tuple[F32, F32, F32]:
         """NumPy arrays, flat: the beauty's sums (pixel, rgb), those of its squared batches, and samples that hit."""
         size = dr.width(self._surface) // SURFACE * 3
         lane = dr.arange(mi.UInt32, size)
@@ -139,7 +145,7 @@ class Film:
 
 
 @dr.syntax
-def _layer_sums(launch: Any, place: Any, batches: Any, stride: Any) -> Any:
+def _layer_sums(launch: Float, place: UInt32, batches: UInt32, stride: UInt32) -> tuple[Float, Float, Float]:
     """(direct, indirect, sum of squared batches) of one layer and channel."""
     direct, indirect, squares, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
     while batch < batches:
@@ -153,7 +159,7 @@ def _layer_sums(launch: Any, place: Any, batches: Any, stride: Any) -> Any:
 
 
 @dr.syntax
-def _part_sums(launch: Any, place: Any, before: Any, batches: Any, stride: Any) -> Any:
+def _part_sums(launch: Float, place: UInt32, before: UInt32, batches: UInt32, stride: UInt32) -> tuple[Float, Float]:
     """(batches 0, 2, 4 …, batches 1, 5, 9 …), each summed, of one layer and channel."""
     second, fourth, batch = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while batch < batches:
@@ -167,7 +173,7 @@ def _part_sums(launch: Any, place: Any, before: Any, batches: Any, stride: Any) 
 
 
 @dr.syntax
-def _squared_batches(launch: Any, place: Any, batches: Any, stride: Any, rows: Any) -> Any:
+def _squared_batches(launch: Float, place: UInt32, batches: UInt32, stride: UInt32, rows: UInt32) -> Float:
     """Sum of squared batches of one channel of the beauty, which is the sum over all rows of layers."""
     squares, batch = mi.Float(0), mi.UInt32(0)
     while batch < batches:
@@ -181,7 +187,7 @@ def _squared_batches(launch: Any, place: Any, batches: Any, stride: Any, rows: A
 
 
 @dr.syntax
-def _row_sums(rows: Any, place: Any, count: Any, stride: Any) -> Any:
+def _row_sums(rows: Float, place: UInt32, count: UInt32, stride: UInt32) -> Float:
     total, row = mi.Float(0), mi.UInt32(0)
     while row < count:
         total += dr.gather(mi.Float, rows, row * stride + place)
@@ -189,11 +195,11 @@ def _row_sums(rows: Any, place: Any, count: Any, stride: Any) -> Any:
     return total
 
 
-def _put(target: Any, value: Any, place: Any) -> None:
+def _put(target: Float, value: Float, place: UInt32) -> None:
     """Add where no two lanes meet."""
     dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, mode=dr.ReduceMode.NoConflicts)
 
 
-def _add(target: Any, value: Any, place: Any, active: Any) -> None:
+def _add(target: Float, value: Float | Vector2f | Vector3f | Vector4f, place: UInt32, active: Bool) -> None:
     """Add a packet's lanes among themselves, then to the film: one order of sums whatever the number of threads."""
     dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, active, mode=dr.ReduceMode.Local)

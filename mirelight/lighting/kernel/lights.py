@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
 from mirelight.lighting.kernel.samples import pair
+from mirelight.lighting.kernel.types import Float, LightSample, Point2f, UInt32, Vector3f
 from mirelight.lighting.lights import Kind
 
 SHADOW_END = (
@@ -15,13 +14,13 @@ SHADOW_END = (
 )  # how far a shadow ray goes to its light, so that a lamp on a wall is not in the wall's shadow
 
 
-def _group(table: Any, row: Any, group: int) -> Any:
+def _group(table: Float, row: UInt32, group: int) -> tuple[Vector3f, Float]:
     """One group of four floats of a row, as (Vector3f, Float)."""
     v = dr.gather(mi.Vector4f, table, row * 6 + group)
     return mi.Vector3f(v.x, v.y, v.z), v.w
 
 
-def _cone_direction(axis: Any, one_minus_cos: Any, u: Any) -> Any:
+def _cone_direction(axis: Vector3f, one_minus_cos: Float, u: Point2f) -> Vector3f:
     """A direction drawn evenly over the solid angle of a cone about `axis`."""
     z = u.x * one_minus_cos  # 1 - cos
     r = dr.safe_sqrt(z * (2 - z))
@@ -30,7 +29,7 @@ def _cone_direction(axis: Any, one_minus_cos: Any, u: Any) -> Any:
     return s * (r * cos_phi) + t * (r * sin_phi) + axis * (1 - z)
 
 
-def _punctual(table: Any, row: Any, position: Any, kind: Any, p: Any) -> tuple[Any, Any, Any]:
+def _punctual(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vector3f) -> LightSample:
     """(way to the light's centre, its distance, irradiance on a facing surface) by KHR_lights_punctual."""
     axis, _ = _group(table, row, 1)
     strength, inverse_range = _group(table, row, 2)
@@ -47,7 +46,7 @@ def _punctual(table: Any, row: Any, position: Any, kind: Any, p: Any) -> tuple[A
     return wi, distance, strength * falloff
 
 
-def _cone_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any) -> tuple[Any, Any, Any]:
+def _cone_sample(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vector3f, u: Point2f) -> LightSample:
     """A sun or a glowing ball, its cone of directions sampled evenly: (way, distance to its surface, irradiance / cos).
 
     A ball of I candela has radiance I / (pi r²) and fills the cone sin θ = r / d; the estimate L / pdf then is
@@ -65,7 +64,9 @@ def _cone_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any)
     return wi, dr.select(sun, dr.inf, surface), irradiance
 
 
-def _rectangle_point(x0: Any, y0: Any, z0: Any, width: Any, height: Any, u: Any) -> tuple[Any, Any, Any]:
+def _rectangle_point(
+    x0: Float, y0: Float, z0: Float, width: Float, height: Float, u: Point2f
+) -> tuple[Float, Float, Float]:
     """(x, y, solid angle): a point of a rectangle, evenly over its solid angle, seen from the origin at depth z0 < 0.
 
     Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles" (EGSR 2013).
@@ -89,7 +90,7 @@ def _rectangle_point(x0: Any, y0: Any, z0: Any, width: Any, height: Any, u: Any)
     return x, y, solid_angle
 
 
-def _area_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any) -> tuple[Any, Any, Any]:
+def _area_sample(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vector3f, u: Point2f) -> LightSample:
     """A point on a glowing rectangle (by solid angle) or disk (by area): (way, distance, irradiance / cos)."""
     normal, _ = _group(table, row, 1)
     radiance, _ = _group(table, row, 2)
@@ -117,7 +118,7 @@ def _area_sample(table: Any, row: Any, position: Any, kind: Any, p: Any, u: Any)
 
 
 @dr.syntax
-def sample(table: Any, row: Any, p: Any, n: Any, index: Any, seed: Any) -> tuple[Any, Any, Any]:
+def sample(table: Float, row: UInt32, p: Vector3f, n: Vector3f, index: UInt32, seed: UInt32) -> LightSample:
     """One light's unshadowed irradiance at a point.
 
     Args:

@@ -12,15 +12,17 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirelight.lighting.kernel.types import Float, UInt32
+
 ALIGNMENT = 64  # bytes, a cache line and the widest vector
 
 
-def floats(array: ArrayLike) -> Any:
+def floats(array: ArrayLike) -> Float:
     """A flat Float array of a copy of the values."""
     return mi.Float(_aligned(np.asarray(array, np.float32)))
 
 
-def integers(array: ArrayLike) -> Any:
+def integers(array: ArrayLike) -> UInt32:
     """A flat UInt32 array of a copy of the values."""
     return mi.UInt32(_aligned(np.asarray(array, np.uint32)))
 

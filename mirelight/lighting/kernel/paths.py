@@ -7,22 +7,25 @@ heuristic (Veach 1997). What a vertex adds goes to its own light's layer at once
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.lighting.grid import FIRST_WEIGHED, LATER_WEIGHED, LightGrid
 from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END
 from mirelight.lighting.kernel.memory import floats, integers
-from mirelight.lighting.kernel.probes import Probes
+from mirelight.lighting.kernel.probes import PointRays
+from mirelight.lighting.kernel.proxy import DeviceProxy, Point
+from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, number, pair, stratified
 from mirelight.lighting.kernel.sky import Sky
-from mirelight.lighting.kernel.surface import Point, Surface
-from mirelight.lighting.kernel.view import View, bounded_ray, vector
+from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, UInt32, Vector3f
+from mirelight.model import F32
 
 ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
 
@@ -30,7 +33,7 @@ ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs no
 class LightSet:
     """The light table and the lists of who reaches where (`mirelight.lighting.lights`, `grid`) in device memory."""
 
-    def __init__(self, table: Any, grid: LightGrid, layer_of_light: Any, sun_shares: Any) -> None:
+    def __init__(self, table: F32, grid: LightGrid, layer_of_light: NDArray[np.uint32], sun_shares: F32) -> None:
         self.table = floats(table)
         self.layer_of_light = integers(layer_of_light)
         self.sun_shares = floats(sun_shares)
@@ -40,12 +43,12 @@ class LightSet:
         self.resolution = [dr.opaque(mi.UInt32, n) for n in grid.resolution]
         self._picks = [dr.opaque(mi.UInt32, n) for n in grid.picks]
 
-    def picks(self, depth: Any) -> Any:
+    def picks(self, depth: UInt32) -> UInt32:
         """Most lights that are sampled at a hit: at the first, the second, and each later one."""
         first, second, later = self._picks
         return dr.select(depth == 0, first, dr.select(depth == 1, second, later))
 
-    def list_at(self, p: Any, active: Any) -> tuple[Any, Any]:
+    def list_at(self, p: Point3f, active: Bool) -> tuple[UInt32, UInt32]:
         """(start, count) of the list for a point: entries of `items`."""
         place = (mi.Vector3f(p) - self.low) * self.cells_per_unit
         x, y, z = (dr.minimum(mi.UInt32(dr.maximum(q, 0)), n - 1) for q, n in zip(place, self.resolution, strict=True))
@@ -61,18 +64,20 @@ class Pass(NamedTuple):
     """
 
     lanes: int
-    count: Any  # UInt32 pixels of this launch
-    pixels: Any  # UInt32 (count,) the film's pixel of each
-    first_samples: Any  # UInt32 (count,) how many samples each has already
-    log2_samples: Any  # UInt32
-    log2_batch: Any  # UInt32 samples that the variance takes as one
-    seed: Any  # UInt32
-    max_depth: Any  # UInt32
-    ao_distance: Any  # Float how far ambient occlusion looks
+    count: UInt32  # pixels of this launch
+    pixels: UInt32  # (count,) the film's pixel of each
+    first_samples: UInt32  # (count,) how many samples each has already
+    log2_samples: UInt32
+    log2_batch: UInt32  # samples that the variance takes as one
+    seed: UInt32
+    max_depth: UInt32
+    ao_distance: Float  # how far ambient occlusion looks
     emission: bool  # surfaces that glow do
 
 
-def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: Any, active: Any) -> Any:
+def _sky_irradiance(
+    surface: DeviceProxy, sky: Sky, at: Point, choice: Float, inside: Point2f, active: Bool
+) -> Vector3f:
     """The environment's light on a point by one sample of its map, weighted against the reflected ray's density."""
     d, drawn = sky.sample(choice, inside, active)
     cosine = dr.dot(d, at.normal)
@@ -82,7 +87,9 @@ def _sky_irradiance(surface: Surface, sky: Sky, at: Point, choice: Any, inside: 
 
 
 @dr.syntax
-def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky, film: Film, job: Pass) -> None:
+def trace_pass(
+    surface: DeviceProxy, view: CameraRays | PointRays, lights: LightSet, sky: Sky, film: Film, job: Pass
+) -> None:
     """Trace one pass and add it to the film."""
     lane = dr.arange(mi.UInt32, job.lanes)
     of_launch = lane >> job.log2_samples
@@ -104,10 +111,11 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
 
     depth = mi.UInt32(0)
     sums = mi.Vector3f(0), mi.Vector3f(0)  # direct and indirect light, where layers are not kept apart
-    fate = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
+    roulette = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
     throughput = mi.Vector3f(1)  # β, the albedo of every hit so far
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
-    distance, reflected = mi.Float(0), mi.Float(0)  # of the ray that came here: length and density
+    reflected: Float = mi.Float(0)
+    distance: Float = mi.Float(0)  # of the ray that came here: length and density
     sky_on, sky_sampled, max_depth = sky.present, sky.sampled, job.max_depth
 
     while active:
@@ -191,8 +199,8 @@ def trace_pass(surface: Surface, view: View | Probes, lights: LightSet, sky: Sky
         throughput *= at.albedo
         go_on = active & ((depth < max_depth) | sky_on | job.emission) & (dr.max(throughput) > 0)
         survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
-        go_on &= fate < survival
-        fate = fate / survival
+        go_on &= roulette < survival
+        roulette = roulette / survival
         throughput = throughput / survival
         d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(sample, mix(salt, 3))))
         reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi

@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.memory import floats
-from mirelight.lighting.kernel.surface import Surface
-from mirelight.lighting.kernel.view import bounded_ray
+from mirelight.lighting.kernel.proxy import DeviceProxy
+from mirelight.lighting.kernel.rays import bounded_ray
+from mirelight.lighting.kernel.types import Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.model import F32, F64, I32
 
 LIFT = 2.0**-14  # of the largest coordinate: how far before its point a probe's ray starts
 
 
-class Probes:
+class PointRays:
     """Stands in for a camera: pixel k looks at point k of the surface from just before it, along its normal."""
 
     def __init__(self, points: F64, normals: F64) -> None:
@@ -25,17 +26,17 @@ class Probes:
         self._points = floats(_in_fours(points + normals * self.lift))
         self._ways = floats(_in_fours(-normals))
 
-    def ray(self, pixel: Any, jitter: Any) -> Any:
+    def ray(self, pixel: UInt32, jitter: Point2f) -> Ray3f:
         """Mitsuba's Ray3f at the point; `jitter` changes nothing."""
         o, d = (dr.gather(mi.Vector4f, buffer, pixel) for buffer in (self._points, self._ways))
         return bounded_ray(mi.Point3f(o.x, o.y, o.z), mi.Vector3f(d.x, d.y, d.z), mi.Float(2 * self.lift))
 
-    def depth(self, p: Any) -> Any:
+    def depth(self, p: Point3f) -> Float:
         """Means nothing here."""
         return mi.Float(p.x * 0)
 
 
-def nearest_along(surface: Surface, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
+def nearest_along(surface: DeviceProxy, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
     """The nearest point of the surface on each line, both ways.
 
     Args:
@@ -73,9 +74,9 @@ def _in_fours(rows: F64) -> NDArray[np.float32]:
     return padded
 
 
-def _points(rows: F64) -> Any:
+def _points(rows: F64) -> Point3f:
     return mi.Point3f(*(floats(rows[:, k]) for k in range(3)))
 
 
-def _vectors(rows: F64) -> Any:
+def _vectors(rows: F64) -> Vector3f:
     return mi.Vector3f(*(floats(rows[:, k]) for k in range(3)))

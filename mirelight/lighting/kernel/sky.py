@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -11,6 +10,7 @@ import numpy as np
 
 from mirelight.lighting.environment import distribution, pixels_per_cell
 from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f, Vector4f
 from mirelight.model import F32, Environment
 
 
@@ -37,20 +37,20 @@ class Sky:
         angle = math.radians(rotation)
         self.sin, self.cos = dr.opaque(mi.Float, math.sin(angle)), dr.opaque(mi.Float, math.cos(angle))
 
-    def uv(self, d: Any) -> tuple[Any, Any]:
+    def uv(self, d: Vector3f) -> tuple[Float, Float]:
         """Map coordinates in [0, 1]² of a unit direction (conventions.py: u = 0.5 is +X, 0.75 is +Z, v = 0 is +Y)."""
         x = d.x * self.cos - d.z * self.sin
         z = d.x * self.sin + d.z * self.cos
         return 0.5 + dr.atan2(z, x) * dr.inv_two_pi, dr.safe_acos(d.y) * dr.inv_pi
 
-    def direction(self, u: Any, v: Any) -> Any:
+    def direction(self, u: Float, v: Float) -> Vector3f:
         """The unit direction at map coordinates; the inverse of `uv`."""
         sin_phi, cos_phi = dr.sincos(dr.two_pi * (u - 0.5))
         sin_theta, cos_theta = dr.sincos(dr.pi * v)
         x, z = cos_phi * sin_theta, sin_phi * sin_theta
         return mi.Vector3f(x * self.cos + z * self.sin, cos_theta, z * self.cos - x * self.sin)
 
-    def radiance(self, d: Any, active: Any) -> Any:
+    def radiance(self, d: Vector3f, active: Bool) -> Vector3f:
         """Vector3f radiance arriving from direction d, bilinear between pixel centres."""
         w, h = self.size
         u, v = self.uv(d)
@@ -64,7 +64,7 @@ class Sky:
         y0 = mi.UInt32(y_low)
         y1 = dr.minimum(y0 + 1, h - 1)
 
-        def texel(x: Any, y: Any) -> Any:
+        def texel(x: UInt32, y: UInt32) -> Vector4f:
             return dr.gather(mi.Vector4f, self.texels, y * w + x, active)
 
         value = dr.lerp(
@@ -74,12 +74,12 @@ class Sky:
         )
         return mi.Vector3f(value.x, value.y, value.z)
 
-    def _density(self, column: Any, row: Any, sin_theta: Any, active: Any) -> Any:
+    def _density(self, column: UInt32, row: UInt32, sin_theta: Float, active: Bool) -> Float:
         """Probability per solid angle of a cell's light samples."""
         flat = dr.gather(mi.Float, self.density, row * self.cells[0] + column, active)
         return dr.select(sin_theta > 1e-6, flat / (2 * dr.square(mi.Float(dr.pi)) * sin_theta), 0)
 
-    def pdf(self, d: Any, active: Any) -> Any:
+    def pdf(self, d: Vector3f, active: Bool) -> Float:
         """Density with which `sample` draws direction d; 0 where it never does."""
         columns, rows = self.cells
         u, v = self.uv(d)
@@ -88,7 +88,7 @@ class Sky:
         active = active & self.sampled
         return dr.select(active, self._density(column, row, dr.safe_sqrt(1 - d.y * d.y), active), 0)
 
-    def sample(self, choice: Any, inside: Any, active: Any) -> tuple[Any, Any]:
+    def sample(self, choice: Float, inside: Point2f, active: Bool) -> tuple[Vector3f, Float]:
         """(direction, density): a cell by `choice` in [0, 1), then a place `inside` it in [0, 1)²."""
         columns, rows = self.cells
         slot = dr.minimum(mi.UInt32(choice * mi.Float(self.slot_count)), self.slot_count - 1)
@@ -100,7 +100,7 @@ class Sky:
         return d, self._density(column, row, dr.safe_sqrt(1 - d.y * d.y), active)
 
 
-def _texels(radiance: F32, intensity: float) -> Any:
+def _texels(radiance: F32, intensity: float) -> Float:
     """(h * w * 4) radiance times intensity, and 0: one packet gather reads a texel."""
     source, scale = floats(radiance), dr.opaque(mi.Float, intensity)
     pixel = dr.arange(mi.UInt32, radiance.shape[0] * radiance.shape[1])
@@ -112,7 +112,9 @@ def _texels(radiance: F32, intensity: float) -> Any:
 
 
 @dr.syntax
-def _mean_brightness(texels: Any, cell: Any, columns: Any, block: Any, width: Any, height: Any) -> Any:
+def _mean_brightness(
+    texels: Float, cell: UInt32, columns: UInt32, block: UInt32, width: UInt32, height: UInt32
+) -> Float:
     """Mean over a cell's pixels of the sum of their channels."""
     row = cell // columns
     top, left = row * block, (cell - row * columns) * block
@@ -128,7 +130,7 @@ def _mean_brightness(texels: Any, cell: Any, columns: Any, block: Any, width: An
     return total / mi.Float((bottom - top) * (right - left))
 
 
-def _brightness(texels: Any, height: int, width: int) -> F32:
+def _brightness(texels: Float, height: int, width: int) -> F32:
     """(rows, columns) of the sampling grid."""
     block = pixels_per_cell(height, width)
     rows, columns = -(-height // block), -(-width // block)

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.types import (
+    Bool,
+    Corners,
+    Float,
+    Hit,
+    MitsubaScene,
+    Point2f,
+    Point3f,
+    Ray3f,
+    UInt32,
+    Vector3f,
+    Vector4f,
+    Weights,
+)
 from mirelight.lighting.materials import (
     ROW,
     WRAP_CODE,
@@ -18,7 +32,7 @@ from mirelight.lighting.materials import (
     pack_glow,
     pack_materials,
 )
-from mirelight.model import F32, ProxyMesh
+from mirelight.model import F32, F64, ProxyMesh
 
 # A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
 # the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
@@ -30,15 +44,15 @@ BASE_COLOR, EMISSION = 0, 1  # groups of an atlas row; each one's texture stands
 class Point(NamedTuple):
     """A surface point as the viewer sees it: both normals on the viewer's side."""
 
-    p: Any  # Point3f on the triangle
-    start: Any  # Point3f where rays leave
-    geometric_normal: Any  # Vector3f
-    normal: Any  # Vector3f shading normal
-    albedo: Any  # Vector3f
-    emission: Any  # Vector3f radiance
+    p: Point3f  # on the triangle
+    start: Point3f  # where rays leave
+    geometric_normal: Vector3f
+    normal: Vector3f  # shading normal
+    albedo: Vector3f
+    emission: Vector3f  # radiance
 
 
-class Surface:
+class DeviceProxy:
     """The mesh in device memory and Mitsuba's scene over it. The kinds of data it has are compiled in, not values."""
 
     def __init__(self, proxy: ProxyMesh) -> None:
@@ -73,17 +87,17 @@ class Surface:
 
     # --- rays ---
 
-    def nearest(self, ray: Any, active: Any, *, coherent: bool = False) -> Any:
+    def nearest(self, ray: Ray3f, active: Bool, *, coherent: bool = False) -> Hit:
         """Mitsuba's PreliminaryIntersection3f of the nearest hit."""
         return self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
 
-    def blocked(self, ray: Any, active: Any, *, coherent: Any = False) -> Any:
+    def blocked(self, ray: Ray3f, active: Bool, *, coherent: Bool | bool = False) -> Bool:
         """Bool: something lies on the ray. `coherent` (Bool): lanes side by side go nearly the same way."""
         return self.scene.ray_test(ray, coherent, active)
 
     # --- a surface point ---
 
-    def at(self, face: Any, uv: Any, d: Any, active: Any) -> Point:
+    def at(self, face: UInt32, uv: Point2f, d: Vector3f, active: Bool) -> Point:
         """The point with barycentric coordinates `uv` on a face, seen along direction d."""
         i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
         v = [self._vector(self.vertices, k, active) for k in i]
@@ -99,12 +113,14 @@ class Surface:
         albedo, emission = self._material(face, i, b, active)
         return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission)
 
-    def glow_pdf(self, face: Any, distance: Any, cosine: Any, active: Any) -> Any:
+    def glow_pdf(self, face: UInt32, distance: Float, cosine: Float, active: Bool) -> Float:
         """Density per solid angle of `sample_glow` at a point that far away on a face that slanted."""
         density = dr.gather(mi.Float, self.glow_density, face, active)
         return dr.select(cosine > 1e-6, density * dr.square(distance) / cosine, 0)
 
-    def sample_glow(self, p: Any, choice: Any, inside: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+    def sample_glow(
+        self, p: Point3f, choice: Float, inside: Point2f, active: Bool
+    ) -> tuple[Vector3f, Float, Float, Vector3f]:
         """A point on an emissive face: (way to it, distance, density per solid angle, its radiance)."""
         slot = dr.minimum(mi.UInt32(choice * mi.Float(self.glow_count)), self.glow_count - 1)
         face = dr.gather(mi.UInt32, self.glow_slots, slot, active)
@@ -118,11 +134,13 @@ class Surface:
         pdf = self.glow_pdf(face, distance, abs(dr.dot(dr.normalize(dr.cross(e1, e2)), way)), active)
         return way, distance, pdf, self._emission(face, i, (1 - b.x - b.y, b.x, b.y), active)
 
-    def _vector(self, buffer: Any, index: Any, active: Any) -> Any:
+    def _vector(self, buffer: Float, index: UInt32, active: Bool) -> Vector3f:
         q = dr.gather(mi.Vector4f, buffer, index, active)
         return mi.Vector3f(q.x, q.y, q.z)
 
-    def _smooth(self, i: Any, v: Any, b: Any, p: Any, ng: Any, side: Any, active: Any) -> tuple[Any, Any]:
+    def _smooth(
+        self, i: Corners, v: list[Vector3f], b: Weights, p: Vector3f, ng: Vector3f, side: Float, active: Bool
+    ) -> tuple[Vector3f, Vector3f]:
         """Shading normal, and p lifted onto the smooth surface that the vertex normals describe.
 
         Rays start from the lifted point, so facets do not shadow their neighbours at the terminator (Hanika, "Hacking
@@ -138,7 +156,7 @@ class Surface:
             lifted -= ns[k] * (b[k] * dr.minimum(dr.dot(p - v[k], ns[k]), 0))
         return n, lifted
 
-    def _material(self, face: Any, i: Any, b: Any, active: Any) -> tuple[Any, Any]:
+    def _material(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> tuple[Vector3f, Vector3f]:
         albedo, emission = mi.Vector3f(self.albedo), mi.Vector3f(0)
         if self.emissive:
             emission = self._emission(face, i, b, active)
@@ -149,11 +167,13 @@ class Surface:
             albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
         return dr.clip(albedo, 0, 1), emission
 
-    def _emission(self, face: Any, i: Any, b: Any, active: Any) -> Any:
+    def _emission(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Vector3f:
         """Radiance of a glowing point."""
         return self._of_material(EMISSION, face, i, b, active, textured=self.glow_textured)
 
-    def _of_material(self, group: int, face: Any, i: Any, b: Any, active: Any, *, textured: bool) -> Any:
+    def _of_material(
+        self, group: int, face: UInt32, i: Corners, b: Weights, active: Bool, *, textured: bool
+    ) -> Vector3f:
         """Factor times texture of a face's material: its base colour or its emission."""
         row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4) + group
         factor = dr.gather(mi.Vector4f, self.materials, row, active)
@@ -165,7 +185,7 @@ class Surface:
         place = dr.gather(mi.Vector4f, self.materials, row + 2, active)
         return value * self._texture(place, factor.w, at, active)
 
-    def _texture(self, place: Any, wrap: Any, at: Any, active: Any) -> Any:
+    def _texture(self, place: Vector4f, wrap: Float, at: Point2f, active: Bool) -> Vector3f:
         """A texture of the atlas (`materials.Atlas`), bilinear between texel centres."""
         w = mi.UInt32(place.x)
         first = mi.UInt32(place.z) + (mi.UInt32(place.w) << 16)
@@ -173,7 +193,7 @@ class Surface:
         x0, x1, fx = _texels_along(at.x, place.x, wrap - 3 * wrap_v)
         y0, y1, fy = _texels_along(at.y, place.y, wrap_v)
 
-        def texel(x: Any, y: Any) -> Any:
+        def texel(x: UInt32, y: UInt32) -> Vector3f:
             return self._vector(self.texels, first + y * w + x, active)
 
         return dr.lerp(
@@ -183,7 +203,7 @@ class Surface:
         )
 
 
-def _texels_along(a: Any, size: Any, wrap: Any) -> tuple[Any, Any, Any]:
+def _texels_along(a: Float, size: Float, wrap: Float) -> tuple[UInt32, UInt32, Float]:
     """Along one axis: the texels before and after a coordinate, and how far it is between their centres."""
     n, repeats = mi.UInt32(size), wrap == WRAP_CODE["repeat"]
     mirrored = 1 - abs(1 - (a - 2 * dr.floor(a * 0.5)))
@@ -195,14 +215,14 @@ def _texels_along(a: Any, size: Any, wrap: Any) -> tuple[Any, Any, Any]:
     return before, after, x - low
 
 
-def _vectors(rows: Any) -> Any:
+def _vectors(rows: F32) -> Float:
     """(n, 3) as a flat buffer of n + 2 groups of four, which one packet gather reads."""
     padded = np.zeros((len(rows) + 2, 4), np.float32)
     padded[: len(rows), :3] = rows
     return floats(padded)
 
 
-def _scene(proxy: ProxyMesh) -> Any:
+def _scene(proxy: ProxyMesh) -> MitsubaScene:
     mesh = mi.Mesh("proxy", vertex_count=len(proxy.vertices), face_count=len(proxy.faces))
     if len(proxy.faces):
         parameters = mi.traverse(mesh)
@@ -212,7 +232,7 @@ def _scene(proxy: ProxyMesh) -> Any:
     return mi.load_dict({"type": "scene", "proxy": mesh})
 
 
-def _constant_albedo(proxy: ProxyMesh) -> Any:
+def _constant_albedo(proxy: ProxyMesh) -> F64:
     return proxy.albedo if proxy.albedo is not None else proxy.materials[0].base_color
 
 

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import drjit as dr
 import mitsuba as mi
 
-from mirelight.model import Camera
+from mirelight.lighting.kernel.types import Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.model import F64, Camera
 
 
-def bounded_ray(origin: Any, d: Any, length: Any) -> Any:
+def bounded_ray(origin: Point3f, d: Vector3f, length: Float) -> Ray3f:
     """Mitsuba's Ray3f that ends after `length` times d."""
-    make: Any = mi.Ray3f
+    make: Callable[..., Ray3f] = mi.Ray3f
     return make(origin, d, length, mi.Float(0), mi.Color0f())
 
 
-class View:
+class CameraRays:
     """A camera in device memory. A ray starts on the near plane, so `near` + its length is the depth along the axis."""
 
     def __init__(self, camera: Camera) -> None:
@@ -30,7 +31,7 @@ class View:
         self.reach = _number(min(reach, float(2.0**126)))
         self.perspective = _number(1.0 if camera.projection == "perspective" else 0.0)
 
-    def ray(self, pixel: Any, jitter: Any) -> Any:
+    def ray(self, pixel: UInt32, jitter: Point2f) -> Ray3f:
         """Mitsuba's Ray3f through a pixel (row-major index) at `jitter` in [0, 1)² from its corner."""
         row = pixel // self.width
         column = pixel - row * self.width
@@ -42,15 +43,15 @@ class View:
         o = self.eye + (self.right * x + self.up * y) * spread - self.back * self.near
         return bounded_ray(mi.Point3f(o), d, self.reach)
 
-    def depth(self, p: Any) -> Any:
+    def depth(self, p: Point3f) -> Float:
         """Distance of a point along the view axis."""
         return -dr.dot(mi.Vector3f(p) - self.eye, self.back)
 
 
-def _number(value: float) -> Any:
+def _number(value: float) -> Float:
     return dr.opaque(mi.Float, value)
 
 
-def vector(value: Any) -> Any:
+def vector(value: F64) -> Vector3f:
     """Three numbers as an opaque Vector3f."""
     return mi.Vector3f(*(_number(float(x)) for x in value))

@@ -20,7 +20,7 @@ ENGINE_ENCODE_OFFSET = 1e-7  # PlayCanvas adds this before its final power, so t
 
 _LARGEST = np.float32(1e9)  # brighter light is clamped before a rational curve, whose squares would overflow
 
-_REC709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709-6 §3.2
+REC709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709-6 §3.2
 
 
 def srgb_encode(linear: ArrayLike) -> F32:
@@ -109,7 +109,7 @@ def laid_over(display: F32, alpha: F32, background: ArrayLike) -> F32:
 
 def luminance(rgb: ArrayLike) -> F32:
     """Relative luminance (...,) of linear Rec.709 (..., 3)."""
-    return np.asarray(np.asarray(rgb, dtype=np.float32) @ _REC709_LUMINANCE, dtype=np.float32)
+    return np.asarray(np.asarray(rgb, dtype=np.float32) @ REC709_LUMINANCE, dtype=np.float32)
 
 
 def tone_map(linear: ArrayLike, curve: ToneCurve) -> F32:

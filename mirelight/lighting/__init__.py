@@ -7,7 +7,18 @@ from __future__ import annotations
 
 from mirelight.lighting.albedo import colored_by
 from mirelight.lighting.engine import EngineTracer
+from mirelight.lighting.level import captured_level
 from mirelight.lighting.profiles import finished, trace, tracer
 from mirelight.lighting.trace import Interrupted, Progress, Tracer
 
-__all__ = ["EngineTracer", "Interrupted", "Progress", "Tracer", "colored_by", "finished", "trace", "tracer"]
+__all__ = [
+    "EngineTracer",
+    "Interrupted",
+    "Progress",
+    "Tracer",
+    "captured_level",
+    "colored_by",
+    "finished",
+    "trace",
+    "tracer",
+]

@@ -39,6 +39,11 @@ class Deposits:
     weight: F64  # (N,) opacity times extent, less with the distance
     color: F64  # (N, 3) linear, what is seen from all sides
 
+    def on(self, mesh: ProxyMesh) -> tuple[F64, F64]:
+        """(N, 3) places in world space, (N, 3) unit normals of their faces."""
+        v = mesh.vertices[mesh.faces[self.face]].astype(np.float64)
+        return (v * self.corners[:, :, None]).sum(axis=1), face_normals(mesh)[self.face]
+
 
 def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> ProxyMesh:
     """The proxy with vertex colours that look like the splats under the captured light.
@@ -62,11 +67,11 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
         return proxy
     mesh = _split_by_orientation(proxy)
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
-    deposits = _deposits(splats, mesh, tracer)
+    deposits = deposits_of(splats, mesh, tracer)
     neighbours = _neighbours(mesh)
     colors = np.asarray(mesh.vertex_colors)
     for done in range(ROUNDS):
-        light = _irradiance(tracer, mesh, deposits, captured)
+        light = irradiance_at(deposits, mesh, tracer, captured)
         found = _albedo(mesh, deposits, light, neighbours)
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
@@ -77,7 +82,7 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
 def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
     """The mesh in plain gray, a vertex for each of the six main directions that its faces look along."""
     faces = proxy.faces.astype(np.int64)
-    n = _normals(proxy)
+    n = face_normals(proxy)
     axis = np.abs(n).argmax(axis=1)
     way = 2 * axis + (np.take_along_axis(n, axis[:, None], axis=1)[:, 0] < 0)
     kept, corner = np.unique(faces * 6 + way[:, None], return_inverse=True)
@@ -98,17 +103,23 @@ def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
     )
 
 
-def _normals(mesh: ProxyMesh) -> F64:
+def face_normals(mesh: ProxyMesh) -> F64:
     """(F, 3) unit normals of the faces; degenerate ones have length 0."""
     v = mesh.vertices[mesh.faces].astype(np.float64)
     n = np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0])
     return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300))
 
 
-def _deposits(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer) -> Deposits:
+def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int = MOST_SPLATS) -> Deposits:
+    """Splats on the nearest face along their own axes, the flattest first; `most` of them, evenly taken.
+
+    Raises:
+        RenderError: no splat lies on the mesh.
+        BackendError: the tracer's variant is `scalar_rgb`.
+    """
     low, high = mesh.bounds
     reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
-    step = max(-(-len(splats) // MOST_SPLATS), 1)
+    step = max(-(-len(splats) // most), 1)
     means, scales = (x[::step].astype(np.float64) for x in (splats.means, splats.scales))
     axes = conventions.rotation_from_quaternion(splats.quats[::step])  # columns
     by_size = np.argsort(scales, axis=1, kind="stable")
@@ -137,11 +148,9 @@ def _deposits(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer) -> Deposits:
     )
 
 
-def _irradiance(tracer: Tracer, mesh: ProxyMesh, deposits: Deposits, captured: Lighting) -> F64:
+def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured: Lighting) -> F64:
     """(N, 3) at the splats' places, on the side that was seen: the front, unless that is the dark inside."""
-    v = mesh.vertices[mesh.faces[deposits.face]].astype(np.float64)
-    points = (v * deposits.corners[:, :, None]).sum(axis=1)
-    normals = _normals(mesh)[deposits.face]
+    points, normals = deposits.on(mesh)
     light = tracer.irradiance(captured, points, normals, SPP).astype(np.float64)
     brightness = light.mean(axis=1)
     inside = np.flatnonzero(brightness <= UNLIT * brightness.mean())

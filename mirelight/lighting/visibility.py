@@ -44,7 +44,7 @@ class ShadowRays:
         Args:
             face: (N,) triangle of each point.
             position: (N, 3) points on them, world space.
-            eye: (3,) the viewer's position, which tells the side.
+            eye: (3,) or (N, 3) the viewer's position, which tells the side.
             light: (4,) homogeneous: a position and 1, or the way towards a light at infinity and 0.
         """
         import drjit as dr

@@ -19,7 +19,18 @@ from mirelight.lighting.engine.shading import ambient, received
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.sunsky import resolved
 from mirelight.lighting.visibility import ShadowRays
-from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings, Variant
+from mirelight.model import (
+    F32,
+    F64,
+    I32,
+    Camera,
+    Lighting,
+    LightingBuffer,
+    LightLayer,
+    ProxyMesh,
+    RenderSettings,
+    Variant,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,12 +101,34 @@ class EngineTracer:
         seen = self._look(camera)
         light = np.zeros((len(layers.names), len(seen.albedo), 3))
         for lamp, layer in zip(engine.lights, layers.of_light, strict=False):
-            light[layer] += self._lit(lamp, seen)
+            eye = seen.camera.position
+            light[layer] += self._lit(lamp, seen.face, seen.position, seen.normal, eye)
         if lighting.environment is not None:
             light[layers.environment] += ambient(engine, seen.normal)
         if progress is not None:
             progress(camera.width * camera.height, camera.width * camera.height)
         return _buffer(seen, layers.names, light)
+
+    def irradiance(self, lighting: Lighting, face: I32, points: F64, normals: F64) -> F64:
+        """What the engine's light model lets fall on points of the proxy, in the units of its frames times pi.
+
+        Args:
+            lighting: physical units.
+            face: (N,) triangle of each point.
+            points: (N, 3) on them, world space.
+            normals: (N, 3) unit, towards the side that is asked for.
+
+        Returns:
+            (N, 3) linear.
+        """
+        lighting = resolved(lighting, self._variant)
+        engine, _ = to_engine(lighting, self._proxy)
+        light = np.zeros(points.shape)
+        for lamp in engine.lights:
+            light += self._lit(lamp, face, points, normals, points + normals)
+        if lighting.environment is not None:
+            light += ambient(engine, normals)
+        return np.asarray(np.pi * light)
 
     def _look(self, camera: Camera) -> _Seen:
         """What the engine's rasteriser sees; kept for the next lighting of the same camera."""
@@ -112,13 +145,14 @@ class EngineTracer:
             return np.broadcast_to(self._proxy.albedo, position.shape)
         return self._ray_caster().albedo(face, position)
 
-    def _lit(self, lamp: EngineLight, seen: _Seen) -> F64:
-        """(N, 3) one lamp's light on the seen points."""
-        light = received(lamp, seen.position, seen.normal)
+    def _lit(self, lamp: EngineLight, face: I32, points: F64, normals: F64, eye: F64) -> F64:
+        """(N, 3) one lamp's light on points that are seen from `eye`, (3,) or one for each."""
+        light = received(lamp, points, normals)
         lit = light.any(axis=1)
         if lamp.cast_shadows and lit.any():
             way = np.append(-lamp.direction, 0) if lamp.kind == "directional" else np.append(lamp.position, 1)
-            visible = self._ray_caster().visible(seen.face[lit], seen.position[lit], seen.camera.position, way)
+            eyes = np.broadcast_to(eye, points.shape)[lit]
+            visible = self._ray_caster().visible(face[lit], points[lit], eyes, way)
             light[lit] *= visible[:, None]
         return light
 

@@ -1,0 +1,104 @@
+"""How bright a capture's light is on the whole: the constant of a scene that keeps ratios of light finite.
+
+In a view it would be the mean over the pixels that see the proxy, and then one point of the surface would have another
+factor in the next view. Here it is a mean over the surface that was captured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import colour
+from mirelight.errors import RenderError
+from mirelight.lighting.albedo import UNLIT, deposits_of, face_normals
+from mirelight.lighting.engine import EngineTracer
+from mirelight.lighting.trace import Tracer
+from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, rules_of
+
+POINTS = 1 << 12  # places on the surface; their mean is known to about one percent
+SPP = 16  # samples at each
+_GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts 2018: an even sequence of points in a square
+
+
+def captured_level(splats: SplatCloud | None, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> float:
+    """Mean luminance of the captured light, lit radiance over albedo (irradiance / pi), over the captured surface.
+
+    The surface is where splats lie on the proxy: a few thousand of them, evenly taken, weighted by opacity, extent and
+    closeness. Without splats on it, it is the whole proxy by area, each point on its brighter side.
+
+    Args:
+        splats: what was captured, world space.
+        proxy: world space; with the colours that frames are lit with, as light goes from surface to surface.
+        captured: what it was captured under.
+        settings: profile, seed, depth, variant and threads count. Where the variant is `scalar_rgb`, LLVM is used.
+
+    Returns:
+        0 or more; 0 for a proxy without area.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+    """
+    if not len(proxy.faces):
+        return 0.0
+    variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
+    settings = replace(settings, variant=variant, spp=SPP, noise=None, denoise=False)
+    tracer = Tracer(proxy, settings, layers=False, aovs=False)
+    engine = None if rules_of(settings.profile).path_traced else EngineTracer(proxy, settings)
+
+    found = _captured_places(splats, proxy, tracer)
+    places = found or _everywhere(proxy)
+
+    def brightness(of: NDArray[np.integer], side: float) -> F64:
+        face, points, normals = places.face[of], places.points[of], side * places.normals[of]
+        if engine is not None:
+            light = engine.irradiance(captured, face, points, normals)
+        else:
+            light = tracer.irradiance(captured, points, normals, SPP).astype(np.float64)
+        return light @ colour.REC709_LUMINANCE / np.pi
+
+    every = np.arange(len(places.face))
+    if not len(every):
+        return 0.0
+    front = brightness(every, 1.0)
+    hidden = every if found is None else np.flatnonzero(front <= UNLIT * front.mean())  # perhaps the inside of a thing
+    if len(hidden):
+        front[hidden] = np.maximum(front[hidden], brightness(hidden, -1.0))
+    return float(np.average(front, weights=places.weight))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """Points of a mesh, N of them."""
+
+    face: I32  # (N,)
+    points: F64  # (N, 3) world space
+    normals: F64  # (N, 3) unit
+    weight: F64  # (N,) their sum is above 0
+
+
+def _captured_places(splats: SplatCloud | None, mesh: ProxyMesh, tracer: Tracer) -> _Places | None:
+    """Where splats lie on the mesh; None where none does."""
+    if splats is None or not len(splats):
+        return None
+    try:
+        found = deposits_of(splats, mesh, tracer, POINTS)
+    except RenderError:
+        return None
+    return _Places(found.face, *found.on(mesh), found.weight) if found.weight.sum() > 0 else None
+
+
+def _everywhere(mesh: ProxyMesh) -> _Places:
+    """Points spread evenly over a mesh by area; none where it has no area."""
+    v = mesh.vertices[mesh.faces].astype(np.float64)
+    ends = np.cumsum(np.linalg.norm(np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]), axis=1))
+    count = POINTS if ends[-1] > 0 else 0
+    i = np.arange(count)
+    face = np.searchsorted(ends, (i + 0.5) / POINTS * ends[-1], side="right").astype(np.int32)
+    s, t = ((0.5 + (i[:, None] + 1) * _GOLDEN) % 1).T
+    root = np.sqrt(s)
+    corners = np.stack([1 - root, root * (1 - t), root * t], axis=1)  # uniform on a triangle
+    points = (v[face] * corners[:, :, None]).sum(axis=1)
+    return _Places(face, points, face_normals(mesh)[face], np.ones(count))

@@ -9,7 +9,7 @@ import numpy as np
 from mirelight.errors import InputError, OutputError
 from mirelight.io import exr, hdr
 from mirelight.io.ldr import decode_srgb_image
-from mirelight.io.safety import existing, open_binary
+from mirelight.io.safety import BRIGHTEST, existing, open_binary
 from mirelight.model import F32
 
 _LDR_MAGICS = (b"\x89PNG", b"\xff\xd8\xff", b"RIFF")
@@ -29,7 +29,8 @@ def read_environment(path: str | Path) -> F32:
         (h, w, 3) float32, row 0 the top (+Y).
 
     Raises:
-        InputError: unreadable, of an unknown kind, or with pixels that are NaN or infinite (their number is named).
+        InputError: unreadable, of an unknown kind, or with pixels that are NaN, infinite or above 1e12 (their number
+            is named).
     """
     path = existing(path)
     with open_binary(path) as stream:
@@ -89,6 +90,9 @@ def _name(layer: str, channel: str) -> str:
 
 
 def _clean(path: Path, radiance: F32) -> F32:
+    too_bright = np.count_nonzero(radiance > BRIGHTEST) - np.count_nonzero(np.isposinf(radiance))
+    if too_bright:
+        raise InputError(path, f"{too_bright} values above {BRIGHTEST:g}", "repair the map, e.g. scale or clamp it")
     bad = ~np.isfinite(radiance).all(axis=-1)
     count = int(np.count_nonzero(bad))
     if count:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
-from mirelight.io.safety import existing, open_binary, require_memory
+from mirelight.io.safety import existing, read_whole, require_memory
 from mirelight.model import F32
 
 Rgbe = NDArray[np.uint8]
@@ -36,8 +36,7 @@ def read_hdr(path: str | Path) -> F32:
         InputError: not such a picture, damaged, in XYZ, or of another orientation.
     """
     path = existing(path)
-    with open_binary(path) as stream:
-        data = stream.read()
+    data = read_whole(path, "its bytes")
     width, height, start = _read_header(path, data)
     require_memory(path, width * height * 16, f"{width} x {height} pixels")
     return _decoded(_read_pixels(path, data, start, width, height))

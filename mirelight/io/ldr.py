@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from pathlib import Path
 from typing import IO
 
@@ -13,6 +15,9 @@ from mirelight.model import F32
 
 _FORMATS = ("PNG", "JPEG", "WEBP")
 _MAX_PIXELS = 1 << 26  # 8192 x 8192
+_MAX_BYTES = 1 << 29  # of the encoded picture, 16-bit RGB of that size; a sparse file may claim terabytes
+_MAX_JPEG = 1 << 26
+_FILLING = tuple(byte * (1 << 17) for byte in (b"\0", b"\xff"))  # Pillow searches such for a marker, byte by byte
 
 
 def decode_srgb_image(stream: IO[bytes], file: str | Path, field: str = "") -> F32:
@@ -31,13 +36,23 @@ def decode_srgb_image(stream: IO[bytes], file: str | Path, field: str = "") -> F
     """
     from PIL import Image
 
+    head, size = stream.read(2), stream.seek(0, 2)
+    most = _MAX_JPEG if head == b"\xff\xd8" else _MAX_BYTES
+    if size > most:
+        raise InputError(file, f"an image of {size:,} bytes", f"at most {most:,} are read", field=field)
+    stream.seek(0)
+    data = stream.read()
+    if head == b"\xff\xd8" and any(x in data for x in _FILLING):
+        raise InputError(file, "a JPEG image with long runs of nothing", "the file is damaged", field=field)
     try:
-        with Image.open(stream, formats=_FORMATS) as image:
+        with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
             if image.width * image.height > _MAX_PIXELS:
                 found = f"an image of {image.width} x {image.height} pixels"
                 raise InputError(file, found, "scale it down to at most 8192 x 8192", field=field)
             return _linear(image)
-    except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as e:
+    except (InputError, MemoryError):
+        raise
+    except Exception as e:  # Pillow's decoders raise errors of a dozen types, zlib.error for a broken colour profile
         found = f"an image that cannot be decoded ({type(e).__name__})"
         raise InputError(file, found, "give a sound PNG, JPEG or WebP image", field=field) from None
 

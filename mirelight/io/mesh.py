@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import colour
 from mirelight.errors import InputError
-from mirelight.io.gltf.document import read_document
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
-from mirelight.io.obj import obj_neighbours, read_obj
-from mirelight.io.safety import contained, existing, open_binary
+from mirelight.io.obj import obj_companions, read_obj
+from mirelight.io.safety import contained, existing, open_binary, read_whole, require_memory
 from mirelight.io.surface import filled_normals, transformed_normals
 from mirelight.model import F32, I32, Material, ProxyMesh
 
@@ -58,21 +57,13 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
     return _read_with_trimesh(path, suffix, textures)
 
 
-def mesh_files(path: str | Path) -> tuple[Path, ...]:
-    """The file itself and every other that reading it would open: what must be hashed to know that nothing changed.
+def companions(path: Path) -> tuple[Path, ...]:
+    """The other files that an OBJ or PLY names and that reading it opens, as far as they exist.
 
     Raises:
-        InputError: as :func:`read_mesh`, as far as the file must be read for it.
+        InputError: it cannot be read, or a name leaves the folder.
     """
-    path = existing(path)
-    suffix = path.suffix.lower()
-    if suffix in (".glb", ".gltf"):
-        return (path, *read_document(path).neighbours())
-    if suffix == ".obj":
-        return (path, *obj_neighbours(path))
-    if suffix == ".ply":
-        return (path, *_ply_texture(path))
-    return (path,)
+    return obj_companions(path) if path.suffix.lower() == ".obj" else _ply_texture(path)
 
 
 def transform(mesh: ProxyMesh, matrix: ArrayLike) -> ProxyMesh:
@@ -106,8 +97,7 @@ class _Neighbours:
         """The bytes of a neighbouring file."""
         try:
             target = contained(self.path.parent, name.strip().replace("\\", "/"), self.path, "TextureFile")
-            with open_binary(target) as stream:
-                data = stream.read()
+            data = read_whole(target, "its bytes", 2)
             self.picture = decode_srgb_image(io.BytesIO(data), target)
         except InputError as e:
             self.refused = e
@@ -117,10 +107,11 @@ class _Neighbours:
 
 def _ply_texture(path: Path) -> tuple[Path, ...]:
     """The texture that a PLY's header names, where it exists."""
-    name = re.search(rb"(?im)^comment\s+texturefile\s+(.+?)\s*$", _ply_header(path))
+    name = re.search(rb"(?im)^comment[ \t]+texturefile[ \t]+(.+)$", _ply_header(path))
     if name is None:
         return ()
-    target = contained(path.parent, name[1].decode("utf-8", "replace").replace("\\", "/"), path, "TextureFile")
+    text = name[1].decode("utf-8", "replace").strip().replace("\\", "/")
+    target = contained(path.parent, text, path, "TextureFile")
     return (target,) if target.is_file() else ()
 
 
@@ -133,6 +124,7 @@ def _read_with_trimesh(path: Path, suffix: str, textures: bool) -> ProxyMesh:
     from trimesh.exchange import ply, stl
 
     neighbours = _Neighbours(path)
+    require_memory(path, path.stat().st_size * 4, "its triangles")
     if suffix == ".ply" and any(mark in _ply_header(path) for mark in _SPLAT_MARKS):
         raise InputError(path, "Gaussian splats, not a mesh", "name it under splats and give a mesh as proxy")
     try:

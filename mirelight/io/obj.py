@@ -6,6 +6,7 @@ Lines, points, curves, groups and smoothing groups are passed over.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.errors import InputError, printable
 from mirelight.io.ldr import decode_srgb_image
-from mirelight.io.safety import contained, open_binary, read_bytes
+from mirelight.io.safety import BRIGHTEST, contained, open_binary, read_bytes, read_whole
 from mirelight.io.surface import filled_normals
 from mirelight.model import F32, I32, Material, ProxyMesh
 
 _MAX_LIBRARY = 16 << 20  # bytes of one .mtl file
+_MEMORY_OF_TEXT = 8  # bytes of memory a byte of text: lines, numbers, arrays
 
 
 @dataclass
@@ -54,8 +56,7 @@ def read_obj(path: Path, textures: bool) -> ProxyMesh:
     Raises:
         InputError: a statement that cannot be read (its line is named), an index out of range, values not finite.
     """
-    with open_binary(path) as stream:
-        text = _sorted_statements(stream.read().decode("utf-8", "replace"))
+    text = _sorted_statements(read_whole(path, "its text", _MEMORY_OF_TEXT).decode("utf-8", "replace"))
     if not text.faces:
         raise InputError(path, "no triangles (a point cloud, or an empty file)", "give a mesh")
     positions = _numbers(path, text.positions, "v", 3)
@@ -78,16 +79,16 @@ def read_obj(path: Path, textures: bool) -> ProxyMesh:
     )
 
 
-def obj_neighbours(path: Path) -> tuple[Path, ...]:
+def obj_companions(path: Path) -> tuple[Path, ...]:
     """The material libraries that an OBJ file names and the textures that they name, as far as they exist.
 
     Raises:
-        InputError: a name that leaves the folder.
+        InputError: it cannot be read, or a name leaves the folder.
     """
-    with open_binary(path) as stream:
-        text = _sorted_statements(stream.read().decode("utf-8", "replace"))
+    text = read_whole(path, "its text", 3).replace(b"\\\n", b" ").replace(b"\r", b"\n")
+    names = re.findall(rb"(?m)^[ \t]*mtllib (.*)$", text)
     found: dict[Path, None] = {}
-    for library in _library_files(path, text.libraries):
+    for library in _library_files(path, [(0, name.decode("utf-8", "replace").strip()) for name in names]):
         found[library] = None
         for entries in _library_blocks(library).values():
             found |= {x: None for kind in _TEXTURES if (x := _texture_file(library, entries, kind))}
@@ -106,7 +107,7 @@ def _sorted_statements(text: str) -> _Text:
         elif kind in kinds:
             kinds[kind].append(rest)
         elif kind == "usemtl":
-            material = rest.strip()
+            material = printable(rest.strip())
         elif kind == "mtllib":
             out.libraries.append((number, rest.strip()))
     return out
@@ -223,7 +224,7 @@ def _library_blocks(path: Path) -> dict[str, dict[str, tuple[int, str]]]:
     for number, line in enumerate(lines, start=1):
         kind, _, rest = line.strip().partition(" ")
         if kind == "newmtl":
-            block = blocks.setdefault(rest.strip(), {})
+            block = blocks.setdefault(printable(rest.strip()), {})
         else:
             block[kind] = (number, rest.strip())
     return blocks
@@ -271,8 +272,7 @@ def _rgb(path: Path, entry: tuple[int, str] | None, default: Sequence[float]) ->
         value = np.array(text.split(), dtype=np.float64)
     except ValueError:
         value = np.empty(0)
-    if value.shape != (3,) or not np.all(np.isfinite(value)) or np.any(value < 0):
-        raise InputError(
-            path, f"a colour {text[:40]!r}", "expected three numbers, none negative", field=f"line {number}"
-        )
+    if value.shape != (3,) or not np.all((value >= 0) & (value <= BRIGHTEST)):
+        remedy = f"expected three numbers from 0 to {BRIGHTEST:g}"
+        raise InputError(path, f"a colour {text[:40]!r}", remedy, field=f"line {number}")
     return value

@@ -19,7 +19,7 @@ _TYPES: dict[int, type[np.generic]] = {
     5126: np.float32,
 }
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_MAX_IMPLICIT = 1 << 26  # elements of an accessor that no bytes stand behind
+_MAX_IMPLICIT = 1 << 26  # bytes of all accessors of a file that no bytes stand behind
 
 
 def accessor_width(document: Document, index: int, user: Fields | None = None) -> int:
@@ -56,10 +56,11 @@ def read_accessor(document: Document, index: int, user: Fields | None = None) ->
     view = entry.integer("bufferView", None)
     if view is not None:
         values = _elements(document, entry, view, count, dtype, entry.text("type"), width)
-    elif count <= _MAX_IMPLICIT:
+    elif document.takes_implicit(count * width * dtype.itemsize, _MAX_IMPLICIT):
         values = np.zeros((count, width), dtype=dtype)
     else:
-        raise entry.fail("count", f"{count} elements without a bufferView", f"at most {_MAX_IMPLICIT} are read")
+        remedy = f"at most {_MAX_IMPLICIT >> 20} MiB of such zeros are read"
+        raise entry.fail("count", f"{count} elements without a bufferView", remedy)
     if "sparse" in entry:
         values = _substitute(document, entry.child("sparse"), values, dtype, entry.text("type"))
     return denormalised(values) if entry.flag("normalized") else values

@@ -18,7 +18,7 @@ def morphed(piece: Piece, mesh: Fields, node: Node) -> Piece:
     """The piece with its morph targets added by the node's weights, else the mesh's, else not at all.
 
     Raises:
-        InputError: another number of weights than targets.
+        InputError: another number of weights than targets, or weights that overflow.
     """
     owner = node.fields if "weights" in node.fields else mesh
     if not piece.targets or "weights" not in owner:
@@ -26,15 +26,19 @@ def morphed(piece: Piece, mesh: Fields, node: Node) -> Piece:
     weights = owner.vector("weights", len(piece.targets))
     positions = _summed(piece.positions, [t[0] for t in piece.targets], weights)
     normals = None if piece.normals is None else _summed(piece.normals, [t[1] for t in piece.targets], weights)
+    if not np.all(np.isfinite(positions)) or (normals is not None and not np.all(np.isfinite(normals))):
+        largest = float(np.abs(weights).max())
+        raise owner.fail("weights", f"weights up to {largest:g} move vertices to infinity", "give smaller weights")
     return replace(piece, positions=positions, normals=normals)
 
 
 def _summed(base: F32, offsets: list[F32 | None], weights: F64) -> F32:
     out = base.astype(np.float64)
-    for offset, weight in zip(offsets, weights, strict=True):
-        if offset is not None and weight != 0:
-            out += weight * offset
-    return out.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for offset, weight in zip(offsets, weights, strict=True):
+            if offset is not None and weight != 0:
+                out += weight * offset
+        return out.astype(np.float32)
 
 
 def joint_matrices(document: Document, nodes: dict[int, Node], node: Node) -> Matrix | None:

@@ -19,10 +19,11 @@ import numpy as np
 
 from mirelight.errors import InputError
 from mirelight.io.gltf.fields import Bytes, Fields
-from mirelight.io.safety import contained
+from mirelight.io.safety import contained, require_memory
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _MAX_JSON = 256 << 20  # bytes; the largest real scenes' JSON has some tens of MB
+_MEMORY_OF_JSON = 24  # bytes of Python objects a byte of JSON, at worst: "[[],[],"
 
 # What the readers in this package understand, plus the material extensions that shape a reflection which a Lambert
 # proxy does not have: ignoring those changes nothing that mirelight renders.
@@ -66,6 +67,7 @@ class Document:
     binary: Bytes | None  # the GLB's BIN chunk
     _buffers: dict[int, Bytes] = field(default_factory=dict, repr=False)
     _views: dict[int, Bytes] = field(default_factory=dict, repr=False)  # decompressed views only
+    _implicit: list[int] = field(default_factory=list, repr=False)  # bytes of zeros that stand for missing views
 
     def entry(self, kind: str, index: int, user: Fields | None = None, name: str = "") -> Fields:
         """The object ``kind[index]``, e.g. ``entry("accessors", 3)``; `user` and `name` say who asks, for messages."""
@@ -112,6 +114,14 @@ class Document:
             self._views[index] = decompress(packed, self.slice(packed), entry.integer("byteLength", low=1))
         return self._views[index]
 
+    def takes_implicit(self, count: int, most: int) -> bool:
+        """Whether `count` more bytes of zeros, with those asked for before, stay within `most`; they count from now on.
+
+        A few characters of JSON can ask for any number of zeros, as often as it likes.
+        """
+        self._implicit.append(count)
+        return sum(self._implicit) <= most
+
     def slice(self, entry: Fields) -> Bytes:
         """The bytes that an object with `buffer`, `byteOffset` and `byteLength` points at."""
         data = self.buffer(entry.integer("buffer"), entry)
@@ -136,21 +146,8 @@ class Document:
                 return np.frombuffer(base64.b64decode(body, validate=True), dtype=np.uint8)
             except (binascii.Error, ValueError):
                 raise entry.fail(name, "base64 that cannot be decoded", "the file is damaged") from None
-        return map_file(self._neighbour(entry, name, uri), entry, name)
-
-    def neighbours(self) -> tuple[Path, ...]:
-        """The other files that the document names: its buffers and images outside itself.
-
-        Raises:
-            InputError: a URI that leaves the folder.
-        """
-        entries = [*self.top.children("buffers"), *self.top.children("images")]
-        uris = [(entry, entry.text("uri")) for entry in entries if "uri" in entry]
-        found = [self._neighbour(entry, "uri", uri) for entry, uri in uris if not _is_data(uri)]
-        return tuple(dict.fromkeys(found))
-
-    def _neighbour(self, entry: Fields, name: str, uri: str) -> Path:
-        return contained(self.path.parent, unquote(uri.partition("#")[0]), self.path, entry.at(name))
+        target = contained(self.path.parent, unquote(uri.partition("#")[0]), self.path, entry.at(name))
+        return map_file(target, entry, name)
 
 
 def read_document(path: str | Path, handled: frozenset[str] = HANDLED_EXTENSIONS) -> Document:
@@ -225,6 +222,7 @@ def _glb_chunks(path: Path, data: Bytes) -> tuple[Bytes, Bytes | None]:
 def _parse(path: Path, text: Bytes) -> dict[str, Any]:
     if len(text) > _MAX_JSON:
         raise InputError(path, f"{len(text) >> 20} MiB of JSON", f"at most {_MAX_JSON >> 20} MiB are read")
+    require_memory(path, len(text) * _MEMORY_OF_JSON, "its JSON")
     try:
         value = json.loads(bytes(text).decode("utf-8-sig"))
     except UnicodeDecodeError:

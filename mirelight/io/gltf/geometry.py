@@ -14,11 +14,13 @@ from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.draco import DracoData, decode_draco
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.materials import Surface, UvSource
+from mirelight.io.safety import require_memory
 from mirelight.model import F32, I32
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 _TRIANGLE_MODES = (TRIANGLES, STRIP, FAN)
 _MAX_ELEMENTS = 1 << 27  # vertices and indices of all placed meshes together
+_BYTES_PER_VALUE = 16  # of an attribute or index: as float32 or int32 while it is read, checked, placed and merged
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,17 +53,21 @@ def check_size(document: Document, placed: list[tuple[Fields, int]]) -> None:
         placed: each mesh with how many times it stands in the scene.
 
     Raises:
-        InputError: more than 134 million vertices and indices.
+        InputError: more than 134 million vertices and indices, or more than fit into memory.
     """
-    total = 0
+    total = memory = 0
     for mesh, times in placed:
         for primitive in triangle_primitives(mesh):
-            indices = primitive.integer("indices", None)
-            size = accessor_count(document, _attributes(primitive)["POSITION"], primitive)
-            total += times * (size + (accessor_count(document, indices, primitive) if indices is not None else size))
+            indices, attributes = primitive.integer("indices", None), _attributes(primitive)
+            size = accessor_count(document, attributes["POSITION"], primitive)
+            corners = accessor_count(document, indices, primitive) if indices is not None else size
+            total += times * (size + corners)
+            targets = sum(len(target.values) for target in primitive.children("targets"))
+            memory += _BYTES_PER_VALUE * ((times + 1) * (size * len(attributes) + corners) + size * targets)
     if total > _MAX_ELEMENTS:
         found = f"{total} vertices and indices in the scene"
         raise InputError(document.path, found, f"at most {_MAX_ELEMENTS} are read; simplify the mesh")
+    require_memory(document.path, memory, f"{total} vertices and indices")
 
 
 def read_mesh_pieces(document: Document, mesh: Fields, surfaces: dict[int, Surface]) -> list[Piece]:

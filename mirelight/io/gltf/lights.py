@@ -12,6 +12,7 @@ from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.names import unique_names
 from mirelight.io.gltf.nodes import Node
+from mirelight.io.safety import BRIGHTEST
 from mirelight.model import DirectionalLight, Light, PointLight, SpotLight
 
 _EXTENSION = "KHR_lights_punctual"
@@ -44,8 +45,8 @@ def _light(light: Fields, node: Node, name: str) -> Light:
     color, intensity = light.vector("color", 3, (1, 1, 1)), light.number("intensity", 1.0)
     if np.any(color < 0) or np.any(color > 1):
         raise light.fail("color", f"{color.tolist()}", "every component must lie in 0..1; scale the intensity instead")
-    if intensity < 0:
-        raise light.fail("intensity", f"{intensity:g}", "it must not be negative")
+    if not 0 <= intensity <= BRIGHTEST:
+        raise light.fail("intensity", f"{intensity:g}", f"expected 0 to {BRIGHTEST:g}")
     kind = light.text("type")
     position = node.world[:3, 3]
     if kind == "directional":

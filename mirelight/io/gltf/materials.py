@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirelight.errors import printable
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Bytes, Fields
 from mirelight.io.ldr import decode_srgb_image
+from mirelight.io.safety import BRIGHTEST
 from mirelight.model import F32, F64, Material, Wrap, Wraps
 
 WRAP_NUMBERS: dict[Wrap, int] = {"repeat": 10497, "mirror": 33648, "clamp": 33071}  # of a sampler's wrapS and wrapT
@@ -58,8 +60,8 @@ def _surface(document: Document, entry: Fields, textures: bool, images: dict[int
     if glossy is not None:  # archived, but common in older files: its diffuse part is the base colour
         shape, names = glossy, ("diffuseFactor", "diffuseTexture")
     factor = shape.vector(names[0], 4, (1, 1, 1, 1))[:3]
-    if np.any(factor < 0):
-        raise shape.fail(names[0], f"{factor.tolist()}", "it must not be negative")
+    if np.any(factor < 0) or np.any(factor > BRIGHTEST):
+        raise shape.fail(names[0], f"{factor.tolist()}", "it must not be negative, or far above 1")
     emissive = _emissive(entry)
     base = _texture(document, shape.child(names[1]), images) if textures and names[1] in shape else None
     glow = None
@@ -69,7 +71,7 @@ def _surface(document: Document, entry: Fields, textures: bool, images: dict[int
         found = "other texture coordinates than the base colour's"
         raise entry.fail("emissiveTexture", found, "give both the same texCoord and KHR_texture_transform")
     material = Material(
-        name=entry.text("name", "") or entry.where,
+        name=printable(entry.text("name", "")) or entry.where,
         base_color=factor,
         base_color_texture=base.image if base else None,
         base_color_wrap=base.wraps if base else ("repeat", "repeat"),
@@ -87,7 +89,11 @@ def _emissive(entry: Fields) -> F64:
     scale = strength.number("emissiveStrength", 1.0) if strength else 1.0
     if np.any(factor < 0) or scale < 0:
         raise entry.fail("emissiveFactor", "negative emission", "it must not be negative")
-    return np.asarray(factor * scale, dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        radiance = np.asarray(factor * scale, dtype=np.float64)
+    if not np.all(radiance <= BRIGHTEST):
+        raise entry.fail("emissiveFactor", f"an emission of {radiance.max():g}", f"at most {BRIGHTEST:g} is read")
+    return radiance
 
 
 @dataclass(frozen=True, slots=True, eq=False)

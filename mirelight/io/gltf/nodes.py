@@ -66,12 +66,8 @@ def pose_of(fields: Fields) -> Pose:
     )
 
 
-def place_nodes(document: Document, poses: dict[int, Pose] | None = None) -> dict[int, Node]:
+def place_nodes(document: Document) -> dict[int, Node]:
     """Every node of the default scene by index, parents before children.
-
-    Args:
-        document: the open file.
-        poses: local transforms that replace the file's (an animation at one time).
 
     Raises:
         InputError: a node that is missing, its own ancestor, or has two parents.
@@ -84,9 +80,9 @@ def place_nodes(document: Document, poses: dict[int, Pose] | None = None) -> dic
         fields = document.entry("nodes", index, user, name)
         if index in placed:
             raise user.fail(name, f"nodes[{index}] appears twice in the hierarchy", "the nodes must form trees")
-        pose = poses[index] if poses and index in poses else pose_of(fields)
-        local = pose.local(fields)
-        world = local if parent is None else placed[parent].world @ local
+        local = pose_of(fields).local(fields)
+        with np.errstate(over="ignore", invalid="ignore"):
+            world = local if parent is None else placed[parent].world @ local
         if not np.all(np.isfinite(world)):
             raise fields.fail("", "its world matrix is not finite", "give a smaller scale")
         placed[index] = Node(index, fields, parent, world)
@@ -95,11 +91,11 @@ def place_nodes(document: Document, poses: dict[int, Pose] | None = None) -> dic
     return placed
 
 
-def instance_worlds(document: Document, node: Node) -> list[Matrix]:
-    """World matrices of a node's mesh: its own, or one per instance of EXT_mesh_gpu_instancing."""
+def instance_worlds(document: Document, node: Node) -> Matrix:
+    """(N, 4, 4) world matrices of a node's mesh: its own, or one per instance of EXT_mesh_gpu_instancing."""
     instancing = node.fields.extension("EXT_mesh_gpu_instancing")
     if instancing is None:
-        return [node.world]
+        return node.world[None]
     attributes = instancing.indices("attributes")
     user = instancing.child("attributes")
     counts = {accessor_count(document, i, user) for i in attributes.values()}
@@ -117,8 +113,17 @@ def instance_worlds(document: Document, node: Node) -> list[Matrix]:
         if values.shape != parts[name].shape or not np.all(np.isfinite(values)):
             raise user.fail(name, f"values of shape {values.shape}", f"expected finite values {parts[name].shape}")
         parts[name] = values
-    poses = [Pose(*row) for row in zip(parts["TRANSLATION"], parts["ROTATION"], parts["SCALE"], strict=True)]
-    return [node.world @ pose.local(instancing) for pose in poses]
+    if not np.all(np.linalg.norm(parts["ROTATION"], axis=1) > 1e-8):
+        raise user.fail("ROTATION", "a quaternion of length zero")
+    locals_ = np.zeros((count, 4, 4))
+    locals_[:, :3, :3] = conventions.rotation_from_quaternion(parts["ROTATION"][:, [3, 0, 1, 2]])
+    locals_[:, :3, :3] *= parts["SCALE"][:, None, :]
+    locals_[:, :3, 3], locals_[:, 3, 3] = parts["TRANSLATION"], 1
+    with np.errstate(over="ignore", invalid="ignore"):
+        worlds = np.asarray(node.world @ locals_)
+    if not np.all(np.isfinite(worlds)):
+        raise instancing.fail("attributes", "world matrices that are not finite", "give a smaller scale")
+    return worlds
 
 
 _MAX_INSTANCES = 1 << 20

@@ -18,6 +18,8 @@ from mirelight.io.gltf.nodes import Matrix, Node, instance_worlds, place_nodes
 from mirelight.io.surface import filled_normals, flat_shaded, transformed_normals
 from mirelight.model import F32, I32, Light, Material, ProxyMesh
 
+_BATCH = 1 << 20  # vertices that are placed at once
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GltfScene:
@@ -90,7 +92,7 @@ def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool) -> P
             if joints is not None:
                 placed.append(_moved(shape, vertex_matrices(shape, joints)))
             else:
-                placed += [_moved(shape, world) for world in poses]
+                placed.append(_moved(shape, poses[0]) if len(poses) == 1 else _instanced(shape, poses))
     return _merged(placed, surfaces) if placed else None
 
 
@@ -114,6 +116,38 @@ def _moved(piece: Piece, world: Matrix) -> Piece:
     if normals is not None:
         normals = transformed_normals(normals, linear)
     return replace(piece, positions=positions, faces=faces, normals=normals)
+
+
+def _instanced(piece: Piece, worlds: Matrix) -> Piece:
+    """The piece once for each of N world matrices (N, 4, 4), one after the other, as :func:`_moved` places each.
+
+    All at once: a file of a few hundred bytes may ask for a million.
+    """
+    count, vertices = len(worlds), len(piece.positions)
+    positions = np.empty((count, vertices, 3), dtype=np.float32)
+    normals = None if piece.normals is None else np.empty_like(positions)
+    step = max(1, _BATCH // vertices)
+    for at in range(0, count, step):
+        some = slice(at, at + step)
+        linear, offset = worlds[some, None, :3, :3], worlds[some, None, :3, 3]
+        with np.errstate(over="ignore"):
+            positions[some] = np.einsum("...ij,...j->...i", linear, piece.positions.astype(np.float64)) + offset
+        if normals is not None and piece.normals is not None:
+            normals[some] = transformed_normals(piece.normals, linear)
+    if not np.all(np.isfinite(positions)):
+        raise piece.fields.fail("attributes.POSITION", "positions that are not finite in world space", "scale it down")
+    mirrored = np.linalg.det(worlds[:, :3, :3]) < 0
+    faces = np.where(mirrored[:, None, None], piece.faces[None, :, ::-1], piece.faces[None])
+    faces = faces + (np.arange(count, dtype=np.int32) * np.int32(vertices))[:, None, None]
+    return replace(
+        piece,
+        positions=positions.reshape(-1, 3),
+        faces=faces.reshape(-1, 3).astype(np.int32),
+        face_materials=np.tile(piece.face_materials, count),
+        normals=None if normals is None else normals.reshape(-1, 3),
+        uvs=None if piece.uvs is None else np.tile(piece.uvs, (count, 1)),
+        colors=None if piece.colors is None else np.tile(piece.colors, (count, 1)),
+    )
 
 
 def _merged(pieces: list[Piece], surfaces: dict[int, Surface]) -> ProxyMesh:

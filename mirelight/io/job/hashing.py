@@ -1,79 +1,147 @@
-"""SHA-256 of the files that a job reads."""
+"""SHA-256 of the files that a job reads, each read once for it in a process."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 from mirelight.errors import InputError
+from mirelight.io.safety import open_binary, require_memory
 
-_MOST_JSON = 64 * 2**20  # a text file above this names no other files
+_MOST_JSON = 256 * 2**20  # bytes of JSON that the readers read
+_INDICES = ("lod-meta.json", "meta.json")  # what names the files of a folder of splats
+_MOST_NAMES = 1_000_000
 
 
 def digest(path: Path) -> str:
     """SHA-256 (hex) of a file as `sha256sum` gives it.
 
-    A file that is only the head of others (.gltf, a SOG's meta.json or lod-meta.json) and a folder have the digest of
-    the list ``name NUL sha256 LF`` over all their files, in the order of the names.
+    A file that names others (glTF its buffers and images, OBJ its material libraries and their textures, PLY its
+    texture, a SOG's meta.json or lod-meta.json) has the digest of the list ``name NUL sha256 LF`` over all of them, in
+    the order of the names. A folder has that of its lod-meta.json or meta.json. Files that nothing names are not read.
 
     Raises:
-        InputError: a file cannot be read.
+        InputError: a file cannot be read, or is larger than memory; a folder without splats.
     """
-    files = sorted({path, *_companions(path)} if path.is_file() else _inside(path))
+    head = _index_of(path) if path.is_dir() else path
+    files = sorted({head, *companions(head)})
     if files == [path]:
         return _file_digest(path)
-    root = path if path.is_dir() else path.parent
     whole = hashlib.sha256()
     for file in files:
-        name = file.relative_to(root).as_posix() if file.is_relative_to(root) else file.name
-        whole.update(f"{name}\0{_file_digest(file)}\n".encode())
+        name = file.relative_to(head.parent).as_posix()
+        whole.update(os.fsencode(name) + f"\0{_file_digest(file)}\n".encode("ascii"))
     return whole.hexdigest()
+
+
+def companions(path: Path) -> set[Path]:
+    """The existing files, beside or below `path`, that reading it would open too; empty where it is damaged."""
+    suffix = path.suffix.lower()
+    try:
+        if suffix in (".glb", ".gltf"):
+            return set(_named(path, _gltf_names(path)))
+        if suffix in (".obj", ".ply"):
+            from mirelight.io import mesh
+
+            base = path.parent.resolve()
+            return {path.parent / file.relative_to(base) for file in mesh.companions(path)}
+        if path.name.lower() in _INDICES or suffix == ".json":
+            return set(_of_splats(path))
+    except (InputError, OSError):  # the reader will say what is wrong with it
+        pass
+    return set()
+
+
+def _index_of(folder: Path) -> Path:
+    for name in _INDICES:
+        if (folder / name).is_file():
+            return folder / name
+    raise InputError(folder, "a folder without meta.json or lod-meta.json", "name a splat file")
+
+
+def _of_splats(path: Path) -> Iterator[Path]:
+    """The images of a SOG; of a streamed one its SOGs too. Nothing below those: a SOG names images alone."""
+    for file in _named(path, _strings(_json(path))):
+        yield file
+        if path.name.lower() == _INDICES[0] and file.suffix.lower() == ".json" and file != path:
+            yield from _named(file, _strings(_json(file)))
+
+
+def _named(path: Path, names: Iterator[str]) -> Iterator[Path]:
+    """The existing files in the folder of `path` or below that the names lead to."""
+    base = path.parent.resolve()
+    for name in sorted(set(names)):
+        if not name or len(name) > 1000 or "\0" in name:
+            continue
+        try:
+            file = (base / name).resolve()
+            inside = file.is_relative_to(base) and file.is_file()
+        except (OSError, RuntimeError):
+            continue
+        if inside:
+            yield path.parent / file.relative_to(base)
+
+
+def _gltf_names(path: Path) -> Iterator[str]:
+    top = _json(path)
+    for kind in ("buffers", "images"):
+        entries = top.get(kind) if isinstance(top, dict) else None
+        for entry in entries if isinstance(entries, list) else []:
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str) and uri[:5].lower() != "data:":
+                yield unquote(uri.partition("#")[0])
+
+
+def _json(path: Path) -> Any:
+    """The JSON of a text file or of a GLB's first chunk; None where it is none."""
+    with open_binary(path) as file:
+        length = os.fstat(file.fileno()).st_size
+        head = file.read(20)
+        if head[:4] == b"glTF":
+            length, head = int.from_bytes(head[12:16], "little"), b""
+        if length > _MOST_JSON:
+            return None
+        text = head + file.read(length - len(head))
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _strings(top: object) -> Iterator[str]:
+    pending = [top]
+    for _ in range(_MOST_NAMES):
+        if not pending:
+            return
+        node = pending.pop()
+        if isinstance(node, str):
+            yield node
+        elif isinstance(node, dict):
+            pending += node.values()
+        elif isinstance(node, list):
+            pending += node
 
 
 def _file_digest(path: Path) -> str:
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        found = path.stat()
     except OSError as e:
         raise InputError(path, f"cannot be read ({e.strerror})", "check the file and its permissions") from None
+    return _digest_of(path.absolute(), found.st_size, found.st_mtime_ns, found.st_ino)
 
 
-def _inside(folder: Path) -> Iterator[Path]:
-    return (p for p in folder.rglob("*") if p.is_file())
-
-
-def _companions(path: Path) -> Iterator[Path]:
-    """The existing files beside or below `path` that it names."""
-    if path.suffix.lower() not in (".gltf", ".json") or path.stat().st_size > _MOST_JSON:
-        return
-    try:
-        strings = set(_strings(json.loads(path.read_bytes())))
-    except (ValueError, RecursionError, OSError):
-        return  # the reader will say what is wrong with it
-    base = path.parent.resolve()
-    for name in strings:
-        if not name or len(name) > 1000 or "\0" in name:
-            continue
+@lru_cache(maxsize=10_000)
+def _digest_of(path: Path, size: int, modified: int, inode: int) -> str:
+    """Of a file in this state; one that is written anew has another."""
+    require_memory(path, size, "its bytes")  # no reader could hold it; a sparse file may claim terabytes
+    with open_binary(path) as file:
         try:
-            file = (base / unquote(name)).resolve()
-            inside = file.is_relative_to(base) and file.is_file()
-        except OSError:
-            continue
-        if inside:
-            yield path.parent / file.relative_to(base)
-            if file.suffix.lower() == ".json" and file != path.resolve():  # a level of a streamed SOG
-                yield from _companions(file)
-
-
-def _strings(node: object) -> Iterator[str]:
-    if isinstance(node, str):
-        yield node
-    elif isinstance(node, dict):
-        for value in node.values():
-            yield from _strings(value)
-    elif isinstance(node, list):
-        for value in node:
-            yield from _strings(value)
+            return hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as e:
+            raise InputError(path, f"cannot be read ({e.strerror})", "check the file and its permissions") from None

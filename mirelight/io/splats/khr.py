@@ -26,6 +26,7 @@ from mirelight.model import SplatCloud
 from mirelight.sh import COEFFICIENTS
 
 _NAME = "KHR_gaussian_splatting"
+_MOST_INSTANCES = 1000  # of one primitive; each becomes splats of its own
 _ENCODED = "srgb_rec709_display"
 
 
@@ -53,6 +54,8 @@ def read(path: Path) -> SplatCloud:
     document = _open(path)
     clouds = []
     for primitive, worlds, node in _primitives(document):
+        if len(worlds) > _MOST_INSTANCES:
+            raise node.fail("", f"{len(worlds)} instances of splats", f"at most {_MOST_INSTANCES} are read")
         local = _read_primitive(document, primitive)
         for world in worlds:
             try:
@@ -66,7 +69,7 @@ def _open(path: Path) -> Document:
     return read_document(path, HANDLED_EXTENSIONS | {_NAME})
 
 
-def _primitives(document: Document) -> Iterator[tuple[Fields, list[Matrix], Fields]]:
+def _primitives(document: Document) -> Iterator[tuple[Fields, Matrix, Fields]]:
     """Splat primitives with the world matrices they stand at and the node that places them."""
     found = False
     for node in place_nodes(document).values():

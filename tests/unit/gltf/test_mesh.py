@@ -14,7 +14,7 @@ from PIL import Image
 
 from mirelight import colour, conventions
 from mirelight.errors import InputError
-from mirelight.io.mesh import mesh_files, read_mesh, transform
+from mirelight.io.mesh import companions, read_mesh, transform
 from mirelight.model import ProxyMesh
 
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
@@ -99,7 +99,7 @@ def test_obj_emission_and_its_texture(tmp_path: Path) -> None:
     for found in materials.values():
         assert found.emissive_texture is not None and found.base_color_texture is None
         assert np.array_equal(found.emissive_texture, colour.srgb_decode(pixels / np.float32(255)))
-    assert tmp_path / "tiles.png" in mesh_files(tmp_path / "a.obj")
+    assert tmp_path / "tiles.png" in companions(tmp_path / "a.obj")
 
 
 def test_obj_polygons_and_vertex_colours(tmp_path: Path) -> None:
@@ -261,25 +261,16 @@ def test_ply_with_a_texture(tmp_path: Path) -> None:
         read_mesh(tmp_path / "a.ply")
 
 
-def test_every_file_that_reading_opens_is_named(glb: Any, tmp_path: Path) -> None:
-    glb.node(mesh=glb.mesh(glb.primitive()))
-    glb.put("images", {"uri": "skin%201.png"})
-    glb.put("images", {"uri": "data:image/png;base64,AAAA"})
-    (tmp_path / "data.bin").write_bytes(glb.binary)
-    assert mesh_files(glb.save_gltf("data.bin")) == tuple(
-        tmp_path / x for x in ("scene.gltf", "data.bin", "skin 1.png")
-    )
+def test_every_file_that_reading_opens_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(OBJ, encoding="utf-8")
-    assert mesh_files(tmp_path / "a.obj") == (tmp_path / "a.obj",)
+    assert companions(tmp_path / "a.obj") == ()
     for name, text in (("scene.mtl", MTL), ("tiles.png", "")):
         (tmp_path / name).write_text(text, encoding="utf-8")
-    assert mesh_files(tmp_path / "a.obj") == tuple(tmp_path / x for x in ("a.obj", "scene.mtl", "tiles.png"))
+    assert companions(tmp_path / "a.obj") == (tmp_path / "scene.mtl", tmp_path / "tiles.png")
     (tmp_path / "a.ply").write_text(
         "ply\nformat ascii 1.0\ncomment TextureFile tiles.png\nend_header\n", encoding="utf-8"
     )
-    assert mesh_files(tmp_path / "a.ply") == (tmp_path / "a.ply", tmp_path / "tiles.png")
-    SPHERE.export(tmp_path / "a.stl")
-    assert mesh_files(tmp_path / "a.stl") == (tmp_path / "a.stl",)
+    assert companions(tmp_path / "a.ply") == (tmp_path / "tiles.png",)
 
 
 def test_splats_given_as_a_mesh_are_recognised(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +12,8 @@ import numpy as np
 from mirelight import model
 from mirelight.conventions import Matrix
 from mirelight.io.job import cameras, lighting, placing
-from mirelight.io.job.fields import PROXY
-from mirelight.io.job.hashing import digest
+from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
+from mirelight.io.job.hashing import digest, file_digest
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.source import Source
@@ -20,9 +21,8 @@ from mirelight.io.job.tables import JobTable
 from mirelight.model import F32, Job, Light, Lighting, ProxyMesh, Scene, SplatCloud
 
 if TYPE_CHECKING:
+    from mirelight.io.cameras import CameraFile
     from mirelight.io.gltf.cameras import GltfCamera
-
-GLTF_SUFFIXES = (".glb", ".gltf")
 
 
 @dataclass(slots=True)
@@ -87,6 +87,15 @@ class Assets:
         file, _ = self._gltf(path)
         return tuple(pose for _, pose in sample_cameras(file, name, fps=fps, count=frames))
 
+    def camera_file(self, path: str) -> CameraFile:
+        """See :class:`cameras.CameraFiles`. Of a folder, the digests are those of the files that are read."""
+        from mirelight.io.cameras import open_file
+
+        found = open_file(self.folder / path)
+        for file in found.files:
+            self.digests[os.path.relpath(file, self.folder)] = file_digest(file)
+        return found
+
     def panorama(self, path: str) -> F32:
         """See :class:`lighting.LightFiles`."""
         from mirelight.io.environment import read_environment
@@ -112,7 +121,7 @@ def build(source: Source, table: JobTable) -> Job:
     captured = _captured(table, lightings, assets, wrong)
     splats = assets.splats(table.splats) if table.splats else None
     proxy = assets.mesh(table.proxy) if table.proxy else None
-    found = _cameras(table, assets, cameras.extent(splats, proxy), wrong)
+    found = cameras.of_job(table, assets, cameras.extent(splats, proxy), wrong)
     source.refuse(wrong)
     return Job(
         source=source.path,
@@ -173,16 +182,3 @@ def _captured(
     if table.captured.lighting is not None:
         return next(x for x in lightings if x.name == table.captured.lighting)
     return lighting.lighting("captured", table.captured, ("captured",), assets, wrong)
-
-
-def _cameras(table: JobTable, assets: Assets, scene: cameras.Extent, wrong: list[Mistake]) -> tuple[model.Camera, ...]:
-    resolution = table.resolution[0], table.resolution[1]
-    found = cameras.cameras(table.cameras, resolution, scene)
-    for i, one in enumerate(table.cameras_from):
-        found += cameras.cameras_from(one, ("cameras_from", i), resolution, assets, wrong)
-    if not table.cameras and not table.cameras_from:
-        if table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
-            placed, m = assets.gltf_cameras(PROXY)
-            found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
-        found = found or [cameras.seeing_all(scene, resolution)]
-    return cameras.uniquely_named([cameras.scaled(camera, table.resolution_scale) for camera in found])

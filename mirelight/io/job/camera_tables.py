@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from mirelight.io.job.camera_file_tables import MOST_CAMERAS, Capture
 from mirelight.io.job.fields import (
+    Bounds,
     Degrees,
     Direction,
+    Elevation,
     FieldOfView,
-    GltfPath,
     Matrix,
     Name,
     Number,
     Pixels,
     Positive,
+    Seed,
     Table,
     Vec3,
     given,
     one_way,
-    paths_as_tables,
     wrong,
 )
-from mirelight.io.job.scene_tables import Transform, is_similarity
+from mirelight.io.job.scene_tables import is_similarity
+
+YFOV = 45.0  # degrees
+_SENSOR_WIDTH = 36.0  # mm
+_TARGET = "[x, y, z], the point looked at. Default: the scene's middle."
+_RADIUS = "Distance from target, in world units. Default: the whole scene is in view."
 
 
 class CameraTable(Table):
@@ -70,11 +78,33 @@ class PosedCamera(CameraTable):
         return self
 
 
-class PerspectiveTable(PosedCamera):
+class LensTable(CameraTable):
+    """A lens by its field of view, or by its focal length as photographers write it. Pixels are square."""
+
+    yfov: FieldOfView | None = Field(default=None, description="Vertical field of view in degrees. Default: 45.")
+    focal_length: Positive | None = Field(default=None, description="Focal length in millimetres; instead of yfov.")
+    sensor_width: Positive | None = Field(
+        default=None, description="Millimetres that the picture's width spans; with focal_length. Default: 36."
+    )
+
+    @model_validator(mode="after")
+    def _check_lens(self) -> LensTable:
+        one_way(self, ("yfov",), ("focal_length",))
+        if self.sensor_width is not None and self.focal_length is None:
+            raise wrong("no focal_length", "give it too, in millimetres, or yfov alone", at="sensor_width")
+        return self
+
+    def focal(self, width: int, height: int, yfov: float = YFOV) -> float:
+        """Focal length in pixels on a picture; `yfov` in degrees where the table says nothing."""
+        if self.focal_length is not None:
+            return self.focal_length / (self.sensor_width or _SENSOR_WIDTH) * width
+        return height / (2 * math.tan(math.radians(self.yfov or yfov) / 2))
+
+
+class PerspectiveTable(PosedCamera, LensTable):
     """A pinhole camera."""
 
     type: Literal["perspective"] = Field(default="perspective", description="Kind of camera.")
-    yfov: FieldOfView | None = Field(default=None, description="Vertical field of view in degrees. Default: 45.")
     fx: Positive | None = Field(default=None, description="Focal length in pixels along x; instead of yfov.")
     fy: Positive | None = Field(default=None, description="Focal length in pixels along y. Default: fx.")
     cx: Number | None = Field(
@@ -85,8 +115,8 @@ class PerspectiveTable(PosedCamera):
     )
 
     @model_validator(mode="after")
-    def _check_lens(self) -> PerspectiveTable:
-        one_way(self, ("yfov",), ("fx",))
+    def _check_pixels(self) -> PerspectiveTable:
+        one_way(self, ("yfov",), ("focal_length",), ("fx",))
         if self.fy is not None and self.fx is None:
             raise wrong("no fx", "give fx too, or yfov alone", at="fy")
         return self
@@ -99,7 +129,7 @@ class OrthographicTable(PosedCamera):
     ymag: Positive = Field(description="Half the height of the view, in world units (as in glTF).")
 
 
-class TurntableTable(CameraTable):
+class TurntableTable(LensTable):
     """A perspective camera that circles once around a point, counter-clockwise seen from above."""
 
     type: Literal["turntable"]
@@ -110,9 +140,84 @@ class TurntableTable(CameraTable):
         default=None, description="Distance from the axis, in world units. Default: the whole scene is in view."
     )
     elevation: Number = Field(default=0.0, description="Height of the circle above target, in world units.")
-    frames: int = Field(default=36, ge=1, le=100_000, description="Number of pictures in one turn.")
+    frames: int = Field(default=36, ge=1, le=MOST_CAMERAS, description="Number of pictures in one turn.")
     start: Degrees = Field(default=0.0, description="Where the circle starts, in degrees from +Z towards +X.")
-    yfov: FieldOfView = Field(default=45.0, description="Vertical field of view in degrees.")
+
+
+class OrbitTable(LensTable):
+    """A perspective camera that circles once around a point at one distance and one angle above it."""
+
+    type: Literal["orbit"]
+    target: Vec3 | None = Field(default=None, description=_TARGET)
+    radius: Positive | None = Field(default=None, description=_RADIUS)
+    elevation: Elevation = Field(default=0.0, description="Degrees above the horizon of target, seen from there.")
+    frames: int = Field(default=36, ge=1, le=MOST_CAMERAS, description="Number of pictures in one turn.")
+    start: Degrees = Field(default=0.0, description="Where the circle starts, in degrees from +Z towards +X.")
+
+
+class _Sampled(LensTable):
+    """Many perspective cameras."""
+
+    count: int = Field(default=64, ge=1, le=MOST_CAMERAS, description="Number of cameras.")
+    target: Vec3 | None = Field(default=None, description=_TARGET)
+
+
+class SphereTable(_Sampled):
+    """Cameras all around a point, spread evenly over a sphere (a Fibonacci lattice)."""
+
+    type: Literal["sphere"]
+    radius: Positive | None = Field(default=None, description=_RADIUS)
+    seed: Seed = Field(default=0, description="Turns the whole pattern about the vertical; 0: not at all.")
+
+
+class DomeTable(_Sampled):
+    """Cameras around a point, spread evenly over a band of a sphere: between two elevations."""
+
+    type: Literal["dome"]
+    radius: Positive | None = Field(default=None, description=_RADIUS)
+    elevation: Annotated[list[Elevation], Field(min_length=2, max_length=2)] = Field(
+        default=[0.0, 90.0], description="[lowest, highest] in degrees above the horizon of target."
+    )
+    seed: Seed = Field(default=0, description="Turns the whole pattern about the vertical; 0: not at all.")
+
+    @model_validator(mode="after")
+    def _check_band(self) -> DomeTable:
+        if self.elevation[0] >= self.elevation[1]:
+            low, high = self.elevation
+            raise wrong(f"[{low:g}, {high:g}]", "give the lower angle first", at="elevation")
+        return self
+
+
+class RandomTable(_Sampled):
+    """Cameras at random places of a box, each drawn by seed and number alone: more of them change none."""
+
+    type: Literal["random"]
+    bounds: Bounds | None = Field(
+        default=None, description="[[x, y, z], [x, y, z]], the box of the eyes. Default: the scene's."
+    )
+    target_bounds: Bounds | None = Field(
+        default=None, description="[[x, y, z], [x, y, z]], a box of points to look at; instead of target."
+    )
+    seed: Seed = Field(default=0, description="Same seed, same cameras.")
+
+    @model_validator(mode="after")
+    def _check_targets(self) -> RandomTable:
+        one_way(self, ("target",), ("target_bounds",))
+        return self
+
+
+class AroundTable(_Sampled):
+    """Cameras between those of the capture: each between one of them and a neighbour, in direction and distance from
+    what they look at, so that splats are seen as they were captured. More of them change none."""
+
+    type: Literal["around"]
+    target: Vec3 | None = Field(
+        default=None, description="[x, y, z], the point looked at. Default: where the capture's cameras look."
+    )
+    capture: Capture | None = Field(
+        default=None, description="The capture's cameras, as in cameras_from; not rendered. Default: cameras_from."
+    )
+    seed: Seed = Field(default=0, description="Same seed, same cameras.")
 
 
 def _camera_type(value: Any) -> str | None:
@@ -125,41 +230,11 @@ def _camera_type(value: Any) -> str | None:
 AnyCamera: TypeAlias = Annotated[
     Annotated[PerspectiveTable, Tag("type=perspective")]
     | Annotated[OrthographicTable, Tag("type=orthographic")]
-    | Annotated[TurntableTable, Tag("type=turntable")],
+    | Annotated[TurntableTable, Tag("type=turntable")]
+    | Annotated[OrbitTable, Tag("type=orbit")]
+    | Annotated[SphereTable, Tag("type=sphere")]
+    | Annotated[DomeTable, Tag("type=dome")]
+    | Annotated[RandomTable, Tag("type=random")]
+    | Annotated[AroundTable, Tag("type=around")],
     Discriminator(_camera_type),
-]
-
-
-class CamerasFromTable(Table):
-    """Cameras of a glTF file, still or animated."""
-
-    path: GltfPath = Field(description='A .glb or .gltf file, or "proxy" for the proxy\'s own file.')
-    names: list[str] | None = Field(default=None, min_length=1, description="Which cameras, by name. Default: all.")
-    transform: Transform | None = Field(
-        default=None, description="Places them in the world. Default for the proxy: its own."
-    )
-    fps: Positive | None = Field(
-        default=None, description="Samples the file's animation at this rate, in frames per second."
-    )
-    frames: int | None = Field(
-        default=None,
-        ge=1,
-        le=100_000,
-        description="Samples the file's animation at this many equal steps; instead of fps.",
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> CamerasFromTable:
-        one_way(self, ("fps",), ("frames",))
-        if self.transform and self.transform.matrix and not is_similarity(self.transform.matrix):
-            raise wrong(
-                "shear, mirror or unequal scale", "give a rotation, a translation and one scale", at="transform"
-            )
-        return self
-
-
-CamerasFrom: TypeAlias = Annotated[
-    list[CamerasFromTable],
-    BeforeValidator(paths_as_tables, json_schema_input_type=str | CamerasFromTable | list[str | CamerasFromTable]),
-    Field(max_length=1000),
 ]

@@ -3,56 +3,65 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from mirelight import conventions
 from mirelight.conventions import Matrix
+from mirelight.io.job import sampling
+from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name, scaled
 from mirelight.io.job.camera_tables import (
+    YFOV,
     AnyCamera,
-    CamerasFromTable,
+    AroundTable,
     CameraTable,
+    DomeTable,
+    LensTable,
+    OrbitTable,
     OrthographicTable,
     PerspectiveTable,
     PosedCamera,
+    RandomTable,
+    SphereTable,
     TurntableTable,
 )
-from mirelight.io.job.lighting import FreeNames, choose
+from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
+from mirelight.io.job.lighting import FreeNames
 from mirelight.io.job.mistakes import Mistake
-from mirelight.io.job.placing import matrix
 from mirelight.io.job.positions import Path
+from mirelight.io.job.sampling import Stand
+from mirelight.io.job.scene_tables import SplatsTable
+from mirelight.io.job.tables import JobTable
 from mirelight.model import Camera, ProxyMesh, SplatCloud
 
-if TYPE_CHECKING:
-    from mirelight.io.gltf.cameras import GltfCamera
+__all__ = ["CameraFiles", "Extent", "extent", "of_job"]
 
-_YFOV = 45.0  # degrees
 _VIEW = (0.45, 0.35, 1.0)  # where the camera that sees all stands, from the middle of the scene
 _STRAYS = 1.0  # percent of splats at each end of each axis that do not count for the scene's size
 _MOST_SAMPLES = 500_000  # splats looked at for that
 
 
-class CameraFiles(Protocol):
-    """Reads the cameras that a job names."""
-
-    def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
-        """The cameras of a glTF file ("proxy": the proxy's), and the transform that they have by default."""
-
-    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[Matrix, ...]:
-        """Poses (4, 4) of an animated camera."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """The sphere that holds what is to be seen."""
+    """Where what is to be seen is: a box, and the sphere around it."""
 
-    center: Matrix  # (3,)
-    radius: float
+    low: Matrix  # (3,)
+    high: Matrix  # (3,)
+
+    @property
+    def center(self) -> Matrix:
+        """(3,)"""
+        return np.asarray((self.low + self.high) / 2)
+
+    @property
+    def radius(self) -> float:
+        """World units."""
+        return max(float(np.linalg.norm(self.high - self.low)) / 2, 1e-6)
 
     def distance(self, yfov: float, width: int, height: int) -> float:
-        """How far a camera must be to have all of it in view."""
+        """How far a camera must be to have all of it in view; `yfov` in degrees."""
         half = math.radians(yfov) / 2
         across = math.atan(math.tan(half) * width / height)
         return self.radius / math.sin(min(half, across))
@@ -66,63 +75,52 @@ def extent(splats: SplatCloud | None, proxy: ProxyMesh | None) -> Extent:
         low, high = np.percentile(means, (_STRAYS, 100 - _STRAYS), axis=0)
     elif proxy is not None and len(proxy.vertices):
         low, high = (np.asarray(corner, dtype=np.float64) for corner in proxy.bounds)
-    return Extent((low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6))
+    return Extent(low, high)
 
 
-def cameras(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent) -> list[Camera]:
-    """The cameras that stand in the job file; a turntable gives one for each of its frames."""
-    out: list[Camera] = []
-    names = FreeNames(x.name for x in tables if x.name)
-    for table in tables:
-        name = table.name or names.take("camera")
-        size = table.width or resolution[0], table.height or resolution[1]
-        if isinstance(table, TurntableTable):
-            out += _turntable(table, name, size, scene)
-        else:
-            out.append(_camera(table, name, size))
-    return out
+def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mistake]) -> tuple[Camera, ...]:
+    """All cameras of a job, all names different; what is wrong is added to `wrong`.
 
-
-def frame_name(name: str, frame: int) -> str:
-    """One frame of a sequence, counted from 1: orbit.0001."""
-    return f"{name}.{frame:04d}"
-
-
-def cameras_from(
-    table: CamerasFromTable, at: Path, resolution: tuple[int, int], files: CameraFiles, wrong: list[Mistake]
-) -> list[Camera]:
-    """Cameras of a glTF file; what is wrong is added to `wrong`."""
-    found, default = files.gltf_cameras(table.path)
-    m = matrix(table.transform) if table.transform else default
-    out: list[Camera] = []
-    for i in choose([x.name for x in found], table.names, at, "camera", table.path, wrong):
-        if table.fps is None and table.frames is None:
-            out.append(found[i].to_camera(*resolution, m @ found[i].world))
-            continue
-        poses = files.sampled(table.path, found[i].name, table.fps, table.frames)
-        still = [found[i].to_camera(*resolution, m @ pose) for pose in poses]
-        out += [replace(x, name=frame_name(x.name, n)) for n, x in enumerate(still, start=1)]
-    return out
-
-
-def uniquely_named(found: list[Camera]) -> tuple[Camera, ...]:
-    """The cameras with a number on names that are taken."""
+    A job that names none has those of the proxy's glTF file, else one that sees everything.
+    """
+    resolution = table.resolution[0], table.resolution[1]
+    splats = table.splats or []
+    captured: list[Camera] = []
+    for i, one in enumerate(table.cameras_from):
+        captured += cameras_from(one, ("cameras_from", i), resolution, splats, files, wrong)
+    around = _Around(captured, resolution, splats, files, wrong)
+    found = _inline(table.cameras, resolution, scene, around) + captured
+    if not table.cameras and not table.cameras_from:
+        if table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
+            placed, m = files.gltf_cameras(PROXY)
+            found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
+        found = found or [_seeing_all(scene, resolution)]
     names = FreeNames()
+    found = [scaled(camera, table.resolution_scale) for camera in found]
     return tuple(x if (name := names.take(x.name)) == x.name else replace(x, name=name) for x in found)
 
 
-def seeing_all(scene: Extent, resolution: tuple[int, int]) -> Camera:
-    """A camera that has the whole scene in view."""
-    distance = scene.distance(_YFOV, *resolution)
+def _seeing_all(scene: Extent, resolution: tuple[int, int]) -> Camera:
+    distance = scene.distance(YFOV, *resolution)
     position = scene.center + distance * conventions.unit(_VIEW)
-    return Camera.look_at(position, scene.center, *resolution, yfov=_YFOV, near=distance / 1000)
+    return Camera.look_at(position, scene.center, *resolution, yfov=YFOV, near=distance / 1000)
 
 
-def scaled(camera: Camera, factor: float) -> Camera:
-    """The camera with its image scaled; at least one pixel is left."""
-    if factor == 1:
-        return camera
-    return camera.resized(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
+def _inline(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent, around: _Around) -> list[Camera]:
+    """The cameras that stand in the job file; an orbit gives one for each of its frames."""
+    out: list[Camera] = []
+    names = FreeNames(x.name for x in tables if x.name)
+    for i, table in enumerate(tables):
+        name = table.name or names.take("camera")
+        size = table.width or resolution[0], table.height or resolution[1]
+        match table:
+            case PerspectiveTable() | OrthographicTable():
+                out.append(_camera(table, name, size))
+            case AroundTable():
+                out += _standing(table, name, size, around.stands(table, ("cameras", i)))
+            case _:
+                out += _standing(table, name, size, _stands(table, size, scene))
+    return out
 
 
 def _camera(table: PerspectiveTable | OrthographicTable, name: str, size: tuple[int, int]) -> Camera:
@@ -131,7 +129,7 @@ def _camera(table: PerspectiveTable | OrthographicTable, name: str, size: tuple[
     if isinstance(table, OrthographicTable):
         fx = fy = height / (2 * table.ymag)
     else:
-        fx = table.fx or height / (2 * math.tan(math.radians(table.yfov or _YFOV) / 2))
+        fx = table.fx or table.focal(width, height)
         fy = table.fy or fx
         cx = cx if table.cx is None else table.cx
         cy = cy if table.cy is None else table.cy
@@ -161,23 +159,86 @@ def _far(table: CameraTable) -> float:
     return table.far or math.inf
 
 
-def _turntable(table: TurntableTable, name: str, size: tuple[int, int], scene: Extent) -> list[Camera]:
+# --- many cameras from one table --------------------------------------------------------------------------------------
+
+
+def _stands(
+    table: TurntableTable | OrbitTable | SphereTable | DomeTable | RandomTable, size: tuple[int, int], scene: Extent
+) -> Iterable[Stand]:
     target = scene.center if table.target is None else np.asarray(table.target)
-    away = scene.distance(table.yfov, *size)
-    radius = table.radius or math.sqrt(max(away**2 - table.elevation**2, (0.1 * away) ** 2))
+    away = scene.distance(_yfov(table, size), *size)
+    match table:
+        case TurntableTable():
+            flat = table.radius or math.sqrt(max(away**2 - table.elevation**2, (0.1 * away) ** 2))
+            slope = math.degrees(math.atan2(table.elevation, flat))
+            return sampling.orbit(target, math.hypot(flat, table.elevation), slope, table.start, table.frames)
+        case OrbitTable():
+            return sampling.orbit(target, table.radius or away, table.elevation, table.start, table.frames)
+        case SphereTable():
+            return sampling.band(target, table.radius or away, -90, 90, table.seed, table.count)
+        case DomeTable():
+            low, high = table.elevation
+            return sampling.band(target, table.radius or away, low, high, table.seed, table.count)
+        case RandomTable():
+            bounds = table.bounds or (scene.low, scene.high)
+            return sampling.scattered(bounds, table.target_bounds or (target, target), table.seed, table.count)
+
+
+def _yfov(table: LensTable, size: tuple[int, int]) -> float:
+    """Vertical field of view in degrees."""
+    return 2 * math.degrees(math.atan(size[1] / 2 / table.focal(*size)))
+
+
+def _standing(table: LensTable, name: str, size: tuple[int, int], stands: Iterable[Stand]) -> list[Camera]:
     out = []
-    for frame in range(table.frames):
-        angle = math.radians(table.start) + 2 * math.pi * frame / table.frames
-        position = target + np.array([radius * math.sin(angle), table.elevation, radius * math.cos(angle)])
+    for number, stand in enumerate(stands, start=1):
+        f = table.focal(*size, *([stand.yfov] if stand.yfov else []))
         out.append(
-            Camera.look_at(
-                position,
-                target,
-                *size,
-                yfov=table.yfov,
-                name=frame_name(name, frame + 1),
+            Camera(
+                name=frame_name(name, number),
+                world_from_camera=conventions.look_at(stand.position, stand.target),
+                width=size[0],
+                height=size[1],
+                fx=f,
+                fy=f,
+                cx=size[0] / 2,
+                cy=size[1] / 2,
                 near=table.near,
                 far=_far(table),
             )
         )
     return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Around:
+    """Places cameras around a capture."""
+
+    captured: Sequence[Camera]  # of cameras_from
+    resolution: tuple[int, int]
+    splats: Sequence[SplatsTable]
+    files: CameraFiles
+    wrong: list[Mistake]
+
+    def stands(self, table: AroundTable, at: Path) -> Iterable[Stand]:
+        """The places; none, and a mistake, where the capture has no cameras or no middle."""
+        captured = self.captured
+        if table.capture is not None:
+            where = (*at, "capture")
+            captured = cameras_from(table.capture, where, self.resolution, self.splats, self.files, self.wrong)
+        captured = [camera for camera in captured if camera.projection == "perspective"]
+        if not captured:
+            if table.capture is None:
+                remedy = 'add capture = "sparse/0", or another file of the capture\'s cameras, or cameras_from'
+                self.wrong.append(Mistake(at, "no cameras of the capture to stand around", remedy))
+            return ()
+        target = sampling.focus(captured) if table.target is None else np.asarray(table.target, dtype=np.float64)
+        if target is None:
+            found = "the capture's cameras do not look at one place"
+            self.wrong.append(Mistake(at, found, "add target = [x, y, z]"))
+            return ()
+        apart = [camera for camera in captured if np.linalg.norm(camera.position - target) > 1e-9]
+        if not apart:
+            self.wrong.append(Mistake((*at, "target"), "the only captured camera's own position", "give another point"))
+            return ()
+        return sampling.around(apart, target, table.seed, table.count)

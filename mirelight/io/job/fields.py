@@ -52,6 +52,8 @@ NotNegative: TypeAlias = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=
 Share: TypeAlias = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Degrees: TypeAlias = Annotated[float, Field(ge=-3600, le=3600, allow_inf_nan=False)]
 FieldOfView: TypeAlias = Annotated[float, Field(ge=0.01, le=179, allow_inf_nan=False)]
+Elevation: TypeAlias = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]  # degrees
+Seed: TypeAlias = Annotated[int, Field(ge=0, le=2**31 - 1)]
 Pixels: TypeAlias = Annotated[int, Field(ge=1, le=65536)]
 
 # --- vectors ---------------------------------------------------------------------------------------------------------
@@ -66,6 +68,15 @@ def _not_zero(vector: list[float]) -> list[float]:
 Vec3: TypeAlias = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Direction: TypeAlias = Annotated[Vec3, AfterValidator(_not_zero)]
 Quaternion: TypeAlias = Annotated[list[Number], Field(min_length=4, max_length=4), AfterValidator(_not_zero)]
+
+
+def _low_and_high(corners: list[list[float]]) -> list[list[float]]:
+    if any(a > b for a, b in zip(*corners, strict=True)):
+        raise wrong("a first corner above the second", "give the lowest x, y and z first, then the highest")
+    return corners
+
+
+Bounds: TypeAlias = Annotated[list[Vec3], Field(min_length=2, max_length=2), AfterValidator(_low_and_high)]
 Color: TypeAlias = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
 DisplayColor: TypeAlias = Annotated[list[Share], Field(min_length=3, max_length=3)]
 Resolution: TypeAlias = Annotated[list[Pixels], Field(min_length=2, max_length=2)]
@@ -124,6 +135,7 @@ def _existing(value: str, info: ValidationInfo) -> str:
 
 
 AssetPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing)]
+GLTF_SUFFIXES = (".glb", ".gltf")
 PROXY = "proxy"  # in lights_from and cameras_from: the proxy's own file
 
 

@@ -32,11 +32,11 @@ def digest(path: Path) -> str:
     head = _index_of(path) if path.is_dir() else path
     files = sorted({head, *companions(head)})
     if files == [path]:
-        return _file_digest(path)
+        return file_digest(path)
     whole = hashlib.sha256()
     for file in files:
         name = file.relative_to(head.parent).as_posix()
-        whole.update(os.fsencode(name) + f"\0{_file_digest(file)}\n".encode("ascii"))
+        whole.update(os.fsencode(name) + f"\0{file_digest(file)}\n".encode("ascii"))
     return whole.hexdigest()
 
 
@@ -128,7 +128,8 @@ def _strings(top: object) -> Iterator[str]:
             pending += node
 
 
-def _file_digest(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """SHA-256 (hex) of one file alone. Raises InputError."""
     try:
         found = path.stat()
     except OSError as e:

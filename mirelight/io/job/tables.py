@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from mirelight.io.job.camera_tables import AnyCamera, CamerasFrom
+from mirelight.io.job.camera_file_tables import CamerasFrom
+from mirelight.io.job.camera_tables import AnyCamera
 from mirelight.io.job.fields import Positive, Resolution
 from mirelight.io.job.light_tables import Captured, LightingTable, Lit
 from mirelight.io.job.scene_tables import Proxy, Splats
@@ -46,7 +47,7 @@ class JobTable(Lit):
         max_length=100_000,
         description="Cameras, one table each. Default: the proxy's own, else one that sees all.",
     )
-    cameras_from: CamerasFrom = Field(default=[], description="glTF files whose cameras are added.")
+    cameras_from: CamerasFrom = Field(default=[], description="Files whose cameras are added: of glTF or of a capture.")
     render: RenderTable = Field(default=RenderTable(), description="How the lighting is traced.")
     compositor: CompositorTable = Field(default=CompositorTable(), description="How splats become pixels.")
     relight: RelightTable = Field(default=RelightTable(), description="How the lighting meets the splats.")

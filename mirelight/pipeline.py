@@ -263,7 +263,7 @@ class _Studio:
                 splats, settings, variant=render_settings.variant, threads=render_settings.threads
             )
         output = self.job.output
-        return self._compositor.composite(camera, depth=output.exr and output.aovs)
+        return self._compositor.composite(camera, depth=output.wants("splat_depth", "splat_median_depth"))
 
     def trace(self, lighting: Lighting, camera: Camera, progress: Callable[[int, int], None]) -> LightingBuffer:
         if self._tracer is None:
@@ -274,7 +274,7 @@ class _Studio:
                 lit_proxy(self.job),
                 self.job.render,
                 layers=output.exr and output.layers,
-                aovs=output.exr and output.aovs,
+                aovs=output.wants("sun_visibility", "ambient_occlusion"),
             )
         from mirelight.lighting import finished
 

@@ -13,7 +13,7 @@ import numpy as np
 from mirelight.compare.types import Bool, Picture
 from mirelight.errors import InputError
 from mirelight.io.exr import read_exr
-from mirelight.io.image import PROVENANCE
+from mirelight.io.frame_texts import PROVENANCE
 from mirelight.model import PROFILES
 
 LINEAR = (".exr",)

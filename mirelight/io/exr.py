@@ -7,23 +7,28 @@ scanline or tiled, single- or multi-part file is read.
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path
+from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, seal
 from mirelight.io.safety import existing, require_memory
+from mirelight.model import Compression
 
 MAGIC = b"\x76\x2f\x31\x01"
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # chromaticities of R, G, B and D65 (ITU-R BT.709-6)
 _MAX_HALF = 65504.0  # brighter half floats would become infinite
-_ROWS_PER_CHUNK = 16  # of ZIP compression
+_COMPRESSIONS: Mapping[Compression, str] = {
+    "zip": "ZIP_COMPRESSION",
+    "dwaa": "DWAA_COMPRESSION",
+    "none": "NO_COMPRESSION",
+}
 _ORDER = {name: i for i, name in enumerate("RGBAXYZ")}
 
 Metadata = Mapping[str, str | int | float | tuple[float, float] | NDArray[np.float32]]
@@ -55,8 +60,13 @@ def write_exr(
     images: Mapping[str, NDArray[Any]],
     metadata: Metadata | None = None,
     half: Collection[str] = (),
+    compression: Compression = "zip",
 ) -> None:
-    """Write one part with all images, ZIP compressed. C-contiguous float32 arrays are not copied.
+    """Write one part with all images. C-contiguous float32 arrays are not copied.
+
+    Where half of the picture or more is zero in every image, the file's data window is the rest ("The OpenEXR File
+    Format": what lies outside it is zero), and the display window stays the whole picture. The header's
+    `mirelight/digest` seals the file, see :func:`mirelight.io.exr_bytes.is_intact`.
 
     Args:
         path: the file to write.
@@ -64,31 +74,43 @@ def write_exr(
             channel, e.g. "depth.Z", that channel (h, w). All of one size.
         metadata: header attributes besides the necessary ones.
         half: names of images to store as 16-bit floats, clamped to 65504; the others are 32-bit.
+        compression: "zip" (lossless), "none", or "dwaa" (lossy: channels R, G, B and Y of any layer are rounded to 16
+            bits and then to what an eye would not see; others stay).
 
     Raises:
         OutputError: the file cannot be written; nothing half-written is left.
     """
     import OpenEXR
 
+    planes = {name or "RGBA"[: values.shape[2]]: _plane(values, name in half) for name, values in images.items()}
+    height, width = next(iter(planes.values())).shape[:2]
+    rows, columns = _window(list(planes.values()))
     header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
+        "compression": getattr(OpenEXR, _COMPRESSIONS[compression]),
         "type": OpenEXR.scanlineimage,
         "chromaticities": _REC709,
+        "displayWindow": _box(range(height), range(width)),
+        "dataWindow": _box(rows, columns),
+        DIGEST: NO_DIGEST,
         **(metadata or {}),
     }
-    planes = {name or "RGBA"[: values.shape[2]]: _plane(values, name in half) for name, values in images.items()}
+    if (len(rows), len(columns)) != (height, width):
+        inside = np.s_[rows.start : rows.stop, columns.start : columns.stop]
+        planes = {name: np.ascontiguousarray(plane[inside]) for name, plane in planes.items()}
     with atomic_path(path) as temporary:
         try:
             with OpenEXR.File(header, planes) as file:
                 file.write(str(temporary))
         except RuntimeError as e:  # what the package raises when the system refuses to write
             raise _write_error(path, temporary, e) from None
+        seal(temporary)
 
 
 def read_exr(path: str | Path) -> ExrImage:
     """Read every channel of every part; a part's name goes before its channels' names unless it is there already.
 
-    No colour conversion is made, whatever chromaticities the file names.
+    Channels have the size of the display window: zero where the data window leaves it out, cut where that is larger. No
+    colour conversion is made, whatever chromaticities the file names.
 
     Raises:
         InputError: not an OpenEXR image, damaged, deep, subsampled, or larger than memory.
@@ -96,16 +118,17 @@ def read_exr(path: str | Path) -> ExrImage:
     import OpenEXR
 
     path = existing(path)
-    _check_size(path, read_header(path))
+    headers = read_header(path)
+    _check_size(path, headers)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             parts = [(part.name(), part.header, part.channels) for part in file.parts]
             metadata = dict(parts[0][1])
             channels: dict[str, NDArray[Any]] = {}
-            for name, _, found in parts:
+            for name, header, found in parts:
                 for key, channel in found.items():
                     prefix = f"{name}." if len(parts) > 1 and name and not key.startswith(f"{name}.") else ""
-                    channels[prefix + key] = np.asarray(channel.pixels)
+                    channels[prefix + key] = _on_display(np.asarray(channel.pixels), header)
     except Exception as e:  # the package raises bare RuntimeError, ValueError and TypeError for damaged files
         raise InputError(
             path, f"an EXR image that cannot be read ({type(e).__name__})", "the file is damaged"
@@ -143,16 +166,66 @@ def _plane(values: NDArray[Any], half: bool) -> NDArray[Any]:
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
+def _window(planes: list[NDArray[Any]]) -> tuple[range, range]:
+    """Rows and columns outside of which every bit of every plane is 0; all where that is most of the picture."""
+    height, width = planes[0].shape[:2]
+    top, left, bottom, right = height, width, 0, 0
+    for plane in planes:
+        bits = plane.view(f"u{plane.itemsize}").reshape(height, width, -1)
+        rows = np.flatnonzero(bits.any(axis=(1, 2)))
+        if len(rows):
+            columns = np.flatnonzero(bits[rows[0] : rows[-1] + 1].any(axis=0).any(axis=-1))
+            top, bottom = min(top, int(rows[0])), max(bottom, int(rows[-1]) + 1)
+            left, right = min(left, int(columns[0])), max(right, int(columns[-1]) + 1)
+        if 2 * (bottom - top) * (right - left) > height * width and bottom > top:
+            return range(height), range(width)
+    if bottom <= top:  # all black: a window cannot be empty
+        return range(1), range(1)
+    return range(top, bottom), range(left, right)
+
+
+def _box(rows: range, columns: range) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """OpenEXR's box2i: (x, y) of the first and of the last pixel."""
+    corners = (columns[0], rows[0]), (columns[-1], rows[-1])
+    return np.array(corners[0], np.int32), np.array(corners[1], np.int32)
+
+
+def _corners(header: Mapping[str, Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(2, 2) of the data and of the display window: row and column of the first pixel, and those behind the last."""
+    data, display = (
+        np.array([np.asarray(corner, np.int64)[::-1] + k for k, corner in enumerate(header[name])])
+        for name in ("dataWindow", "displayWindow")
+    )
+    return data, display
+
+
+def _on_display(pixels: NDArray[Any], header: Mapping[str, Any]) -> NDArray[Any]:
+    """A channel of the data window on the display window."""
+    data, display = _corners(header)
+    if np.array_equal(data, display):
+        return pixels
+    out = np.zeros(tuple(display[1] - display[0]), pixels.dtype)
+    low, high = np.maximum(data[0], display[0]), np.minimum(data[1], display[1])
+    source, target = (tuple(slice(a, b) for a, b in zip(low - x[0], high - x[0], strict=True)) for x in (data, display))
+    out[target] = pixels[source]
+    return out
+
+
 def _check_size(path: Path, headers: list[dict[str, Any]]) -> None:
     total = 0
     for header in headers:
-        low, high = (np.asarray(corner, dtype=np.int64) for corner in header["dataWindow"])
-        width, height = (int(x) for x in high - low + 1)
+        data, display = _corners(header)
         channels = header.get("channels", [])
-        if width < 1 or height < 1 or any(c.xSampling != 1 or c.ySampling != 1 for c in channels):
+        height, width = (int(x) for x in data[1] - data[0])
+        if height < 1 or width < 1 or any(c.xSampling != 1 or c.ySampling != 1 for c in channels):
             found = f"a part of {width} x {height} pixels with subsampled channels or none"
             raise InputError(path, found, "save it as plain RGB")
-        total += width * height * len(channels)
+        if not np.all(np.maximum(data[0], display[0]) < np.minimum(data[1], display[1])):
+            raise InputError(path, "pixels that lie outside its display window", "save it with the pixels inside")
+        size = height * width
+        if not np.array_equal(data, display):
+            size += int(np.prod(display[1] - display[0]))
+        total += size * len(channels)
     require_memory(path, total * 4, f"{total} channel values")
 
 
@@ -163,51 +236,3 @@ def _write_error(path: str | Path, temporary: Path, error: RuntimeError) -> Outp
         full = False
     reason = "the disk is full" if full else " ".join(str(error).replace(str(temporary), "it").split())
     return OutputError(f"{path}: cannot be written ({reason}); nothing half-written was left")
-
-
-def is_whole(path: str | Path) -> bool:
-    """Whether the last row of a file written by :func:`write_exr` is there, without reading pixels.
-
-    Reads the header's attributes and the offset table behind them ("OpenEXR File Layout"); a file cut off anywhere ends
-    before its last chunk does.
-    """
-    try:
-        with Path(path).open("rb") as stream:
-            size = stream.seek(0, 2)
-            stream.seek(4)
-            flags = struct.unpack("<I", stream.read(4))[0]
-            if flags & ~0x4FF:  # long names (0x400) apart, only plain single-part scanline files
-                return False
-            rows = _rows(stream)
-            chunks = -(-rows // _ROWS_PER_CHUNK)
-            stream.seek(8 * (chunks - 1), 1)
-            last = struct.unpack("<Q", stream.read(8))[0]
-            stream.seek(last + 4)
-            length = struct.unpack("<I", stream.read(4))[0]
-            return bool(last + 8 + length <= size)
-    except (OSError, struct.error, ValueError):
-        return False
-
-
-def _rows(stream: BinaryIO) -> int:
-    """Rows of the data window; leaves the stream behind the header."""
-    rows = 0
-    while name := _name(stream):
-        _name(stream)  # the attribute's type
-        value = stream.read(struct.unpack("<i", stream.read(4))[0])
-        if name == b"dataWindow":
-            _, top, _, bottom = struct.unpack("<4i", value)
-            rows = bottom - top + 1
-    if rows < 1:
-        raise ValueError("no rows")
-    return rows
-
-
-def _name(stream: BinaryIO) -> bytes:
-    """A zero-terminated string of at most 255 bytes."""
-    out = b""
-    while (byte := stream.read(1)) != b"\0":
-        if not byte or len(out) == 255:
-            raise ValueError("not a name")
-        out += byte
-    return out

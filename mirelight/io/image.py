@@ -1,13 +1,12 @@
-"""Finished frames as files: multi-layer OpenEXR (linear, everything) and PNG (display).
+"""Finished frames as files: multi-layer OpenEXR (linear, everything) and PNG (display); EXR files read back as frames.
 
-docs/outputs.md lists the layers and the metadata.
+`mirelight.model.planes` is the table of layers that both ways follow; docs/outputs.md shows it, and the metadata.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -15,26 +14,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import InputError, OutputError
-from mirelight.io.exr import Metadata, is_whole, read_header, write_exr
-from mirelight.io.png import encode_display, read_png_text, write_png
+from mirelight.io import exr_bytes
+from mirelight.io.exr import ExrImage, read_exr, read_header, write_exr
+from mirelight.io.frame_texts import (
+    FINGERPRINT,
+    LIGHTS,
+    SAMPLING,
+    attributes_of,
+    camera_of,
+    layer_names,
+    profile_of,
+    provenance_of,
+    read_text,
+    texts_of,
+)
+from mirelight.io.png import encode_display, png_is_intact, read_png_text, write_png
 from mirelight.model import (
+    F32,
     Camera,
     DisplaySettings,
     Frame,
     LightingBuffer,
     LightLayer,
     OutputSettings,
-    Provenance,
+    Profile,
     SplatLayer,
 )
+from mirelight.model.planes import PLANES, Plane, planes_of
 
-FINGERPRINT = "mirelight/fingerprint"
-PROVENANCE = "mirelight/provenance"
-CAMERA = "mirelight/camera"
-LIGHTS = "mirelight/lights"
-SAMPLING = "mirelight/sampling"
-
-_MAX_LAYER_NAME = 38  # Blender cuts channel names at 63 characters
+_NOISY = "_noisy"  # behind the names of layers as traced, where others are denoised
 
 
 def write(
@@ -49,7 +57,7 @@ def write(
         frame: what to write.
         path: a name ending in .exr or .png in an existing folder; appears whole or not at all.
         display: PNG only: exposure, tone curve and background.
-        output: EXR only: which layers, and whether colours are 16-bit.
+        output: EXR only: which layers, whether colours are 16-bit, and how it is compressed.
 
     Raises:
         OutputError: another suffix, or the file cannot be written.
@@ -57,23 +65,70 @@ def write(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        images = _images(frame, output)
-        write_exr(path, images, _metadata(frame), half=_colours(images) if output.half else ())
+        images: dict[str, NDArray[Any]] = {"": frame.rgba}  # without a name, so that simple readers show it
+        half, noise = {""}, output.wants("noise", "variance")
+        for name, plane, values in _wanted(frame, output):
+            if plane.half:
+                half.add(name)
+            images |= _channels(name, plane, values)
+        write_exr(path, images, attributes_of(frame, noise=noise), half if output.half else (), output.compression)
     elif suffix == ".png":
-        write_png(path, encode_display(frame.rgba, display, frame.profile), _texts(frame))
+        write_png(path, encode_display(frame.rgba, display, frame.profile), texts_of(frame, noise=False))
     else:
         raise OutputError(f"{path}: a frame is written as .exr or .png, not {path.suffix or 'without a suffix'}")
+
+
+def read(path: str | Path) -> Frame:
+    """A frame back from the EXR file that :func:`write` made of it.
+
+    Every value is what was written: to the bit for 32-bit files ("zip" or "none"). What the file leaves out:
+
+    - `unlit`, `factor`, `noise`, variances, samples, sun visibility and ambient occlusion are None;
+    - `splats` is None unless all four planes of a SplatLayer are there;
+    - `lighting` is None where the file has no layer `lighting`, as that holds the coverage;
+    - `lighting.layers` are one, "beauty", with all light in `direct`, where the file has no layers of lights;
+    - depth, position, normals and albedo of `lighting` are 0, as where the proxy covers nothing.
+
+    So `read(path).lighting.reweighted({"key": 0.5})` works wherever `output.layers` was set.
+
+    Raises:
+        InputError: not an EXR file that `write` made, or a damaged one.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".png":
+        raise InputError(path, "a PNG, which holds the displayed picture alone", "give the frame's EXR file")
+    image = read_exr(path)
+    texts = image.metadata
+    camera = camera_of(path, texts)
+    try:
+        profile, linear = profile_of(path, texts)
+        pictures: dict[str, Any] = _fields(image, "frame")
+        lights = read_text(path, texts, LIGHTS) or {}
+        lighting = _lighting(image, camera, lights, read_text(path, texts, SAMPLING) or {})
+        return Frame(
+            camera=camera,
+            rgba=image.layer(),
+            lighting=lighting,
+            splats=_splats(image, camera, profile, linear),
+            made_by=provenance_of(path, texts),
+            profile=profile,
+            **pictures,
+        )
+    except (KeyError, TypeError, ValueError) as e:
+        found = f"layers that do not make a frame ({' '.join(str(e).split())})"
+        raise InputError(path, found, "the file is damaged, or another program has saved it") from None
 
 
 def read_fingerprint(path: str | Path) -> str | None:
     """The fingerprint that a written .exr or .png carries; None where there is none, no file, or a broken one.
 
-    Reads the header alone, so a run can ask it of thousands of frames.
+    Reads headers alone, so a run can ask it of thousands of frames: files that are cut off or have holes in their
+    structure count as broken, changed bits inside pixel data do not; :func:`is_intact` finds those.
     """
     path = Path(path)
     try:
         if path.suffix.lower() == ".exr":
-            found = read_header(path)[0].get(FINGERPRINT) if is_whole(path) else None
+            found = read_header(path)[0].get(FINGERPRINT) if exr_bytes.is_whole(path) else None
         else:
             found = read_png_text(path).get(FINGERPRINT)
     except (InputError, OSError):
@@ -81,160 +136,104 @@ def read_fingerprint(path: str | Path) -> str | None:
     return found if isinstance(found, str) and found else None
 
 
-def layer_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    """EXR layer names of lights: letters, digits and underscores (what Nuke keeps), unique, ``light_`` before."""
-    out: list[str] = []
-    for name in names:
-        plain = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:_MAX_LAYER_NAME]
-        base, number = f"light_{plain or 'unnamed'}", 2
-        candidate = base
-        while candidate in out:
-            candidate, number = f"{base}_{number}", number + 1
-        out.append(candidate)
-    return tuple(out)
+def is_intact(path: str | Path) -> bool:
+    """Whether a written .exr or .png is whole and unchanged, to the last bit.
 
-
-# --- OpenEXR ---------------------------------------------------------------------------------------------------------
-
-
-def _images(frame: Frame, output: OutputSettings) -> dict[str, NDArray[Any]]:
-    """Every layer or channel by its name. The relit picture has no layer name, so that simple readers show it."""
-    out: dict[str, NDArray[Any]] = {"": frame.rgba}
-    if frame.unlit is not None:
-        out["unlit"] = frame.unlit
-    if frame.factor is not None:
-        out["factor"] = frame.factor
-    if frame.noise is not None and output.aovs:
-        out["noise"] = frame.noise
-    if frame.splats is not None and output.aovs:
-        out |= _splat_images(frame.splats)
-    if frame.lighting is not None:
-        out |= _lighting_images(frame.lighting, output)
-    return out
-
-
-def _colours(images: Mapping[str, NDArray[Any]]) -> frozenset[str]:
-    """Names of colours; noise and its square can be too small for 16 bits."""
-    squares = ("noise", "variance")
-    return frozenset(name for name, x in images.items() if x.ndim == 3 and not name.endswith(squares))
-
-
-def _splat_images(splats: SplatLayer) -> dict[str, NDArray[Any]]:
-    return {
-        "transmittance.Y": splats.transmittance,
-        "splat_depth.Z": splats.depth,
-        "splat_median_depth.Z": splats.median_depth,
-    }
-
-
-def _lighting_images(lighting: LightingBuffer, output: OutputSettings) -> dict[str, NDArray[Any]]:
-    out: dict[str, NDArray[Any]] = {"lighting": np.dstack([lighting.beauty, lighting.coverage])}
-    if lighting.noisy:
-        out["lighting_noisy"] = sum((x.total for x in lighting.noisy), np.zeros_like(lighting.beauty))
-    if output.layers:
-        out |= _layer_images(lighting.layers, "", variance=output.aovs)
-        out |= _layer_images(lighting.noisy, "_noisy", variance=output.aovs)
-    if output.aovs:
-        out |= {"depth.Z": lighting.depth, "albedo": lighting.albedo}
-        out |= _xyz("position", lighting.position)
-        out |= _xyz("normal", lighting.normal)
-        out |= _xyz("geometric_normal", lighting.geometric_normal)
-        optional = {
-            "sun_visibility.Y": lighting.sun_visibility,
-            "ambient_occlusion.Y": lighting.ambient_occlusion,
-            "samples.Y": lighting.samples,
-            "variance": lighting.variance,
-        }
-        out |= {name: image for name, image in optional.items() if image is not None}
-    return out
-
-
-def _layer_images(layers: tuple[LightLayer, ...], suffix: str, *, variance: bool) -> dict[str, NDArray[Any]]:
-    out: dict[str, NDArray[Any]] = {}
-    for name, layer in zip(layer_names(tuple(layer.name for layer in layers)), layers, strict=True):
-        out |= {f"{name}_direct{suffix}": layer.direct, f"{name}_indirect{suffix}": layer.indirect}
-        if variance and layer.variance is not None:
-            out[f"{name}_variance"] = layer.variance
-    return out
-
-
-def _xyz(layer: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    return {f"{layer}.{name}": values[..., i] for i, name in enumerate("XYZ")}
-
-
-def _metadata(frame: Frame) -> Metadata:
-    camera = frame.camera
-    found: dict[str, str | int | float | tuple[float, float] | NDArray[np.float32]] = {
-        **_texts(frame),
-        "worldToCamera": world_to_camera(camera),
-        "worldToNDC": world_to_ndc(camera),
-        "pixelAspectRatio": float(camera.fy / camera.fx),
-        "screenWindowWidth": float(camera.width / camera.fx),
-        "screenWindowCenter": (
-            float((camera.width / 2 - camera.cx) / camera.fx),
-            float((camera.cy - camera.height / 2) / camera.fy),
-        ),
-    }
-    if frame.made_by is not None:
-        found["software"] = f"mirelight {frame.made_by.mirelight}"
-    return found
-
-
-def world_to_camera(camera: Camera) -> NDArray[np.float32]:
-    """OpenEXR's standard attribute `worldToCamera` (4, 4): left-handed, +Z into the scene, for row vectors."""
-    flip = np.diag((1.0, 1.0, -1.0, 1.0))
-    return np.ascontiguousarray((flip @ camera.camera_from_world).T, dtype=np.float32)
-
-
-def world_to_ndc(camera: Camera) -> NDArray[np.float32]:
-    """OpenEXR's `worldToNDC` (4, 4): (0, 0) the image's upper left corner, (1, 1) its lower right, for row vectors.
-
-    Divide by the fourth coordinate; the third is the depth along the view axis.
+    Reads the file, and decodes nothing: an EXR is held against the SHA-256 in its own header, a PNG's chunks against
+    their CRC-32.
     """
-    u, v = camera.cx / camera.width, camera.cy / camera.height
-    sx, sy = camera.fx / camera.width, camera.fy / camera.height
-    if camera.projection == "perspective":
-        project = np.array([[sx, 0, -u, 0], [0, -sy, -v, 0], [0, 0, -1, 0], [0, 0, -1, 0]])
-    else:
-        project = np.array([[sx, 0, 0, u], [0, -sy, 0, v], [0, 0, -1, 0], [0, 0, 0, 1]])
-    return np.ascontiguousarray((project @ camera.camera_from_world).T, dtype=np.float32)
+    path = Path(path)
+    return exr_bytes.is_intact(path) if path.suffix.lower() == ".exr" else png_is_intact(path)
 
 
-# --- metadata as text ------------------------------------------------------------------------------------------------
+# --- written ---------------------------------------------------------------------------------------------------------
 
 
-def _texts(frame: Frame) -> dict[str, str]:
-    """What both formats carry: camera, lights behind the layer names, provenance and fingerprint."""
-    found = {CAMERA: _json(_camera_values(frame.camera))}
-    if frame.lighting is not None:
-        names = tuple(layer.name for layer in frame.lighting.layers)
-        found[SAMPLING] = _json(_sampling_values(frame.lighting))
-        found[LIGHTS] = _json(dict(zip(layer_names(names), names, strict=True)))
-    if frame.made_by is not None:
-        found[PROVENANCE] = _json(_provenance_values(frame.made_by))
-        if frame.made_by.fingerprint:
-            found[FINGERPRINT] = frame.made_by.fingerprint
-    return found
+def _wanted(frame: Frame, output: OutputSettings) -> Iterator[tuple[str, Plane, F32]]:
+    """Name, row of the table and values of everything that is there and asked for, besides the picture."""
+    owners = {"frame": frame, "splats": frame.splats, "lighting": frame.lighting}
+    for plane in PLANES:
+        owner = owners[plane.owner]
+        values = getattr(owner, plane.field) if owner is not None and output.wants(plane.name) else None
+        if values is not None:
+            yield plane.name, plane, values
+    if frame.lighting is None or not output.layers:
+        return
+    for layers, suffix in ((frame.lighting.layers, ""), (frame.lighting.noisy, _NOISY)):
+        for name, layer in zip(layer_names(tuple(x.name for x in layers)), layers, strict=True):
+            for plane in planes_of("layer"):
+                values = getattr(layer, plane.field)
+                if values is not None and (plane.field != "variance" or output.wants("variance")):
+                    yield f"{name}_{plane.field}{suffix}", plane, values
 
 
-def _sampling_values(lighting: LightingBuffer) -> dict[str, Any]:
-    """The error that the lighting reached, and how many samples its pixels got."""
-    samples = lighting.samples
-    of_pixels = None if samples is None else {k: float(getattr(samples, k)()) for k in ("min", "mean", "max")}
-    return {"relative_noise": lighting.relative_noise, "denoised": bool(lighting.noisy), "samples": of_pixels}
+def _channels(name: str, plane: Plane, values: F32) -> dict[str, F32]:
+    """As `write_exr` takes them: colours by layer, everything else by channel."""
+    if plane.channels in ("RGB", "RGBA"):
+        return {name: values}
+    separate = values.reshape(*values.shape[:2], -1)
+    return {f"{name}.{channel}": separate[..., k] for k, channel in enumerate(plane.channels)}
 
 
-def _camera_values(camera: Camera) -> dict[str, Any]:
-    values = {name: getattr(camera, name) for name in ("name", "projection", "width", "height", "fx", "fy", "cx", "cy")}
-    values |= {"near": camera.near, "far": camera.far if np.isfinite(camera.far) else None}
-    return values | {"world_from_camera": camera.world_from_camera.tolist()}
+# --- read ------------------------------------------------------------------------------------------------------------
 
 
-def _provenance_values(made_by: Provenance) -> dict[str, Any]:
-    values = {entry.name: getattr(made_by, entry.name) for entry in fields(made_by)}
-    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in values.items()}
+def _values(image: ExrImage, name: str, plane: Plane) -> F32 | None:
+    """A row's (H, W, channels) or (H, W); None where the file has no channel of it. KeyError where it has some."""
+    channels = [image.channels.get(f"{name}.{channel}") for channel in plane.channels]
+    if all(x is None for x in channels):
+        return None
+    if any(x is None for x in channels):
+        raise KeyError(f"{name} without all of its channels {plane.channels}")
+    found = np.stack([np.asarray(x, np.float32) for x in channels], axis=-1)
+    return found[..., 0] if plane.width == 1 else found
 
 
-def _json(values: Any) -> str:
-    """ASCII JSON with sorted keys: the same input gives the same bytes."""
-    return json.dumps(values, sort_keys=True, default=str)
+def _fields(image: ExrImage, owner: Any) -> dict[str, F32 | None]:
+    return {plane.field: _values(image, plane.name, plane) for plane in planes_of(owner)}
+
+
+def _splats(image: ExrImage, camera: Camera, profile: Profile, linear: bool) -> SplatLayer | None:
+    found: dict[str, Any] = _fields(image, "splats")
+    if any(values is None for values in found.values()):
+        return None
+    return SplatLayer(camera=camera, profile=profile, linear=linear, **found)
+
+
+def _lighting(
+    image: ExrImage, camera: Camera, lights: dict[str, Any], sampling: dict[str, Any]
+) -> LightingBuffer | None:
+    found: dict[str, Any] = _fields(image, "lighting")
+    rgba, noisy = found.pop("rgba"), found.pop("noisy_beauty")
+    if rgba is None:
+        return None
+    size = camera.height, camera.width
+    required = {x.name for x in fields(LightingBuffer) if x.default is MISSING}
+    for plane in planes_of("lighting"):
+        if plane.field in required and found[plane.field] is None:
+            found[plane.field] = np.zeros((*size, plane.width)[: 2 if plane.width == 1 else 3], np.float32)
+    return LightingBuffer(
+        camera=camera,
+        coverage=rgba[..., 3],
+        layers=_layers(image, lights, "", rgba[..., :3]),
+        noisy=() if noisy is None and not sampling.get("denoised") else _layers(image, lights, _NOISY, noisy),
+        spp=sampling.get("spp", 0),
+        **found,
+    )
+
+
+def _layers(image: ExrImage, lights: dict[str, Any], suffix: str, beauty: F32 | None) -> tuple[LightLayer, ...]:
+    """The layers of lights in the order of the trace; a single one where the file has their sum alone."""
+    out: list[LightLayer] = []
+    for file_name, name in lights.items():
+        rows = {x.field: _values(image, f"{file_name}_{x.field}{suffix}", x) for x in planes_of("layer")}
+        direct, indirect = rows["direct"], rows["indirect"]
+        if direct is not None and indirect is not None:
+            out.append(LightLayer(name=name, direct=direct, indirect=indirect, variance=rows["variance"]))
+    if len(out) == len(lights):
+        return tuple(out)
+    if out:
+        raise KeyError(f"layers of {len(out)} lights, expected {len(lights)}")
+    if beauty is None:
+        return ()
+    return (LightLayer(name="beauty", direct=beauty, indirect=np.zeros_like(beauty)),)

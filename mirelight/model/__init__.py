@@ -27,6 +27,7 @@ from mirelight.model.results import Frame, LightingBuffer, LightLayer, Provenanc
 from mirelight.model.scene import Material, ProxyMesh, Scene, SplatCloud, Wrap, Wraps
 from mirelight.model.settings import (
     CompositorSettings,
+    Compression,
     DisplaySettings,
     Job,
     OutputSettings,
@@ -44,6 +45,7 @@ __all__ = [
     "AreaLight",
     "Camera",
     "CompositorSettings",
+    "Compression",
     "Deferred",
     "DirectionalLight",
     "DisplaySettings",

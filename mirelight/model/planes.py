@@ -23,6 +23,7 @@ class Plane:
     meaning: str  # as docs/outputs.md says it, with the unit
     upsampling: Upsampling = "none"  # from a smaller lighting to the frame's pixels, see relight.upsample
     half: bool = False  # a colour that `output.half` stores in 16 bits
+    exact: bool = False  # of no use when rounded: not in files of the lossy compression, which rounds R, G, B and Y
 
     @property
     def width(self) -> int:
@@ -53,6 +54,7 @@ PLANES: tuple[Plane, ...] = (
         owner="frame",
         field="noise",
         meaning="standard deviation of the relit picture that the lighting's own noise causes",
+        exact=True,
     ),
     Plane(
         name="splat_color",
@@ -92,6 +94,15 @@ PLANES: tuple[Plane, ...] = (
         half=True,
     ),
     Plane(
+        name="lighting_noisy",
+        channels="RGB",
+        owner="lighting",
+        field="noisy_beauty",
+        meaning="with `render.denoise`: the lit proxy before denoising; `output.layers` adds each light's layers with "
+        "`_noisy` behind their names",
+        half=True,
+    ),
+    Plane(
         name="depth",
         channels="Z",
         owner="lighting",
@@ -106,6 +117,7 @@ PLANES: tuple[Plane, ...] = (
         field="position",
         meaning="position on the proxy, world units",
         upsampling="covered",
+        exact=True,
     ),
     Plane(
         name="normal",
@@ -114,6 +126,7 @@ PLANES: tuple[Plane, ...] = (
         field="normal",
         meaning="shading normal in world axes, turned to the viewer",
         upsampling="unit",
+        exact=True,
     ),
     Plane(
         name="geometric_normal",
@@ -122,6 +135,7 @@ PLANES: tuple[Plane, ...] = (
         field="geometric_normal",
         meaning="face normal in world axes, turned to the viewer",
         upsampling="unit",
+        exact=True,
     ),
     Plane(
         name="albedo",
@@ -158,6 +172,7 @@ PLANES: tuple[Plane, ...] = (
         meaning="variance of the mean of `lighting`; denoised, its estimated mean square error. With `output.layers` "
         "each light's `light_NAME_variance` comes with it",
         upsampling="variance",
+        exact=True,
     ),
     Plane(
         name="samples",
@@ -166,6 +181,7 @@ PLANES: tuple[Plane, ...] = (
         field="samples",
         meaning="light samples that went into the pixel",
         upsampling="bilinear",
+        exact=True,
     ),
 )
 LIGHT_PLANES: tuple[Plane, ...] = (
@@ -195,9 +211,11 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         field="variance",
         meaning="variance of the mean of `light_NAME_direct` + `light_NAME_indirect`",
         upsampling="variance",
+        exact=True,
     ),
 )
 AOVS = tuple(plane.name for plane in PLANES)  # what `output.aovs` can name
+EXACT = frozenset(plane.name for plane in PLANES if plane.exact)
 SURFACE = tuple(plane for plane in PLANES if plane.upsampling in ("covered", "unit"))  # in the film's order
 
 

@@ -89,8 +89,16 @@ class LightingBuffer(ArrayHolder):
     @property
     def beauty(self) -> F32:
         """(H, W, 3) sum of all layers, premultiplied by coverage."""
+        return self._sum(self.layers)
+
+    @property
+    def noisy_beauty(self) -> F32 | None:
+        """(H, W, 3) the beauty before denoising; None where nothing was denoised."""
+        return self._sum(self.noisy) if self.noisy else None
+
+    def _sum(self, layers: tuple[LightLayer, ...]) -> F32:
         out = np.zeros((self.camera.height, self.camera.width, 3), dtype=np.float32)
-        for layer in self.layers:
+        for layer in layers:
             out += layer.direct
             out += layer.indirect
         return out

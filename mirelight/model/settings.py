@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from mirelight.model.planes import AOVS, EXACT
 from mirelight.model.profiles import Profile, RelightMode, Space, rules_of
 from mirelight.model.scene import Scene
 
 Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
+Compression: TypeAlias = Literal["zip", "dwaa", "none"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,9 +93,25 @@ class OutputSettings:
     directory: Path = Path("out")
     exr: bool = True
     png: bool = True
-    layers: bool = True  # direct, indirect and variance of each light or group
-    aovs: bool = True  # depth, position, normals, albedo, sun visibility, ambient occlusion, noise
+    layers: bool = True  # direct and indirect of each light or group, and `lighting`, which is their sum
+    aovs: bool | tuple[str, ...] = True  # names of `planes.AOVS`; True: all that the compression allows, False: none
     half: bool = False  # 16-bit colour (positions and depth stay 32-bit)
+    compression: Compression = "zip"  # of the EXR; dwaa is lossy and holds none of `planes.EXACT`
+
+    def __post_init__(self) -> None:
+        unknown = [] if isinstance(self.aovs, bool) else [name for name in self.aovs if name not in AOVS]
+        if unknown:
+            raise ValueError(f"OutputSettings.aovs: no layer {unknown[0]!r}; there are: {', '.join(AOVS)}")
+
+    def wants(self, *names: str) -> bool:
+        """Whether the EXR holds any of these rows of `planes.PLANES`, so that they have to be made."""
+        if not self.exr:
+            return False
+        if self.layers and "lighting" in names:
+            return True
+        wanted = AOVS if self.aovs is True else self.aovs or ()
+        lost = EXACT if self.compression == "dwaa" else ()
+        return any(name in wanted and name not in lost for name in names)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

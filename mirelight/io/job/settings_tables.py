@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from mirelight import model
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
-from mirelight.model import RelightMode, Space, ToneCurve, Variant
+from mirelight.io.job.words import closest, shown
+from mirelight.model import Compression, RelightMode, Space, ToneCurve, Variant
+from mirelight.model.planes import AOVS, EXACT
 
 _RENDER = model.RenderSettings()
 _COMPOSITOR = model.CompositorSettings()
@@ -123,13 +125,40 @@ class OutputTable(Table):
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
     layers: bool = Field(
-        default=_OUTPUT.layers, description="EXR: direct, indirect and variance of each light or group."
+        default=_OUTPUT.layers, description="EXR: direct and indirect light of each light or group, and their sum."
     )
-    aovs: bool = Field(
-        default=_OUTPUT.aovs,
-        description="EXR: depth, position, normals, albedo, sun visibility, ambient occlusion, noise.",
+    aovs: bool | list[str] = Field(
+        default=True,
+        description="EXR: layers besides the picture and those of lights, all (true), none (false), or by name: "
+        f"{', '.join(AOVS)}. With dwaa, true leaves out what rounding would spoil.",
+        json_schema_extra={"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(AOVS)}}]},
     )
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
+    compression: Compression = Field(
+        default=_OUTPUT.compression,
+        description="EXR: zip (lossless), dwaa (lossy, small; only for what may be rounded) or none (fast, large).",
+    )
+
+    @field_validator("aovs", mode="before")
+    @classmethod
+    def _known(cls, value: Any) -> Any:
+        if isinstance(value, bool):
+            return value
+        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+            raise wrong(shown(value), "give true, false, or a list of names")
+        for name in value:
+            if name not in AOVS:
+                near = closest(name, list(AOVS))
+                remedy = f'did you mean "{near}"?' if near else f"there are {', '.join(AOVS)}"
+                raise wrong(f"no layer {shown(name)}", remedy)
+        return list(dict.fromkeys(value))
+
+    @model_validator(mode="after")
+    def _exact(self) -> OutputTable:
+        rounded = [name for name in self.aovs if name in EXACT] if isinstance(self.aovs, list) else []
+        if rounded and self.compression == "dwaa":
+            raise wrong(f"dwaa, which would round {rounded[0]}", 'use "zip", or leave that layer out', at="compression")
+        return self
 
     @model_validator(mode="after")
     def _check(self) -> OutputTable:

@@ -13,7 +13,8 @@ import pytest
 
 from mirelight.errors import InputError, OutputError
 from mirelight.io.exr import read_exr, write_exr
-from mirelight.io.image import layer_names, read_fingerprint, world_to_camera, world_to_ndc, write
+from mirelight.io.frame_texts import layer_names, world_to_camera, world_to_ndc
+from mirelight.io.image import read_fingerprint, write
 from mirelight.model import F32, Camera, Frame, OutputSettings
 
 Projection: TypeAlias = Literal["perspective", "orthographic"]
@@ -30,7 +31,7 @@ def test_every_layer_comes_back_bit_for_bit(frame: Frame, tmp_path: Path) -> Non
         "factor": frame.factor,
         "noise": frame.noise,
         "lighting": np.concatenate([lighting.beauty, lighting.coverage[..., None]], axis=-1),
-        "lighting_noisy": sum((x.total for x in lighting.noisy), np.zeros_like(lighting.beauty)),
+        "lighting_noisy": lighting.noisy_beauty,
         "depth": lighting.depth[..., None],
         "position": lighting.position,
         "normal": lighting.normal,
@@ -40,6 +41,7 @@ def test_every_layer_comes_back_bit_for_bit(frame: Frame, tmp_path: Path) -> Non
         "ambient_occlusion": _plane(lighting.ambient_occlusion),
         "samples": _plane(lighting.samples),
         "variance": lighting.variance,
+        "splat_color": splats.color,
         "transmittance": splats.transmittance[..., None],
         "splat_depth": splats.depth[..., None],
         "splat_median_depth": splats.median_depth[..., None],
@@ -49,7 +51,7 @@ def test_every_layer_comes_back_bit_for_bit(frame: Frame, tmp_path: Path) -> Non
     ):
         expected |= {f"{name}_direct": light.direct, f"{name}_indirect": light.indirect}
         expected |= {f"{name}_direct_noisy": noisy.direct, f"{name}_indirect_noisy": noisy.indirect}
-        expected[f"{name}_variance"] = noisy.variance
+        expected[f"{name}_variance_noisy"] = noisy.variance
     assert set(image.layers) == set(expected)
     for name, values in expected.items():
         assert values is not None
@@ -70,7 +72,13 @@ def test_layers_of_lights_sum_to_the_lighting(frame: Frame, tmp_path: Path) -> N
 
 def test_what_may_be_left_out(frame: Frame, tmp_path: Path) -> None:
     write(frame, tmp_path / "a.exr", output=OutputSettings(layers=False, aovs=False))
-    assert set(read_exr(tmp_path / "a.exr").layers) == {"", "unlit", "factor", "lighting", "lighting_noisy"}
+    assert set(read_exr(tmp_path / "a.exr").layers) == {""}
+    write(frame, tmp_path / "a.exr", output=OutputSettings(layers=False, aovs=("normal", "depth")))
+    assert set(read_exr(tmp_path / "a.exr").layers) == {"", "depth", "normal"}
+    write(frame, tmp_path / "a.exr", output=OutputSettings(aovs=False))
+    light = {f"light_{x}_{y}" for x in ("key", "Lampe__ber_T_r", "environment") for y in ("direct", "indirect")}
+    expected = {"", "lighting"} | light | {f"{name}_noisy" for name in light}
+    assert set(read_exr(tmp_path / "a.exr").layers) == expected
     write(replace(frame, unlit=None, factor=None, splats=None, made_by=None), tmp_path / "b.exr")
     assert "unlit" not in read_exr(tmp_path / "b.exr").layers
     write(replace(frame, lighting=None), tmp_path / "c.exr")

@@ -127,6 +127,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.explain import run_explain
 
             return run_explain(args)
+        case "proxy":
+            from mirelight.cli.proxy import run_proxy
+
+            return run_proxy(args)
         case "schema":
             from mirelight.cli.report import print_json
             from mirelight.io.job import json_schema
@@ -182,11 +186,13 @@ def _parser() -> argparse.ArgumentParser:
 
     from mirelight.cli.compare import add_compare
     from mirelight.cli.explain import add_explain
+    from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
 
     add_compare(commands)
     add_realtime(commands)
     add_explain(commands)
+    add_proxy(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

@@ -32,6 +32,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "compositor": BASE | TOOLS | {"backend", "machine"},
     "relight": {"model", "colour"},
     "provenance": {"model", "backend"},
+    "proxy": BASE | TOOLS | {"backend", "lighting", "compositor"},
     "pipeline": BASE | TOOLS | {"backend", "engine_lights", "lighting", "compositor", "relight", "provenance"},
     "compare": {"*"},
     "realtime": {"*"},

@@ -63,6 +63,24 @@ def nearest_along(surface: DeviceProxy, origins: F64, ways: F64, reach: float) -
     return face, weights.astype(np.float32), distance
 
 
+def first_hits(surface: Surface, origins: F64, ways: F64) -> tuple[I32, F64]:
+    """The nearest point of the surface along each ray.
+
+    Args:
+        surface: the mesh.
+        origins: (N, 3).
+        ways: (N, 3) directions of any length.
+
+    Returns:
+        (N,) face, -1 where there is none; (N,) how often the direction goes into the distance, infinite there.
+    """
+    ray = bounded_ray(_points(origins), _vectors(ways), mi.Float(float(2.0**126)))
+    found = surface.nearest(ray, mi.Bool(True))
+    hit = _numpy(found.is_valid())
+    face = np.where(hit, _numpy(found.prim_index).astype(np.int64), -1)
+    return face.astype(np.int32), np.where(hit, _numpy(found.t).astype(np.float64), np.inf)
+
+
 def _numpy(value: Any) -> NDArray[Any]:
     return np.asarray(value.numpy())
 

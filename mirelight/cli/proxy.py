@@ -1,0 +1,89 @@
+"""`mirelight proxy`: a proxy mesh made from splats, and how well it fits them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.errors import OutputError
+
+if TYPE_CHECKING:
+    from mirelight.proxy import ProxyQuality
+    from mirelight.proxy.types import Progress
+
+
+def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "proxy",
+        help="make a proxy mesh from splats",
+        description="Make the triangle mesh that light falls on from the splats of a capture alone, say how well it "
+        "fits them, and write a heat map of it beside the mesh.",
+    )
+    parser.add_argument("splats", metavar="SPLATS", help="the capture: any splat file")
+    parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the mesh to write (.glb)")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+
+
+def run_proxy(args: argparse.Namespace) -> int:
+    """The command. The quality goes to stdout, progress to stderr."""
+    from mirelight.io import splats
+    from mirelight.io.gltf.write import write_glb
+    from mirelight.io.png import write_png
+    from mirelight.proxy import make
+
+    out = Path(args.out)
+    if out.suffix.lower() != ".glb":
+        raise OutputError(f"{out}: a proxy is written as .glb; nothing was written")
+    if not out.parent.is_dir():
+        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    heat = out.with_suffix(".heat.png")
+    with _progress(args.quiet) as told:
+        cloud = splats.read(args.splats)
+        made = make(cloud, progress=told, source=args.splats)
+        write_glb(out, made.mesh)
+        write_png(heat, made.quality.heat, {})
+    if not args.quiet:
+        print(f"{out}: by {_METHODS[made.method]}, in {made.seconds:.0f} s")
+        for line in table(made.quality):
+            print(line)
+        print(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
+    return 0
+
+
+_METHODS = {"cells": "cells of the splats' planes", "depth": "depth maps"}
+
+
+def table(quality: ProxyQuality) -> Iterator[str]:
+    """The figures, a line each, and the advice."""
+    size = quality.size
+    yield f"  triangles    {quality.triangles:,}"
+    yield f"  uncovered    {quality.uncovered:.1%} of the splats' pixels (right proxies leave 3 to 13 %)"
+    yield (
+        f"  depth gap    {quality.gap_median:.3g} units median, {quality.gap_95:.3g} at 95 % "
+        f"({quality.gap_median / size:.2%} and {quality.gap_95 / size:.2%} of the size)"
+    )
+    yield f"  leaks        {quality.leaks:.1%} of the proxy's pixels show no splats"
+    for line in quality.advice:
+        yield f"  ! {line}"
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Progress | None]:
+    """A live bar on a terminal; elsewhere nothing, as a proxy takes seconds."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
+    ) as bar:
+        row = bar.add_task("reading the splats", total=1.0)
+        yield lambda what, done: bar.update(row, description=what, completed=done)

@@ -1,0 +1,50 @@
+"""What a camera sees of a mesh: the nearest face and its distance, without any light."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mirelight import backend
+from mirelight.errors import BackendError
+from mirelight.model import F64, I32, ProxyMesh, Variant
+
+
+class Sight:
+    """A mesh made ready for rays.
+
+    Args:
+        mesh: what is looked at.
+        variant: where rays are traced.
+        threads: worker threads, process-wide; None: as they are.
+
+    Raises:
+        BackendError: the variant `scalar_rgb`, or one that cannot run here.
+    """
+
+    def __init__(self, mesh: ProxyMesh, variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> None:
+        if variant == "scalar_rgb":
+            raise BackendError("rays into a mesh need the variant llvm_ad_rgb or cuda_ad_rgb")
+        backend.mitsuba(variant, threads)
+        self._surface: Any = None
+        if len(mesh.faces):
+            from mirelight.lighting.kernel.surface import Surface
+
+            self._surface = Surface(mesh)
+
+    def first_hits(self, origins: F64, ways: F64) -> tuple[I32, F64]:
+        """The nearest point of the mesh along each ray.
+
+        Args:
+            origins: (N, 3) world space, or (3,) for all.
+            ways: (N, 3) directions of any length.
+
+        Returns:
+            (N,) face, -1 where there is none; (N,) how often the direction goes into the distance, infinite there.
+        """
+        from mirelight.lighting.kernel import probes
+
+        if self._surface is None:
+            return np.full(len(ways), -1, np.int32), np.full(len(ways), np.inf)
+        return probes.first_hits(self._surface, np.broadcast_to(origins, ways.shape), ways)

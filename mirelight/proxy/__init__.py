@@ -1,0 +1,9 @@
+"""Proxy meshes from splats alone, and how well a mesh fits its splats. docs/proxy.md has what was measured."""
+
+from __future__ import annotations
+
+from mirelight.proxy.judge import judge
+from mirelight.proxy.make import make
+from mirelight.proxy.types import MadeProxy, ProxyQuality, ProxySettings
+
+__all__ = ["MadeProxy", "ProxyQuality", "ProxySettings", "judge", "make"]

@@ -1,0 +1,110 @@
+"""What is wrong with a mesh that does not fit its splats, found by trying what usually is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.model import F64, ProxyMesh
+from mirelight.proxy.capture import Capture
+from mirelight.proxy.sampling import spread
+from mirelight.proxy.views import turned
+
+MOST_UNCOVERED = 0.18  # share of splat pixels that a right proxy may leave off (right ones 3-13 %, wrong ones 24 % up)
+MOST_GAP = 0.004  # of the capture's size, as a median: 1 % of error costs relighting 11 dB
+MOST_LEAKS = 0.1  # share of the mesh's pixels past the splats
+_POINTS = 6_000  # on each side of a comparison
+_BETTER = 0.5  # a guess must lower the distance to this share to be worth saying
+_HALF = ((180, 0, 0), (0, 180, 0), (0, 0, 180))
+_QUARTER = ((90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0), (0, 0, 90), (0, 0, -90))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Guess:
+    said: str
+    points: F64  # (N, 3) of the mesh, if it were so
+    cost: float  # how much better it must be than a simpler one
+
+
+def advice_on(capture: Capture, mesh: ProxyMesh, uncovered: float, gap: float, leaks: float) -> tuple[str, ...]:
+    """Sentences for a mesh with such figures, in the capture's space; none where it fits."""
+    wrong = []
+    if not uncovered <= MOST_UNCOVERED:
+        wrong.append(f"{uncovered:.0%} of the splats' pixels are off the proxy, where right ones leave 3 to 13 %")
+    size = 2 * capture.radius
+    if gap > max(MOST_GAP * size, 0.5 * capture.spacing):
+        wrong.append(f"the proxy lies {gap:.3g} units ({gap / size:.1%} of the size) from the splats' surface")
+    if leaks > MOST_LEAKS:
+        wrong.append(f"{leaks:.0%} of the proxy's pixels show no splats")
+    if not wrong:
+        return ()
+    better = _explained(capture, mesh)
+    if better:
+        return (*wrong, better)
+    return (*wrong, "nothing simple explains it: see the heat map, and try --fit, or a proxy made from the splats")
+
+
+def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:
+    """What would make the mesh fit, of the things that usually are wrong."""
+    from scipy.spatial import cKDTree
+
+    if not len(mesh.faces):
+        return None
+    means = capture.splats.means
+    own = means[:: max(len(means) // _POINTS, 1)].astype(np.float64)
+    tree = cKDTree(own)
+    on_mesh = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), _POINTS)
+
+    def distance(points: F64) -> float:
+        there, back = cKDTree(points).query(own)[0], tree.query(points)[0]
+        return float(np.mean(np.minimum(there, capture.radius))) + float(np.mean(np.minimum(back, capture.radius)))
+
+    now = distance(on_mesh)
+    floor = distance(own[::2]) + 0.01 * capture.radius  # points of the same surface lie that far apart anyway
+    best: tuple[float, str] | None = None
+    for guess in _guesses(on_mesh, capture.middle, own):
+        found = distance(guess.points) * guess.cost
+        if found < _BETTER * now and found < 3 * floor and (best is None or found < best[0]):
+            best = found, guess.said
+    return None if best is None else best[1]
+
+
+def _guesses(points: F64, middle: F64, splats: F64) -> Iterator[_Guess]:
+    """The mesh turned about the world's origin, moved, scaled, or several of these."""
+    world = points + middle
+    centre, extent = _box(splats)
+    for turn in ((0, 0, 0), *_HALF, *_QUARTER):
+        about = turned(world, conventions.rotation_from_euler(turn)) - middle
+        text = f"transform.rotation_euler = [{turn[0]}, {turn[1]}, {turn[2]}]"
+        if any(turn):
+            yield _Guess(f"it looks turned: try {text} on the proxy", about, 1.0)
+        own_centre, own_extent = _box(about)
+        by = centre - own_centre
+        said = f"translation = [{by[0]:.4g}, {by[1]:.4g}, {by[2]:.4g}]"
+        yield _Guess(_together(turn, text, f"moved: try transform.{said}"), about + by, 1.15)
+        factor = float(np.exp(np.median(np.log(np.maximum(extent, 1e-12) / np.maximum(own_extent, 1e-12)))))
+        if not 0.8 < factor < 1.25:
+            neat = _neat(factor)
+            said = _together(turn, text, f"scaled: try transform.scale = {neat:.4g}")
+            yield _Guess(said, (about + middle) * neat - middle, 1.1)
+            scaled = (about - own_centre) * factor + centre
+            yield _Guess(_together(turn, text, f"scaled by about {1 / factor:.4g} and moved"), scaled, 1.25)
+
+
+def _together(turn: tuple[int, int, int], text: str, more: str) -> str:
+    return f"it looks {more} on the proxy" if not any(turn) else f"it looks turned ({text}) and {more} on the proxy"
+
+
+def _box(points: F64) -> tuple[F64, F64]:
+    """Centre and extent, without strays."""
+    low, high = np.quantile(points, [0.01, 0.99], axis=0)
+    return (low + high) / 2, high - low
+
+
+def _neat(factor: float) -> float:
+    """A power of ten where that is meant (metres and centimetres), else the factor."""
+    power = 10.0 ** round(np.log10(factor))
+    return power if 0.8 < factor / power < 1.25 else factor

@@ -1,0 +1,110 @@
+"""A look at a capture before a proxy is made of it: what is solid, where it is, how dense, of which kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.errors import InputError
+from mirelight.model import F64, SplatCloud
+from mirelight.proxy.types import Int
+
+SOLID = 0.02  # opacity below which splats show too little to be part of a surface
+FEWEST = 50  # splats that a surface takes
+SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08, captures 0.2-0.4)
+STRAY = 0.002  # share of the splats at either end of an axis that may be strays
+MARGIN = 0.25  # of the box that holds the rest: how far the capture reaches beyond it
+MOST_SPLATS = 1_200_000  # beyond, neighbours are joined
+_SAMPLE = 20_000  # splats whose neighbours tell the density
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capture:
+    """Solid splats around the origin."""
+
+    splats: SplatCloud  # moved by -middle
+    middle: F64  # (3,) world units
+    half: F64  # (3,) half the extent of the box around the origin that holds their centres
+    radius: float  # of the ball around the origin that holds their centres
+    spacing: float  # median distance between neighbours, world units
+    surfels: bool  # thin discs rather than needles and blobs
+
+
+def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
+    """The solid part of a capture, joined down to `MOST_SPLATS`.
+
+    Raises:
+        InputError: too few splats, none that shows, all in one place, or too far from the origin.
+    """
+    if len(splats) < FEWEST:
+        raise InputError(source, f"{len(splats)} splats, too few for a surface", "give a capture")
+    with np.errstate(over="ignore", invalid="ignore"):
+        sound = np.isfinite(splats.means).all(axis=1) & np.isfinite(splats.scales).all(axis=1)
+        sound &= np.isfinite(splats.quats).all(axis=1) & (np.linalg.norm(splats.quats, axis=1) > 0)
+    solid = np.flatnonzero(sound & (splats.opacities >= SOLID) & (np.sort(splats.scales, axis=1)[:, 1] > 0))
+    if len(solid) < FEWEST:
+        found = f"{len(solid)} of {len(splats)} splats show (opacity {SOLID} and more), too few for a surface"
+        raise InputError(source, found, "check the file; a capture that is all transparent has no proxy")
+    low, high = np.quantile(splats.means[solid].astype(np.float64), [STRAY, 1 - STRAY], axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2 * (1 + 2 * MARGIN)
+    size = float(np.linalg.norm(half))
+    if not size > 0:
+        raise InputError(source, "all splats lie in one place", "check the file")
+    half = np.maximum(half, 0.05 * size)  # a flat capture has no extent along one axis
+    step = float(np.spacing(np.float32(np.abs(middle).max())))
+    if step > 2e-5 * size:
+        found = f"it lies {np.abs(middle).max():.3g} units from the origin and is {2 * size:.3g} in size"
+        remedy = "numbers of single precision are too coarse there: move it to the origin before it is saved"
+        raise InputError(source, found, remedy)
+    inside = solid[(np.abs(splats.means[solid] - middle) <= half).all(axis=1)]
+    kept = take(splats, inside)
+    low, high = (f(kept.means, axis=0).astype(np.float64) for f in (np.min, np.max))
+    middle, half = (low + high) / 2, (high - low) / 2
+    means = kept.means.astype(np.float64) - middle
+    radius = float(np.linalg.norm(means, axis=1).max())
+    kept = replace(kept, means=means.astype(np.float32))
+    shape = np.sort(kept.scales[:: max(len(kept) // _SAMPLE, 1)], axis=1)
+    surfels = bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < SURFEL)
+    if len(kept) > MOST_SPLATS:
+        from mirelight.proxy.joining import joined
+
+        kept = joined(kept, MOST_SPLATS)
+    spacing = _spacing(kept.means.astype(np.float64))
+    if not spacing > 0:
+        raise InputError(source, "most splats lie in the same place as another", "check the file")
+    return Capture(kept, middle, half, radius, spacing, surfels)
+
+
+def take(splats: SplatCloud, rows: Int) -> SplatCloud:
+    """Some of the splats."""
+    return replace(
+        splats,
+        means=splats.means[rows],
+        quats=splats.quats[rows],
+        scales=splats.scales[rows],
+        opacities=splats.opacities[rows],
+        sh=splats.sh[rows, :1],
+    )
+
+
+def _spacing(means: F64) -> float:
+    from scipy.spatial import cKDTree
+
+    asked = means[:: max(len(means) // _SAMPLE, 1)]
+    near, _ = cKDTree(means).query(asked, k=min(7, len(means)), workers=-1)
+    return float(np.median(near[:, -1])) / 1.8  # the sixth neighbour of a plane's hexagons lies 1 to 2 spacings off
+
+
+def axes_of(splats: SplatCloud) -> tuple[F64, F64]:
+    """(N, 3, 3) axes as columns and (N, 3) scales, thinnest first."""
+    order = np.argsort(splats.scales, axis=1, kind="stable")
+    axes = np.take_along_axis(conventions.rotation_from_quaternion(splats.quats), order[:, None, :], axis=2)
+    return axes, np.take_along_axis(splats.scales, order, axis=1).astype(np.float64)
+
+
+def thinnest(splats: SplatCloud) -> F64:
+    """(N, 3) unit normals: the axes along which splats are thinnest, either sign."""
+    return np.ascontiguousarray(axes_of(splats)[0][:, :, 0])

@@ -1,0 +1,153 @@
+"""Depth maps fused into a grid of truncated signed distances (Curless and Levoy, 1996)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirelight.model import F32, F64, Camera
+from mirelight.proxy.depth import DepthMap, points_of
+from mirelight.proxy.types import Int, Progress
+from mirelight.proxy.views import rays, turned
+
+TRUNCATION = 4  # cells
+BAND = 2  # cells to either side of what views see, in which distances are kept
+MOST_NODES = 160_000_000  # of the grid: more would take too much memory
+_CHUNK = 1 << 18  # nodes at once
+_OPPOSITE = -0.5  # cosine between normals of two sides of one sheet
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Distances at the nodes that views have seen; node (i, j, k) stands at low + cell (i, j, k)."""
+
+    low: F64  # (3,)
+    cell: float
+    shape: tuple[int, int, int]
+    nodes: Int  # (M,) ascending flat indices of nodes that are known
+    distance: F32  # (M,) signed, positive outside, at most TRUNCATION cells
+
+
+def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) -> Grid:
+    """Fuse depth maps.
+
+    Where a sheet thinner than two cells is seen from both sides, the views on the side of the origin count, as a floor
+    or a wall has its scene on that side; their average would be no surface at all.
+
+    Args:
+        views: the maps.
+        half: (3,) half extents of the box about the origin that the grid fills.
+        cell: distance of nodes; made larger where the grid would have more than `MOST_NODES`.
+        progress: told of each view.
+    """
+    cell = max(cell, float((8 * np.prod(half) / MOST_NODES) ** (1 / 3)))
+    size = np.ceil(2 * (half + (TRUNCATION + 1) * cell) / cell).astype(int) + 1
+    shape = (int(size[0]), int(size[1]), int(size[2]))
+    low = -(size - 1) * cell / 2
+    clean = _one_sided(views, 2 * cell)
+    nodes = _near_surface(clean, low, cell, shape)
+    at = (np.stack(np.unravel_index(nodes, shape), axis=1) * cell + low).astype(np.float32)
+    total, weight = np.zeros(len(nodes), np.float32), np.zeros(len(nodes), np.float32)
+    for done, view in enumerate(clean):
+        progress("fusing depth maps", done / len(clean))
+        planes = _Planes.of(view)
+        for start in range(0, len(nodes), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            d, w = planes.distances(at[part], TRUNCATION * cell)
+            total[part] += d * w
+            weight[part] += w
+    known = weight > 0
+    return Grid(low, cell, shape, nodes[known], total[known] / weight[known])
+
+
+def _near_surface(views: Sequence[DepthMap], low: F64, cell: float, shape: tuple[int, int, int]) -> Int:
+    """Nodes within the band around a point that some view sees, ascending."""
+    from scipy.ndimage import maximum_filter1d
+
+    marked = np.zeros(shape, np.uint8)
+    for view in views:
+        points, _ = points_of(view)
+        i = np.rint((points - low) / cell).astype(np.int64)
+        i = i[((i >= 0) & (i < shape)).all(axis=1)]
+        marked[i[:, 0], i[:, 1], i[:, 2]] = 1
+    for axis in range(3):
+        marked = maximum_filter1d(marked, 2 * BAND + 1, axis=axis)
+    return np.flatnonzero(marked)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Planes:
+    """What the nodes need of one view, in single precision: a plane for each pixel."""
+
+    camera: Camera
+    rows: F32  # (H W, 6) depth, normal, offset of the plane from the origin, cosine at which it is seen
+
+    @staticmethod
+    def of(view: DepthMap) -> _Planes:
+        origins, ways = rays(view.camera)
+        spot = origins + ways * view.depth[..., None]
+        long = np.maximum(np.linalg.norm(ways, axis=-1), 1e-30)
+        facing = -(view.normal * ways).sum(axis=-1) / long
+        offset = (view.normal * spot).sum(axis=-1)
+        rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
+        return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))
+
+    def distances(self, at: F32, most: float) -> tuple[F32, F32]:
+        """(M,) signed distance of points to the plane that their pixel sees, and its weight; 0 where none tells."""
+        camera, far = self.camera, np.float32(most)
+        matrix = camera.camera_from_world.astype(np.float32)
+        own = turned(at, matrix[:3, :3]) + matrix[:3, 3]
+        z = -own[:, 2]
+        w = np.maximum(z, np.float32(1e-12))
+        x = np.floor(np.float32(camera.cx) + np.float32(camera.fx) * own[:, 0] / w)
+        y = np.floor(np.float32(camera.cy) - np.float32(camera.fy) * own[:, 1] / w)
+        seen = (z > camera.near) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+        row = self.rows[np.where(seen, y * camera.width + x, 0).astype(np.int64)]
+        seen &= row[:, 0] > 0
+        ahead = row[:, 0] - z  # positive before the surface
+        plane = (at * row[:, 1:4]).sum(axis=1) - row[:, 4]
+        distance = np.where(ahead > 2 * far, far, np.clip(plane, -far, far))
+        # A node far behind is hidden; one little behind counts less the deeper: a thin part's far side stays whole.
+        hidden = (ahead < -2 * far) | (plane <= -far)
+        fading = np.clip((plane + far) * np.float32(2 / most), 0, 1)
+        weight = np.where(seen & ~hidden, np.clip(row[:, 5], np.float32(0.05), 1) * fading, np.float32(0))
+        return distance, weight
+
+
+def _one_sided(views: Sequence[DepthMap], cell: float) -> list[DepthMap]:
+    """The maps without pixels that see the far side of a thin sheet."""
+    keys, sides, normals = [], [], []
+    for view in views:
+        points, n = points_of(view)
+        keys.append(_voxel(points, cell))
+        sides.append((points * n).sum(axis=1) < 0)  # facing the origin
+        normals.append(n)
+    key, index = np.unique(np.concatenate(keys), return_inverse=True)
+    if not len(key):
+        return list(views)
+    side, n = np.concatenate(sides), np.concatenate(normals)
+    sums = np.zeros((2, len(key), 3))
+    for way in (0, 1):
+        of = side == bool(way)
+        for k in range(3):
+            sums[way, :, k] = np.bincount(index[of], n[of, k], minlength=len(key))
+    length = np.linalg.norm(sums, axis=2)
+    cosine = (sums[0] * sums[1]).sum(axis=1) / np.maximum(length[0] * length[1], 1e-30)
+    few = np.minimum(length[0], length[1]) < 0.1 * np.maximum(length[0], length[1])
+    both = (cosine < _OPPOSITE) & ~few
+    drop = both[index] & ~side
+    out, start = [], 0
+    for view, own in zip(views, keys, strict=True):
+        depth = view.depth.copy()
+        seen = np.flatnonzero(depth.ravel() > 0)
+        depth.ravel()[seen[drop[start : start + len(own)]]] = 0
+        start += len(own)
+        out.append(replace(view, depth=depth))
+    return out
+
+
+def _voxel(points: F64, cell: float) -> Int:
+    i = np.floor(points / cell).astype(np.int64) + (1 << 20)
+    return np.asarray((i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2])

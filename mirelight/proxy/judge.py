@@ -1,0 +1,155 @@
+"""How well a mesh fits splats: seen from around, or through given cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.compositor import Compositor
+from mirelight.lighting.sight import Sight
+from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, SplatLayer
+from mirelight.proxy.advice import advice_on
+from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
+from mirelight.proxy.types import ProxyQuality, ProxySettings
+from mirelight.proxy.views import around, moved, rays
+
+VIEWS = 12  # looked from, without cameras
+PIXELS = 256  # along a view's longer side
+EMPTY = 0.1  # alpha below which a pixel shows no splats
+WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yellow
+_DEFAULT = ProxySettings()
+
+
+def judge(
+    splats: SplatCloud,
+    mesh: ProxyMesh,
+    cameras: Sequence[Camera] | None = None,
+    *,
+    settings: ProxySettings = _DEFAULT,
+    source: str | Path = "splats",
+) -> ProxyQuality:
+    """How well a mesh fits splats, in figures, words and a picture.
+
+    Args:
+        splats: the capture, in world space.
+        mesh: the proxy, in the same space.
+        cameras: where to look from, at `PIXELS` along the longer side; None: from `VIEWS` sides around.
+        settings: the variant that it runs on.
+        source: whom to name in an error.
+
+    Raises:
+        InputError: splats without a surface.
+        BackendError: the variant cannot run here.
+    """
+    capture = look_at_capture(splats, source)
+    there = None if cameras is None else tuple(moved(_small(c), -capture.middle) for c in cameras)
+    local = replace(
+        mesh, vertices=(mesh.vertices.astype(np.float64) - capture.middle).astype(np.float32), normals=None, uvs=None
+    )
+    return judged(capture, DepthMaps(capture, settings), local, there, settings)
+
+
+def judged(
+    capture: Capture, maps: DepthMaps, mesh: ProxyMesh, cameras: Sequence[Camera] | None, settings: ProxySettings
+) -> ProxyQuality:
+    """As :func:`judge`, of a capture that is known, everything in its space."""
+    chosen = around(capture.splats.means, capture.radius, VIEWS, PIXELS) if cameras is None else cameras
+    sight = Sight(mesh, settings.variant, settings.threads)
+    compositor = Compositor(capture.splats, variant=settings.variant, threads=settings.threads)
+    seen = [_compared(compositor.composite(camera, depth=False), maps.of(camera), sight) for camera in chosen]
+    shown = sum(x.shown for x in seen)
+    covered = sum(x.covered for x in seen)
+    leaked, hit = sum(x.leaked for x in seen), sum(x.hit for x in seen)
+    gaps = np.concatenate([x.gaps for x in seen])
+    size = 2 * capture.radius
+    uncovered = 1 - covered / shown if shown else 1.0
+    median, high = (float(x) for x in np.quantile(gaps, [0.5, 0.95])) if len(gaps) else (float("nan"), float("nan"))
+    leaks = leaked / hit if hit else 0.0
+    return ProxyQuality(
+        uncovered=uncovered,
+        gap_median=median,
+        gap_95=high,
+        leaks=leaks,
+        size=size,
+        triangles=len(mesh.faces),
+        views=len(chosen),
+        advice=advice_on(capture, mesh, uncovered, median, leaks),
+        heat=_sheet([x.picture(WRONG * size) for x in seen]),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Compared:
+    """One view of splats and mesh."""
+
+    alpha: F32  # (H, W)
+    gray: F32  # (H, W) how bright the splats look, display values, premultiplied
+    on_mesh: NDArray[np.bool_]  # (H, W)
+    gap: F64  # (H, W) distance between both along the view, NaN where one is not
+
+    @property
+    def shown(self) -> int:
+        return int((self.alpha > OPAQUE).sum())
+
+    @property
+    def covered(self) -> int:
+        return int(((self.alpha > OPAQUE) & self.on_mesh).sum())
+
+    @property
+    def leaked(self) -> int:
+        return int(((self.alpha < EMPTY) & self.on_mesh).sum())
+
+    @property
+    def hit(self) -> int:
+        return int(self.on_mesh.sum())
+
+    @property
+    def gaps(self) -> F64:
+        return self.gap[np.isfinite(self.gap)]
+
+    def picture(self, wrong: float) -> NDArray[np.uint8]:
+        """(H, W, 3): gray as the splats look; red, blue and yellow over it."""
+        gray = np.clip(self.gray, 0, 1)[..., None] * 0.7 + 0.05
+        out = np.repeat(gray, 3, axis=2).astype(np.float64)
+        off = np.nan_to_num(np.clip(self.gap / wrong, 0, 1))[..., None]
+        out = out * (1 - off) + off * (1.0, 0.85, 0.1)
+        opaque = self.alpha > OPAQUE
+        out[opaque & ~self.on_mesh] = 0.25 * out[opaque & ~self.on_mesh] + 0.75 * np.array((1.0, 0.1, 0.05))
+        out[(self.alpha < EMPTY) & self.on_mesh] = (0.15, 0.35, 1.0)
+        return np.rint(np.clip(out, 0, 1) * 255).astype(np.uint8)
+
+
+def _compared(layer: SplatLayer, view: DepthMap, sight: Sight) -> _Compared:
+    origins, ways = rays(view.camera)
+    shape = view.depth.shape
+    starts = np.broadcast_to(origins, ways.shape).reshape(-1, 3)
+    face, distance = sight.first_hits(starts, ways.reshape(-1, 3))
+    on_mesh = (face >= 0).reshape(shape)
+    both = on_mesh & (view.depth > 0) & (layer.transmittance < 1 - OPAQUE)
+    depth = np.where(both, distance.reshape(shape), 0.0)
+    long = np.linalg.norm(ways, axis=-1)
+    gap = np.where(both, np.abs(depth - view.depth) * long, np.nan)
+    return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), on_mesh, gap)
+
+
+def _small(camera: Camera) -> Camera:
+    """The camera with `PIXELS` along its longer side, or its own if those are fewer."""
+    share = min(PIXELS / max(camera.width, camera.height), 1.0)
+    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+
+
+def _sheet(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Pictures in rows of four, on black."""
+    height, width = max(p.shape[0] for p in pictures), max(p.shape[1] for p in pictures)
+    columns = min(len(pictures), 4)
+    rows = -(-len(pictures) // columns)
+    out = np.zeros((rows * height, columns * width, 3), np.uint8)
+    for i, picture in enumerate(pictures):
+        y, x = i // columns * height, i % columns * width
+        out[y : y + picture.shape[0], x : x + picture.shape[1]] = picture
+    return out

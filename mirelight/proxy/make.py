@@ -1,0 +1,94 @@
+"""A proxy from splats alone."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.errors import InputError
+from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
+from mirelight.proxy.fusion import fuse
+from mirelight.proxy.judge import judged
+from mirelight.proxy.nets import surface_of
+from mirelight.proxy.tidy import closed, smoothed, without_crumbs
+from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
+from mirelight.proxy.views import ORBIT, PIXELS, around
+
+PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
+FEWEST_PIXELS = 96  # along the longer side of a view
+CELL = 1.5  # footprints of a pixel at the middle of the capture
+LEAST_OPAQUE = 0.005  # share of the pixels around a capture; less is no surface
+FOG = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
+_DEFAULT = ProxySettings()
+
+
+def make(
+    splats: SplatCloud,
+    settings: ProxySettings = _DEFAULT,
+    progress: Progress | None = None,
+    *,
+    source: str | Path = "splats",
+) -> MadeProxy:
+    """A triangle mesh that stands for the surface of splats.
+
+    Discs (fitted surfels) become cells: pieces of their planes, cut by their neighbours. Other captures are looked at
+    from around, and the depth maps are fused. The mesh is decided, to the bit, by the splats' means, rotations, scales
+    and opacities and by the settings other than `threads`.
+
+    Args:
+        splats: the capture, in world space.
+        settings: how.
+        progress: told what is being done.
+        source: whom to name in an error, usually the splats' file.
+
+    Raises:
+        InputError: splats that have no surface: too few, transparent, fog, too far from the origin.
+        BackendError: the variant cannot run here.
+        RenderError: not enough memory.
+    """
+    told, began = progress or quiet, time.monotonic()
+    told("looking at the splats", 0.0)
+    capture = look_at_capture(splats, source)
+    maps = DepthMaps(capture, settings)
+    method: Method = "depth"
+    soup = _fused(capture, maps, part(told, 0.05, 0.9), source)
+    if not len(soup.faces):
+        raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
+    local = _mesh(soup)
+    told("judging the proxy", 0.95)
+    quality = judged(capture, maps, local, None, settings)
+    mesh = _mesh(Soup(soup.vertices + capture.middle, soup.faces))
+    return MadeProxy(mesh=mesh, method=method, quality=quality, seconds=time.monotonic() - began)
+
+
+def _mesh(soup: Soup) -> ProxyMesh:
+    return ProxyMesh(vertices=soup.vertices.astype(np.float32), faces=soup.faces.astype(np.int32))
+
+
+def _fused(capture: Capture, maps: DepthMaps, told: Progress, source: str | Path) -> Soup:
+    """By depth maps."""
+    pixels = int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
+    cameras = around(capture.splats.means, capture.radius, ORBIT, pixels)
+    views: list[DepthMap] = []
+    for done, camera in enumerate(cameras):
+        told("taking depth maps", 0.4 * done / len(cameras))
+        views.append(maps.of(camera))
+    _refuse_fog(capture, views, source)
+    footprint = float(np.median([np.linalg.norm(view.camera.position) / view.camera.fx for view in views]))
+    grid = fuse(views, capture.half, CELL * footprint, part(told, 0.4, 0.9))
+    told("finding the surface", 0.9)
+    return closed(smoothed(without_crumbs(surface_of(grid))))
+
+
+def _refuse_fog(capture: Capture, views: list[DepthMap], source: str | Path) -> None:
+    opaque = np.array([float((view.alpha > OPAQUE).mean()) for view in views])
+    remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
+    if opaque.mean() < LEAST_OPAQUE:
+        raise InputError(source, f"no surface: {opaque.mean():.1%} of the pixels around it are opaque", remedy)
+    spread = float(np.median([view.spread for view in views])) / capture.radius
+    if spread > FOG:
+        raise InputError(source, f"no surface: splats blend over a depth of {spread:.0%} of its radius", remedy)

@@ -1,0 +1,82 @@
+"""What goes into the making of a proxy, and what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F64, ProxyMesh, Variant
+from mirelight.model.arrays import freeze
+
+Method: TypeAlias = Literal["cells", "depth"]
+Int: TypeAlias = NDArray[np.int64]
+Progress: TypeAlias = Callable[[str, float], None]  # what is being done, and how much of the whole is done, 0 to 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProxySettings:
+    """How a proxy is made. Together with the splats these decide its every bit (threads do not)."""
+
+    method: Literal["auto", "cells", "depth"] = "auto"  # auto: cells where splats are thin discs, else depth maps
+    views: Literal["auto", "around", "inside"] = "auto"  # where depth maps are taken from
+    triangles: int | None = None  # at most about so many; None: as many as the shape needs
+    variant: Variant = "llvm_ad_rgb"
+    threads: int | None = None  # None: as they are
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProxyQuality:
+    """How well a mesh fits splats, over all pixels of some views. Splat pixels are those of alpha above 0.5."""
+
+    uncovered: float  # share of the splat pixels where the mesh is not, 0..1
+    gap_median: float  # median distance between splats and mesh along the view, world units; NaN: nothing to compare
+    gap_95: float  # its 95th percentile
+    leaks: float  # share of the mesh's pixels where the splats' alpha is below 0.1, 0..1
+    size: float  # what gaps compare with: the diagonal of the box that holds the splats, world units
+    triangles: int
+    views: int  # how many were looked from
+    advice: tuple[str, ...]  # sentences: what is wrong, and what to try; empty: it fits
+    heat: NDArray[np.uint8]  # (h, w, 3) the views side by side: gray fits, red is uncovered, blue leaks, yellow a gap
+
+    def __post_init__(self) -> None:
+        freeze(self, "heat", (None, None, 3), np.uint8)
+
+    @property
+    def fits(self) -> bool:
+        """Nothing to complain about."""
+        return not self.advice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MadeProxy:
+    """A proxy made from splats, and how well it fits them."""
+
+    mesh: ProxyMesh
+    method: Method
+    quality: ProxyQuality
+    seconds: float  # that it took
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Soup:
+    """A triangle mesh in the making, double precision, relative to the capture's middle."""
+
+    vertices: F64  # (V, 3)
+    faces: Int  # (F, 3)
+
+
+def quiet(what: str, done: float) -> None:
+    """A `Progress` that says nothing."""
+
+
+def part(progress: Progress, low: float, high: float) -> Progress:
+    """Reports 0..1 of a step as low..high of the whole."""
+
+    def report(what: str, done: float) -> None:
+        progress(what, low + (high - low) * done)
+
+    return report

@@ -1,0 +1,86 @@
+"""Cameras to look at a capture from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import conventions
+from mirelight.model import F32, F64, Camera
+
+YFOV = 40.0  # degrees, of views from around
+INSIDE_YFOV = 95.0  # degrees, of the six views from a point inside: a cube's faces with some overlap
+ORBIT = 33  # views from around
+PIXELS = 448  # along the longer side of a view
+_BORDER = 0.02  # of the longer side, kept free around the splats' centres
+
+
+def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
+    """Views of points about the origin from evenly spread sides (a Fibonacci lattice), so no axis need be up.
+
+    Each shows just what holds the points, `pixels` along its longer side.
+    """
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
+    flat = np.sqrt(1 - z * z)
+    ways = np.stack([flat * np.cos(turn), z, flat * np.sin(turn)], axis=1)
+    away = radius / np.sin(np.radians(YFOV / 2))
+    return tuple(
+        _framed(
+            Camera.look_at(way * away, (0, 0, 0), pixels, pixels, yfov=YFOV, near=1e-3 * radius, name=f"around-{i}"),
+            points,
+            pixels,
+        )
+        for i, way in enumerate(ways)
+    )
+
+
+def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
+    """The same view of what holds the points alone."""
+    inverse = camera.camera_from_world
+    own = turned(points, inverse[:3, :3].astype(np.float32)) + inverse[:3, 3].astype(np.float32)
+    slopes = own[:, :2] / np.maximum(-own[:, 2:], np.float32(1e-12))
+    low, high = slopes.min(axis=0).astype(np.float64), slopes.max(axis=0).astype(np.float64)
+    border = _BORDER * float((high - low).max())
+    low, high = low - border, high + border
+    focal = pixels / float((high - low).max())
+    width, height = (max(round(float(x) * focal), 1) for x in high - low)
+    return replace(
+        camera, width=width, height=height, fx=focal, fy=focal, cx=float(-low[0] * focal), cy=float(high[1] * focal)
+    )
+
+
+def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
+    """Six views from each point, along the axes and against them."""
+    ways = np.concatenate([np.eye(3), -np.eye(3)])
+    return tuple(
+        Camera.look_at(p, p + way, pixels, pixels, yfov=INSIDE_YFOV, near=near, name=f"inside-{i}-{k}")
+        for i, p in enumerate(points)
+        for k, way in enumerate(ways)
+    )
+
+
+def rays(camera: Camera) -> tuple[F64, F64]:
+    """(H, W, 3) where the pixels' centres look from, or (3,) if from one point, and (H, W, 3) directions, one deep."""
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    y = (camera.cy - np.arange(camera.height) - 0.5) / camera.fy
+    own = np.empty((camera.height, camera.width, 3))
+    own[..., 0], own[..., 1], own[..., 2] = x[None, :], y[:, None], -1.0
+    turn = camera.world_from_camera[:3, :3]
+    if camera.projection == "perspective":
+        return camera.position, turned(own, turn)
+    ahead = own * (0, 0, 1)
+    return camera.position + turned(own - ahead, turn), turned(ahead, turn)
+
+
+def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:
+    """Rows (..., 3) multiplied by a matrix (3, 3), without BLAS, whose bits depend on its threads."""
+    return np.asarray(np.einsum("...j,ij->...i", rows, matrix))
+
+
+def moved(camera: Camera, by: F64) -> Camera:
+    """The camera somewhere else, looking the same way."""
+    return replace(camera, world_from_camera=conventions.compose(by) @ camera.world_from_camera)

@@ -1,0 +1,53 @@
+"""`mirelight proxy` as a real process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.io import splats
+from mirelight.io.mesh import read_mesh
+from mirelight.model import SplatCloud
+
+from .conftest import Run
+
+
+def ball(count: int) -> SplatCloud:
+    """Discs on a ball of radius 1."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
+    flat = np.sqrt(1 - z * z)
+    return SplatCloud(
+        means=np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1).astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        scales=np.full((count, 3), 2.4 / np.sqrt(count), np.float32),
+        opacities=np.full(count, 0.95, np.float32),
+        sh=np.zeros((count, 1, 3), np.float32),
+    )
+
+
+def test_a_proxy_is_made_and_its_fit_is_said(run: Run, tmp_path: Path) -> None:
+    splats.write(ball(1000), tmp_path / "ball.ply")
+    done = run("proxy", "ball.ply", "-o", "ball.glb")
+    assert done.returncode == 0, done.stderr
+    mesh = read_mesh(tmp_path / "ball.glb")
+    assert len(mesh.faces) > 100
+    for word in (f"{len(mesh.faces):,}", "uncovered", "depth gap", "leaks", "ball.heat.png"):
+        assert word in done.stdout
+    assert (tmp_path / "ball.heat.png").stat().st_size > 1000
+
+
+def test_bad_input_is_one_line_and_writes_nothing(run: Run, tmp_path: Path) -> None:
+    splats.write(ball(2), tmp_path / "two.ply")
+    for arguments, said in (
+        (("two.ply", "-o", "two.glb"), "two.ply: 2 splats, too few"),
+        (("none.ply", "-o", "two.glb"), "none.ply: no such file"),
+        (("two.ply", "-o", "two.obj"), "written as .glb"),
+        (("two.ply", "-o", "nowhere/two.glb"), "the folder does not exist"),
+    ):
+        done = run("proxy", *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["two.ply"]

@@ -1,0 +1,110 @@
+"""Proxies of splats whose surface is known exactly, and captures that have none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from mirelight.errors import InputError
+from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.proxy import MadeProxy, ProxySettings, make
+
+from .clouds import ball, box_shell
+
+
+@cache
+def made_ball() -> MadeProxy:
+    return make(ball())
+
+
+def volume(mesh: ProxyMesh) -> float:
+    """Of a closed mesh; positive where its faces look outwards."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+def test_a_ball_of_splats_becomes_a_ball() -> None:
+    mesh = made_ball().mesh
+    radius = np.linalg.norm(mesh.vertices.astype(np.float64), axis=1)
+    spacing = np.sqrt(4 * np.pi / 4000)
+    assert np.abs(radius - 1).max() < spacing  # discs stand out of a ball, by a part of their size
+    assert volume(mesh) == pytest.approx(4 / 3 * np.pi, rel=0.06)
+
+
+def test_a_ball_is_covered_without_gaps_and_leaks() -> None:
+    quality = made_ball().quality
+    assert quality.uncovered < 0.05
+    assert quality.leaks < 0.01
+    assert quality.gap_median < 0.01 * quality.size
+    assert quality.fits
+
+
+def test_the_same_bits_on_any_number_of_threads() -> None:
+    one, two = (make(ball(800), ProxySettings(threads=n)).mesh for n in (1, 2))
+    np.testing.assert_array_equal(one.vertices, two.vertices)
+    np.testing.assert_array_equal(one.faces, two.faces)
+
+
+def test_a_capture_far_from_the_origin_keeps_its_place() -> None:
+    mesh = make(ball(800, centre=(300, -20, 5))).mesh
+    np.testing.assert_allclose((mesh.bounds[0] + mesh.bounds[1]) / 2, (300, -20, 5), atol=0.03)
+
+
+def test_a_floor_seen_from_both_sides_is_one_sheet_under_what_stands_on_it() -> None:
+    """A thin floor averages to nothing if both its sides count."""
+    floor = box_shell(4, 0.05, thin=0.3, faces=(2,))
+    box = box_shell(1, 0.05, thin=0.3)
+    cloud = joined_clouds(floor, moved(box, (0, -1.4, 0)))
+    quality = make(cloud).quality
+    assert quality.uncovered < 0.08
+    assert quality.gap_median < 0.004 * quality.size
+
+
+def moved(cloud: SplatCloud, by: tuple[float, float, float]) -> SplatCloud:
+    return replace(cloud, means=cloud.means + np.array(by, np.float32))
+
+
+def joined_clouds(*clouds: SplatCloud) -> SplatCloud:
+    return SplatCloud(
+        means=np.concatenate([c.means for c in clouds]),
+        quats=np.concatenate([c.quats for c in clouds]),
+        scales=np.concatenate([c.scales for c in clouds]),
+        opacities=np.concatenate([c.opacities for c in clouds]),
+        sh=np.concatenate([c.sh for c in clouds]),
+    )
+
+
+# --- captures without a surface --------------------------------------------------------------------------------------
+
+
+def fog() -> SplatCloud:
+    rng = np.random.default_rng(0)
+    n = 4000
+    return replace(
+        ball(n),
+        means=rng.normal(size=(n, 3)).astype(np.float32),
+        scales=np.full((n, 3), 0.15, np.float32),
+        opacities=np.full(n, 0.05, np.float32),
+    )
+
+
+BAD: dict[str, tuple[Callable[[], SplatCloud], str]] = {
+    "two splats": (lambda: ball(2), "2 splats, too few"),
+    "all transparent": (lambda: replace(ball(), opacities=np.zeros(4000, np.float32)), "0 of 4000 splats show"),
+    "a million units away": (lambda: ball(centre=(1e6, 0, 0)), "from the origin"),
+    "all in one place": (lambda: replace(ball(), means=np.ones((4000, 3), np.float32)), "in one place"),
+    "fog": (fog, "no surface"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_capture_without_surface_is_refused_in_one_line(case: str) -> None:
+    cloud, said = BAD[case]
+    with pytest.raises(InputError, match=said) as caught:
+        make(cloud(), source="capture.ply")
+    assert str(caught.value).startswith("capture.ply: ")
+    assert "\n" not in str(caught.value)

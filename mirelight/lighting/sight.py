@@ -29,9 +29,9 @@ class Sight:
         backend.mitsuba(variant, threads)
         self._surface: Any = None
         if len(mesh.faces):
-            from mirelight.lighting.kernel.surface import Surface
+            from mirelight.lighting.kernel.proxy import DeviceProxy
 
-            self._surface = Surface(mesh)
+            self._surface = DeviceProxy(mesh)
 
     def first_hits(self, origins: F64, ways: F64) -> tuple[I32, F64]:
         """The nearest point of the mesh along each ray.

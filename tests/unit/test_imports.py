@@ -32,7 +32,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "compositor": BASE | TOOLS | {"backend", "machine"},
     "relight": {"model", "colour"},
     "provenance": {"model", "backend"},
-    "proxy": BASE | TOOLS | {"backend", "lighting", "compositor"},
+    "proxy": BASE | TOOLS | {"backend", "lighting", "compositor", "machine"},
     "pipeline": BASE | TOOLS | {"backend", "engine_lights", "lighting", "compositor", "relight", "provenance"},
     "compare": {"*"},
     "realtime": {"*"},

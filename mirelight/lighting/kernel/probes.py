@@ -63,7 +63,7 @@ def nearest_along(surface: DeviceProxy, origins: F64, ways: F64, reach: float) -
     return face, weights.astype(np.float32), distance
 
 
-def first_hits(surface: Surface, origins: F64, ways: F64) -> tuple[I32, F64]:
+def first_hits(surface: DeviceProxy, origins: F64, ways: F64) -> tuple[I32, F64]:
     """The nearest point of the surface along each ray.
 
     Args:

@@ -25,6 +25,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "model": BASE,
     "colour": BASE,
     "sh": BASE,
+    "viewing": BASE,
     "engine_lights": BASE | {"colour"},
     "io": BASE | TOOLS | {"engine_lights", "machine"},
     "backend": {"errors", "model"},

@@ -50,7 +50,7 @@ class CameraFile:
 
     path: Path
     kind: Kind
-    files: tuple[Path, ...]  # what is read
+    files: tuple[Path, ...]  # what may be read
     dataparser: Path | None = None  # nerfstudio's transforms of a training, beside it
     data: Any = None  # parsed JSON
 
@@ -143,12 +143,13 @@ def _json(path: Path) -> CameraFile:
     data = reading.load_json(path)
     beside = path.with_name(DATAPARSER)
     dataparser = beside if beside.is_file() else None
+    read = (path,) if dataparser is None else (path, dataparser)
     if isinstance(data, list):
         return CameraFile(path, "cameras.json", (path,), None, data)
     if isinstance(data, dict) and "frames" in data:
-        return CameraFile(path, "transforms.json", (path,), dataparser, data)
+        return CameraFile(path, "transforms.json", read, dataparser, data)
     if isinstance(data, dict) and "camera_path" in data:
-        return CameraFile(path, "camera_path.json", (path,), dataparser, data)
+        return CameraFile(path, "camera_path.json", read, dataparser, data)
     if phones.is_polycam(data):
         return CameraFile(path, "Polycam", (path,))
     if phones.is_record3d(data):

@@ -13,7 +13,7 @@ from mirelight import model
 from mirelight.conventions import Matrix
 from mirelight.io.job import cameras, lighting, placing
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
-from mirelight.io.job.hashing import digest, file_digest
+from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.source import Source
@@ -92,8 +92,11 @@ class Assets:
         from mirelight.io.cameras import open_file
 
         found = open_file(self.folder / path)
-        for file in found.files:
-            self.digests[os.path.relpath(file, self.folder)] = file_digest(file)
+        if len(found.files) > 2:  # one for each picture
+            self.digests[path] = digest_of_all(found.files, found.files[0].parent)
+        else:
+            named = {os.path.relpath(file, self.folder): file for file in found.files}
+            self.digests |= {name: file_digest(file) for name, file in named.items()}
         return found
 
     def panorama(self, path: str) -> F32:

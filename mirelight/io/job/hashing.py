@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,14 @@ def digest(path: Path) -> str:
     files = sorted({head, *companions(head)})
     if files == [path]:
         return file_digest(path)
+    return digest_of_all(files, head.parent)
+
+
+def digest_of_all(files: Iterable[Path], root: Path) -> str:
+    """The digest of the list over files below `root`, see :func:`digest`. Raises InputError."""
     whole = hashlib.sha256()
     for file in files:
-        name = file.relative_to(head.parent).as_posix()
+        name = file.relative_to(root).as_posix()
         whole.update(os.fsencode(name) + f"\0{file_digest(file)}\n".encode("ascii"))
     return whole.hexdigest()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from pathlib import Path
 
@@ -65,6 +66,7 @@ def test_only_what_is_read_counts_as_input(write_job: WriteJob, tmp_path: Path) 
         "cap/sparse/0/images.txt",
         "transforms.json",
     }
+    assert loaded.inputs["transforms.json"] == hashlib.sha256((tmp_path / "transforms.json").read_bytes()).hexdigest()
     again = tmp_path / "cap" / "images" / "view_000.png"
     again.write_bytes(b"another")
     assert job.load(loaded.source).inputs == loaded.inputs

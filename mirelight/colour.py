@@ -96,7 +96,10 @@ def shown(
 def straight(rgb: F32, alpha: F32) -> F32:
     """(..., 3) a premultiplied colour over its alpha (...,); 0 where the alpha is 0. A new array."""
     a = np.where(alpha > 0, alpha, np.float32(np.inf))
-    return np.asarray(rgb / a[..., None], dtype=np.float32)
+    out = np.empty(rgb.shape, dtype=np.float32)
+    for channel in range(3):  # several times faster than a plane against all channels at once
+        np.divide(rgb[..., channel], a, out=out[..., channel])
+    return out
 
 
 def laid_over(display: F32, alpha: F32, background: ArrayLike) -> F32:

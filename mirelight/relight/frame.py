@@ -11,6 +11,7 @@ from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, Reli
 from mirelight.relight.mode import Lit, Task
 from mirelight.relight.modes import mode_of, space_of
 from mirelight.relight.noise import noise as noise_of
+from mirelight.relight.pixels import multiply
 from mirelight.relight.resample import upsample
 
 
@@ -124,7 +125,7 @@ def _multiplied(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSe
     if space_of(splats, settings) == "display":
         _decode_premultiplied(splats.color * factor, splats, out)
     else:
-        np.multiply(unlit[..., :3], factor, out=out[..., :3])
+        multiply(unlit[..., :3], factor, out)
     return out
 
 
@@ -132,7 +133,7 @@ def _decode_premultiplied(color: F32, splats: SplatLayer, out: F32) -> None:
     """Decoded colour (H, W, 3), premultiplied like the given one, into `out` (H, W, 4), which holds the alpha."""
     alpha = out[..., 3]
     decoded = colour.decode(colour.straight(color, alpha), splats.profile)
-    np.multiply(decoded, alpha[..., None], out=out[..., :3])
+    multiply(decoded, alpha[..., None], out)
 
 
 def _lit_proxy(lighting: LightingBuffer, settings: RelightSettings, made_by: Provenance | None, noise: bool) -> Frame:

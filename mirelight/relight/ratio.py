@@ -8,7 +8,8 @@ from mirelight import colour
 from mirelight.model import F32
 from mirelight.relight.fill import continued
 from mirelight.relight.mode import Lit, Mode, Task
-from mirelight.relight.resample import bilinear, divide
+from mirelight.relight.pixels import divide, multiply
+from mirelight.relight.resample import bilinear
 
 _NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole capture is black
 
@@ -37,7 +38,8 @@ def factor(task: Task) -> F32:
 def _light(lit: Lit, size: tuple[int, int]) -> tuple[F32, F32]:
     """(H, W, 3) radiance over albedo, 0 where nothing is covered or the albedo is 0; (H, W) coverage."""
     # both premultiplied; the albedo is an average over the covered part
-    weight = lit.albedo * lit.coverage[..., None]
+    weight = np.empty_like(lit.albedo)
+    multiply(lit.albedo, lit.coverage[..., None], weight)
     return divide(bilinear(lit.beauty, size), bilinear(weight, size)), bilinear(lit.coverage, size)
 
 

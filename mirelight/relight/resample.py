@@ -9,6 +9,7 @@ import numpy as np
 
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer
 from mirelight.model.planes import Owner, Plane, planes_of
+from mirelight.relight.pixels import divide, unit_or_zero
 
 
 def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
@@ -32,7 +33,7 @@ def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
         flat = values.reshape(*values.shape[:2], -1)
         summed = bilinear(flat * lighting.coverage[..., None], size)
         average = divide(summed, coverage[..., None]).reshape((*size, *values.shape[2:]))
-        return _unit_or_zero(average) if plane.upsampling == "unit" else average
+        return unit_or_zero(average) if plane.upsampling == "unit" else average
 
     def by_table(of: LightingBuffer | LightLayer, owner: Owner) -> dict[str, Any]:
         return {x.field: resampled(getattr(of, x.field), x) for x in planes_of(owner) if x.upsampling != "none"}
@@ -71,13 +72,3 @@ def _along(image: F32, axis: int, count: int, squared_weights: bool) -> F32:
         clamped = ((low < 0) | (low + 1 > n - 1)).reshape(share.shape)
         return np.asarray(np.where(clamped, first, first * (1 - share) ** 2 + second * share**2), dtype=np.float32)
     return np.asarray(first * (1 - share) + second * share, dtype=np.float32)
-
-
-def divide(numerator: F32, denominator: F32) -> F32:
-    """numerator / denominator, 0 where the denominator is 0."""
-    safe = np.where(denominator > 0, denominator, np.float32(1))
-    return np.asarray(np.where(denominator > 0, numerator / safe, np.float32(0)), dtype=np.float32)
-
-
-def _unit_or_zero(vectors: F32) -> F32:
-    return divide(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -1,24 +1,30 @@
-"""Mode `tint`: the splats times the lit proxy, as the real-time engine's GsplatRelighting does it."""
+"""Mode `tint`: the splats times the lit proxy, as the real-time engine's GsplatRelighting means it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mirelight.model import F32, rules_of
+from mirelight.relight.fill import continued
 from mirelight.relight.mode import Mode, Task
-from mirelight.relight.resample import bilinear, divide
+from mirelight.relight.pixels import divide
+from mirelight.relight.resample import bilinear
 
 _FULL_COVERAGE = np.float32(0.5)  # unit texels: the share of a texel from which its one sample counts as a hit
 
 
 def factor(task: Task) -> F32:
-    """mix(background, lit brightness, coverage), where lit is already multiplied by coverage."""
+    """The lit proxy's radiance times `brightness` wherever it covers anything, filled outwards from there.
+
+    It is applied in full at partly covered pixels, and continued past the proxy: the splats there are the same surface,
+    and would stand out as an outline in the captured light.
+    """
     if rules_of(task.settings.profile).unit_texels:
         return _of_unit_texels(task)
-    settings = task.settings
-    coverage = bilinear(task.new.coverage, task.size)[..., None]
-    lit = bilinear(task.new.beauty, task.size)
-    return np.float32(settings.background) * (1 - coverage) + lit * np.float32(settings.brightness)
+    coverage = bilinear(task.new.coverage, task.size)
+    lit = divide(bilinear(task.new.beauty, task.size), coverage[..., None])
+    lit *= np.float32(task.settings.brightness)
+    return continued(lit, coverage > 0, task.settings.background)
 
 
 def _of_unit_texels(task: Task) -> F32:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mirelight import colour, relight
-from mirelight.model import Camera, LightingBuffer, LightLayer, RelightSettings, SplatLayer
+from mirelight.model import Camera, LightingBuffer, LightLayer, RelightMode, RelightSettings, SplatLayer
 
 H, W = 12, 17
 TINT = RelightSettings(mode="tint")
@@ -122,19 +122,22 @@ def test_wrong_combinations_are_refused() -> None:
 
 
 def test_tint_formula_in_linear_light() -> None:
+    """In full wherever the proxy covers anything; the background where it is far away."""
     rng = np.random.default_rng(3)
-    coverage = rng.uniform(0, 1, (H, W))
+    coverage = rng.uniform(0.01, 1, (H, W))
+    coverage[:, 10:] = 0
     radiance = rng.uniform(0, 2, (H, W, 3))
     settings = replace(TINT, blend=0.7, brightness=1.5, background=0.4)
     layer = splat_layer()
     frame = relight.apply(layer, lit(radiance, coverage), settings)
 
-    c = coverage[..., None]
-    factor = 0.4 * (1 - c) + 1.5 * radiance * c
+    factor = 1.5 * radiance
+    factor[:, 10:] = 0.4
     unlit = relight.unlit_rgba(layer)[..., :3].astype(np.float64)
-    np.testing.assert_allclose(frame.rgba[..., :3], unlit * (1 + 0.7 * (factor - 1)), rtol=2e-6, atol=1e-7)
+    expected, apart = 1 + 0.7 * (factor - 1), np.arange(W) != 10  # one column lies in between
     assert frame.factor is not None
-    np.testing.assert_allclose(frame.factor, 1 + 0.7 * (factor - 1), rtol=1e-6)
+    np.testing.assert_allclose(frame.factor[:, apart], expected[:, apart], rtol=2e-6)
+    np.testing.assert_allclose(frame.rgba[:, apart, :3], (unlit * expected)[:, apart], rtol=2e-6, atol=1e-7)
 
 
 def test_tint_in_display_space_scales_encoded_colour() -> None:
@@ -229,9 +232,40 @@ def test_ratio_is_carried_past_the_proxy_and_fades_to_the_background() -> None:
     np.testing.assert_allclose(factor[:, 150:], 0.25, rtol=1e-6)
     trust = (3.0 - factor[60, :150, 0]) / (3.0 - 0.25)
     assert np.all(np.diff(trust) >= -1e-6)
-    assert trust[149] > 0.8
-    assert 0.1 < trust[140] < 0.6
-    assert trust[0] < 0.1
+    np.testing.assert_allclose(trust[144:], 1, atol=1e-6)  # 3 % of the longer side
+    assert 0.3 < trust[138] < 0.7
+    np.testing.assert_array_equal(trust[:134], 0)  # 8 %
+
+
+@pytest.mark.parametrize("mode", ["tint", "ratio"])
+@pytest.mark.parametrize("edge", [37, 64, 128])
+def test_a_light_from_behind_leaves_no_outline(mode: RelightMode, edge: int) -> None:
+    """The side that is seen is dark, and splats reach past the proxy by 3 % of the picture.
+
+    The edge runs slanted, straight, and along the blocks that values are averaged over.
+    """
+    view = camera(256, 144)
+    slope = np.arange(144)[:, None] % 37 if edge == 37 else 0
+    coverage = (np.arange(256) >= edge + slope).astype(np.float32) * np.ones((144, 1), np.float32)
+    layer = splat_layer(camera=view, **sized(144, 256))
+    new, captured = lit(0.0, coverage, view), lit(1.0, coverage, view)
+    frame = relight.apply(layer, new, RelightSettings(mode=mode), captured=captured)
+    assert frame.unlit is not None
+    past = (coverage == 0) & (np.arange(256) >= edge + slope - 0.03 * 256)
+    assert past.sum() > 900
+    kept = frame.rgba[past][:, :3].sum() / frame.unlit[past][:, :3].sum()
+    assert kept < 0.02
+    assert np.all(frame.rgba[:, : edge - 22, :3] == frame.unlit[:, : edge - 22, :3])
+
+
+def test_the_engines_tint_ends_at_the_proxy() -> None:
+    coverage = np.zeros((H, W))
+    coverage[:, 8:] = 1
+    engine = replace(TINT, profile="playcanvas")
+    frame = relight.apply(splat_layer(profile="playcanvas"), lit(0.0, coverage), engine)
+    assert frame.factor is not None
+    np.testing.assert_array_equal(frame.factor[:, :8], 1)
+    np.testing.assert_array_equal(frame.factor[:, 8:], 0)
 
 
 def test_gaps_in_the_proxy_are_filled_from_their_rim() -> None:

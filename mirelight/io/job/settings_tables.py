@@ -93,7 +93,7 @@ class RelightTable(Table):
     )
     blend: Share = Field(default=_RELIGHT.blend, description="0: as captured; 1: fully relit.")
     brightness: NotNegative = Field(default=_RELIGHT.brightness, description="tint: multiplies the lit proxy.")
-    background: NotNegative = Field(default=_RELIGHT.background, description="tint: the factor where no proxy is.")
+    background: NotNegative = Field(default=_RELIGHT.background, description="The factor far from the proxy.")
     texture_scale: float = Field(
         default=_RELIGHT.texture_scale, ge=0.01, le=1, description="Lighting pixels per image pixel along each axis."
     )

@@ -39,6 +39,16 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
             "Not explained: mirelight's model of the engine",
             "From here on mirelight computes what the engine would show. This step is what that model misses.",
         ),
+        "corners": Cause(
+            "Splat corners on a coarse grid",
+            "The software rasteriser that ran the engine snaps the corners of every splat's quad to sixteenths of a "
+            "pixel (a graphics card: to 256ths). This step leaves them where they are.",
+        ),
+        "order": Cause(
+            "Splats sorted by buckets",
+            "The engine sorts splats into buckets of depth, and blends those of one bucket in the file's order. This "
+            "step sorts by exact depth.",
+        ),
         "buffer": Cause(
             "Compact work buffer",
             "The engine packs each splat's size, rotation, colour and opacity into a few bits. This step reads them "
@@ -46,8 +56,13 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
         ),
         "shadows": Cause(
             "Shadow maps",
-            "The engine looks shadows up in maps of limited resolution, with a bias and a blur. This step casts a ray "
-            "from every pixel to every light.",
+            "The engine looks shadows up in maps of limited resolution, with a blur. This step casts a ray to every "
+            "light, from the point that the engine looks up.",
+        ),
+        "bias": Cause(
+            "Shadows looked up off the surface",
+            "Against speckles, the engine looks shadows up at points that are moved along the normal, so that light "
+            "leaks in where surfaces meet. This step starts the rays at the surface itself.",
         ),
         "scale": Cause(
             "Small lighting texture",

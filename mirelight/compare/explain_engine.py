@@ -7,6 +7,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mirelight.compositor.engine import HARDWARE_BITS, SOFTWARE_BITS
 from mirelight.model import (
     F32,
     Camera,
@@ -39,6 +40,12 @@ def run_engine(job: Job, camera: Camera, lighting: Lighting, directory: Path) ->
         return EngineRun(frames, frames.relight)
     with tempfile.TemporaryDirectory(prefix="mirelight-") as temporary:
         return EngineRun(frames, render(job, camera, lighting, temporary, shadows=False).relight)
+
+
+def corner_bits(run: EngineRun | None) -> int:
+    """Bits of a pixel that the engine's rasteriser keeps of a corner; without a run, those of the software one."""
+    renderer = "SwiftShader" if run is None else str(run.frames.meta.get("gl", {}).get("renderer", "SwiftShader"))
+    return SOFTWARE_BITS if "SwiftShader" in renderer else HARDWARE_BITS
 
 
 # --- the two sides of a job ------------------------------------------------------------------------------------------

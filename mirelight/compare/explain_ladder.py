@@ -12,14 +12,15 @@ from mirelight.compare import metrics
 from mirelight.compare.explain import CAUSES, Ladder, Rung
 from mirelight.compare.explain_engine import (
     EngineRun,
+    corner_bits,
     engine_compositor,
     engine_tone,
     physical_display,
     physical_settings,
 )
 from mirelight.compare.explain_light import LitSurface, shadows, texture
-from mirelight.compositor import Compositor
-from mirelight.engine_lights import EngineLighting, to_engine
+from mirelight.compare.explain_splats import SplatPictures
+from mirelight.engine_lights import NORMAL_OFFSET_BIAS, EngineLighting, to_engine
 from mirelight.errors import InputError, RenderError
 from mirelight.lighting import Tracer, finished
 from mirelight.lighting.engine.raster import rasterise
@@ -29,7 +30,6 @@ from mirelight.lighting.visibility import ShadowRays
 from mirelight.model import (
     F32,
     Camera,
-    CompositorSettings,
     DisplaySettings,
     Job,
     Lighting,
@@ -38,7 +38,6 @@ from mirelight.model import (
     RelightSettings,
     SplatCloud,
     SplatLayer,
-    rules_of,
 )
 from mirelight.pipeline import lit_proxy
 from mirelight.realtime.engine import VERSION
@@ -71,7 +70,7 @@ def explain(
     metrics.require(flip_alone=True)
     splats, proxy = require(job, camera)
     lighting = resolved(lighting, job.render.variant)
-    return _Builder(job, splats, proxy, camera, lighting, engine, say).build()
+    return _Builder(job, SplatPictures(job, splats, camera), proxy, camera, lighting, engine, say).build()
 
 
 def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
@@ -113,7 +112,7 @@ class _Recipe:
 @dataclass(eq=False)
 class _Builder:
     job: Job
-    splats: SplatCloud
+    splats: SplatPictures
     proxy: ProxyMesh
     camera: Camera
     lighting: Lighting
@@ -121,7 +120,6 @@ class _Builder:
     say: Say
     rungs: list[Rung] = field(default_factory=list)
     absent: list[tuple[str, str]] = field(default_factory=list)
-    composites: dict[CompositorSettings, SplatLayer] = field(default_factory=dict)
 
     def build(self) -> Ladder:
         self.say("real-time frame")
@@ -160,23 +158,31 @@ class _Builder:
 
     def _engine_side(self, lights: EngineLighting) -> _Recipe:
         job = self.job
-        self.small = self._lit_surface(relight.lighting_camera(self.camera, self._settings))
-        self.parts = (self.small.engine_lights(lights, shadows=True), self.small.engine_environment(lights))
-        ideal = self.small.buffer(self.parts[0] + self.parts[1])
+        self.small = self._lit_surface(relight.lighting_camera(self.camera, self._settings), biased=True)
+        sky = self.small.engine_environment(lights)
+        self.parts = (self.small.engine_lights(lights, "exact"), sky)
+        exact = self.small.buffer(self.parts[0] + sky)
+        biased = self.small.buffer(self.small.engine_lights(lights, "biased") + sky)
+        bits = corner_bits(self.engine)
+        drawn = self.splats.drawn(engine_compositor(job), corner_bits=bits)
         recipe = _Recipe(
-            splats=self._composite(engine_compositor(job)),
-            light=ideal if self.engine is None else self._engine_texture(self.engine, lights),
+            splats=drawn,
+            light=biased if self.engine is None else self._engine_texture(self.engine, lights),
             settings=self._settings,
             display=DisplaySettings(background=job.display.background),
         )
         title = "Real-time frame"
         if self.engine is None:
             rough = replace(engine_compositor(job), eight_bit=not recipe.splats.linear)
-            eight = np.rint(self._shown(replace(recipe, splats=self._composite(rough))) * np.float32(255)) / 255
+            eight = (
+                np.rint(
+                    self._shown(replace(recipe, splats=self.splats.drawn(rough, corner_bits=bits))) * np.float32(255)
+                )
+                / 255
+            )
             self.rungs.append(Rung("engine", title, "mirelight's prediction: the engine did not run.", _f32(eight)))
             self._add("float", recipe)
             self.absent.append(("model", "the engine did not run"))
-            self.absent.append(("shadows", "the engine did not run, and its shadow maps are not modelled"))
         else:
             frames = self.engine.frames
             self.rungs.append(
@@ -187,16 +193,26 @@ class _Builder:
                 shown = self._engine_tone(shown)
             self._append("float", _f32(np.clip(np.nan_to_num(shown, nan=0.0), 0, 1)))
             self._add("model", recipe)
+        recipe = replace(recipe, splats=self.splats.drawn(engine_compositor(job)))
+        self._add("corners", recipe)
+        recipe = replace(recipe, splats=self.splats.drawn(engine_compositor(job), bucketed=False))
+        self._add("order", recipe)
         if engine_compositor(job).work_buffer == "compact":
-            recipe = replace(recipe, splats=self._composite(replace(engine_compositor(job), work_buffer="large")))
+            recipe = replace(recipe, splats=self.splats.composite(replace(engine_compositor(job), work_buffer="large")))
             self._add("buffer", recipe)
         else:
             self.absent.append(("buffer", "the job asks for half floats"))
-        if self.engine is not None and lights.lights:
-            recipe = replace(recipe, light=ideal)
+            recipe = replace(recipe, splats=self.splats.composite(engine_compositor(job)))
+        if not lights.lights:
+            self.absent += [("shadows", "no light casts any"), ("bias", "no light casts any")]
+            return recipe
+        if self.engine is not None:
+            recipe = replace(recipe, light=biased)
             self._add("shadows", recipe)
-        elif self.engine is not None:
-            self.absent.append(("shadows", "no light casts any"))
+        else:
+            self.absent.append(("shadows", "the engine did not run, and its shadow maps are not modelled"))
+        recipe = replace(recipe, light=exact)
+        self._add("bias", recipe)
         return recipe
 
     def _engine_texture(self, run: EngineRun, lights: EngineLighting) -> LightingBuffer:
@@ -204,7 +220,7 @@ class _Builder:
         expected = self.small.albedo.shape[:2]
         if run.frames.relight.shape[:2] != expected:
             raise RenderError(f"the engine's lighting texture is {run.frames.relight.shape[:2]}, expected {expected}")
-        predicted = self.small.engine_lights(lights, shadows=False) + self.parts[1]
+        predicted = self.small.engine_lights(lights, "none") + self.parts[1]
         real, without = run.frames.relight, run.unshadowed
         known = (real[..., 3] > 0.5) & (without[..., 3] > 0.5) & self.small.surface.coverage
         corrected = np.maximum(real[..., :3] + predicted - without[..., :3], 0)
@@ -222,7 +238,7 @@ class _Builder:
         self.full = self.small
         if self.small.camera is not self.camera:
             self.full = self._lit_surface(self.camera)
-            self.parts = (self.full.engine_lights(lights, shadows=True), self.full.engine_environment(lights))
+            self.parts = (self.full.engine_lights(lights, "exact"), self.full.engine_environment(lights))
             recipe = replace(recipe, light=self._sum(), settings=settings)
             self._add("scale", recipe)
         else:
@@ -272,7 +288,7 @@ class _Builder:
         cover = traced.coverage[..., None]
         return np.where(cover > 0, premultiplied / np.where(cover > 0, cover, 1), otherwise).astype(np.float32)
 
-    def _lit_surface(self, camera: Camera) -> LitSurface:
+    def _lit_surface(self, camera: Camera, *, biased: bool = False) -> LitSurface:
         render = self.job.render
         surface = rasterise(self.proxy, camera, variant=render.variant, threads=render.threads)
         rays = ShadowRays(self.proxy, render.variant, render.threads)
@@ -282,7 +298,9 @@ class _Builder:
             hit = surface.coverage
             albedo = np.zeros((*hit.shape, 3), dtype=np.float32)
             albedo[hit] = rays.albedo(surface.face[hit], surface.position[hit].astype(np.float64))
-        return LitSurface(camera, surface, albedo, shadows(rays, surface, camera, self.lighting))
+        exact = shadows(rays, surface, camera, self.lighting)
+        moved = shadows(rays, surface, camera, self.lighting, NORMAL_OFFSET_BIAS) if biased else ()
+        return LitSurface(camera, surface, albedo, exact, moved)
 
     # --- splats and colour ---
 
@@ -295,7 +313,7 @@ class _Builder:
             per_splat = replace(per_splat, linear=False, tone="none", exposure=1.0)
             recipe = replace(
                 recipe,
-                splats=replace(self._composite(per_splat), profile="physical"),
+                splats=replace(self.splats.composite(per_splat), profile="physical"),
                 settings=replace(recipe.settings, space=space),
                 display=physical_display(job),
                 engine_blending=False,
@@ -316,13 +334,13 @@ class _Builder:
                 self.absent.append(("tint", "the job asks for display space"))
         if not per_splat.linear and recipe.display != physical_display(job):
             per_splat = replace(per_splat, tone="none", exposure=1.0)
-            plain = replace(self._composite(per_splat), profile="physical")
+            plain = replace(self.splats.composite(per_splat), profile="physical")
             recipe = replace(recipe, splats=plain, display=physical_display(job))
             self._add("tone", recipe)
         else:
             where = "tone maps the finished frame too" if curve != "none" else "and the job have no tone curve"
             self.absent.append(("tone", f"the engine {where}"))
-        recipe = replace(recipe, splats=self._composite(replace(job.compositor, profile="physical")))
+        recipe = replace(recipe, splats=self.splats.composite(replace(job.compositor, profile="physical")))
         self._add("kernel", recipe)
         return recipe
 
@@ -344,23 +362,6 @@ class _Builder:
     @property
     def _settings(self) -> RelightSettings:
         return replace(self.job.relight, profile="playcanvas", mode="tint", space="display")
-
-    def _composite(self, settings: CompositorSettings) -> SplatLayer:
-        """A composite. A bare exposure of the engine is applied here: the compositor has it within curves only."""
-        if settings not in self.composites:
-            self.composites[settings] = self._made(settings)
-        return self.composites[settings]
-
-    def _made(self, settings: CompositorSettings) -> SplatLayer:
-        render = self.job.render
-        layer = Compositor(self.splats, settings, variant=render.variant, threads=render.threads).composite(
-            self.camera, depth=False
-        )
-        pipelines = rules_of(settings.profile).splats.pipelines
-        if not pipelines or settings.linear or settings.tone != "none" or settings.exposure == 1:
-            return layer
-        gain = np.float32(settings.exposure ** (1 / colour.ENGINE_GAMMA))
-        return replace(layer, color=layer.color * gain)
 
     def _shown(self, recipe: _Recipe) -> F32:
         """(H, W, 3) display values 0..1 of a recipe."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from mirelight.model import (
     Lighting,
     LightingBuffer,
     LightLayer,
+    PointLight,
     SpotLight,
     SunLight,
 )
@@ -41,17 +43,23 @@ class LitSurface:
     camera: Camera
     surface: Surface
     albedo: F32  # (H, W, 3) linear
-    visible: tuple[Bool, ...]  # (H, W) for each light: no shadow, seen from its centre
+    visible: tuple[Bool, ...]  # (H, W) for each light: its centre is seen
+    biased: tuple[Bool, ...] = ()  # (H, W) the same from the points that the engine looks up; empty: not wanted
 
     # --- the engine's light ---
 
-    def engine_lights(self, engine: EngineLighting, *, shadows: bool) -> F32:
-        """The engine's lights by its own falloffs, with traced hard shadows or none."""
+    def engine_lights(self, engine: EngineLighting, shadows: Literal["none", "biased", "exact"]) -> F32:
+        """The engine's lights by its own falloffs, without shadows or with traced hard ones.
+
+        Args:
+            shadows: biased: as seen from points moved off the surface, as the engine's shadow maps are read.
+        """
         hit = self.surface.coverage
         total = np.zeros_like(self.albedo)
         position, normal = self.surface.position[hit].astype(np.float64), self.surface.normal[hit].astype(np.float64)
-        for light, visible in zip(engine.lights, self.visible, strict=True):
-            seen = visible[hit][:, None] if shadows else 1
+        masks = {"none": [hit] * len(engine.lights), "biased": self.biased, "exact": self.visible}[shadows]
+        for light, visible in zip(engine.lights, masks, strict=True):
+            seen = visible[hit][:, None]
             total[hit] += self.albedo[hit] * (received(light, position, normal) * seen).astype(np.float32)
         return total
 
@@ -105,17 +113,37 @@ def texture(camera: Camera, radiance: F32, coverage: F32) -> LightingBuffer:
     )
 
 
-def shadows(rays: ShadowRays, surface: Surface, camera: Camera, lighting: Lighting) -> tuple[Bool, ...]:
-    """For each light the pixels (H, W) whose surface point sees its centre."""
+def shadows(
+    rays: ShadowRays, surface: Surface, camera: Camera, lighting: Lighting, bias: float = 0.0
+) -> tuple[Bool, ...]:
+    """For each light the pixels (H, W) whose surface point sees its centre.
+
+    Args:
+        bias: the engine's normalOffsetBias, world units: points are moved off the surface as its shaders do.
+    """
     hit = surface.coverage
+    position, normal = surface.position[hit].astype(np.float64), surface.normal[hit].astype(np.float64)
     out = []
     for light in lighting.lights:
         seen = np.zeros(hit.shape, dtype=bool)
-        if hit.any():
-            position = surface.position[hit].astype(np.float64)
-            seen[hit] = rays.visible(surface.face[hit], position, camera.position, _centre(light))
+        offset = _offset(light, position, normal, bias) if bias else None
+        seen[hit] = rays.visible(surface.face[hit], position, camera.position, _centre(light), offset)
         out.append(seen)
     return tuple(out)
+
+
+def _offset(light: Light, position: F64, normal: F64, bias: float) -> F64:
+    """(N, 3) how far the engine moves points before it looks up their shadow.
+
+    Along the normal; for omni lights the more, the further the light and the flatter its rays. Source: the shader
+    chunks clusteredLightShadows and lightFunctionShadow.
+    """
+    if not (isinstance(light, PointLight) or (isinstance(light, AreaLight) and light.shape == "sphere")):
+        return normal * bias
+    towards = _centre(light)[:3] - position
+    distance = np.linalg.norm(towards, axis=1)
+    cosine = np.einsum("ni,ni->n", normal, towards) / np.maximum(distance, 1e-12)
+    return np.asarray(normal * (bias * np.clip(1 - cosine, 0, 1) * distance)[:, None])
 
 
 def _centre(light: Light) -> F64:

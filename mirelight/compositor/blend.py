@@ -9,11 +9,14 @@ import numpy as np
 
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
+from mirelight.compositor.engine import edge_function
 from mirelight.compositor.kernel import FragmentRule
 from mirelight.compositor.queue import Pixels, for_each_tile
 from mirelight.compositor.record import (
     BLUE,
     DEPTH,
+    EDGE_X,
+    EDGE_Y,
     OCTAVE,
     OFFSET,
     REACH,
@@ -30,7 +33,7 @@ from mirelight.compositor.record import (
 from mirelight.compositor.resolve import Frame, untile
 
 NEARLY_OPAQUE = 2.0**-20  # profiles without a stop of their own end a pixel here: what lies behind adds less than 1e-6
-VALUES = 8  # first of a splat's arrays that is accumulated
+SCALE_AT, OFFSET_AT = 6, 7  # places in a splat's list of arrays
 _MANTISSA, _ONE = 0x7FFFFF, 0x3F800000  # bits of a float: its fraction, and the number 1
 
 
@@ -68,18 +71,24 @@ class Source:
     """How a splat is read, and how it becomes alphas over a tile.
 
     A splat is a list of arrays, one splat a lane: x, y, s11, s12, s22, reach, scale, offset, and what is accumulated:
-    colour, other values, depth.
+    the edge of a half quad, colour, other values, depth.
     """
 
     device: Device
     rule: FragmentRule
     channels: int  # other values beside the colour
     depth: bool  # whether depths are blended
+    halves: bool = False  # records are halves of quads, each with an edge
+
+    @property
+    def values(self) -> int:
+        """First of a splat's arrays that is accumulated."""
+        return OFFSET_AT + 1 + 2 * self.halves
 
     @property
     def slots(self) -> int:
         """Arrays of a splat."""
-        return VALUES + 3 + self.channels + self.depth
+        return self.values + 3 + self.channels + self.depth
 
     def load(self, data: list[Array], rank: Array, ok: Array) -> list[Array]:
         """Splats by their place in the depth order, from records and rows of other values if there are any.
@@ -88,7 +97,8 @@ class Source:
         """
         dr, types, lanes = self.device.dr, self.device.types, self.device.persistent_lanes
         row = dr.gather(types.ArrayXf, data[0], rank, ok, shape=(RECORD, lanes))
-        splat = [row[s] for s in (X, Y, S11, S12, S22, REACH, SCALE, OFFSET, *range(RED, BLUE + 1))]
+        edge = (EDGE_X, EDGE_Y) if self.halves else ()
+        splat = [row[s] for s in (X, Y, S11, S12, S22, REACH, SCALE, OFFSET, *edge, *range(RED, BLUE + 1))]
         if self.channels:
             more = dr.gather(types.ArrayXf, data[1], rank, ok, shape=(VALUE_ROW, lanes))
             splat += [more[i] for i in range(self.channels)]
@@ -117,14 +127,20 @@ class Source:
         x, y, s11, s12, s22, reach, *_ = splat
         peak = reach + self.least
         dx, dy = x0 - x, y0 - y
+        edge = tuple(splat[OFFSET_AT + 1 : self.values])
+        across = edge_function(self.device, edge, dx, dy) if self.halves else None
         first = dr.fma(s11, dx, s12 * dy)
         along = [dr.fma(s11, float(i), first) if i else first for i in range(self.device.tile_width)]
         for j in range(self.device.tile_height):
             v = s22 * (dy + float(j))
             room = dr.fma(-v, v, peak)
-            for a in along:
+            for i, a in enumerate(along):
                 u = dr.fma(s12, float(j), a) if j else a
-                yield dr.fma(-u, u, room)
+                exponent = dr.fma(-u, u, room)
+                if across is not None:
+                    inside = dr.fma(edge[0], float(i), dr.fma(edge[1], float(j), across)) > 0
+                    exponent = dr.select(inside, exponent, 0)
+                yield exponent
 
     def hit(self, exponent: Array) -> Array:
         """Whether alpha reaches the clip."""
@@ -135,7 +151,7 @@ class Source:
         dr = self.device.dr
         alpha = _exp2(self.device, exponent, self.octaves)
         if self.rule.truncated:
-            return dr.fma(alpha, splat[VALUES - 2], -splat[VALUES - 1])
+            return dr.fma(alpha, splat[SCALE_AT], -splat[OFFSET_AT])
         return dr.select(alpha > self.rule.alpha_max, self.rule.alpha_max, alpha)
 
 
@@ -174,7 +190,7 @@ class _Over:
         out = [where_kept(left, pixel[0])]
         out += [
             where_kept(dr.fma(weight, v, p), p)
-            for v, p in zip(splat[VALUES:], pixel[1 : self.results - self.source.depth], strict=True)
+            for v, p in zip(splat[self.source.values :], pixel[1 : self.results - self.source.depth], strict=True)
         ]
         if self.source.depth:
             median = pixel[self.results - 1]
@@ -203,7 +219,7 @@ class _EightBit:
         dr = self.source.device.dr
         alpha = self.source.alpha(splat, exponent)
         out = []
-        for value, below in zip(splat[VALUES:], pixel, strict=False):
+        for value, below in zip(splat[self.source.values :], pixel, strict=False):
             added = alpha * value
             over = dr.fma(-alpha, below, dr.select(added < 1, added, 1) + below)
             level = dr.floor(dr.fma(dr.select(over < 1, over, 1), 255, 0.5)) * (1 / 255)

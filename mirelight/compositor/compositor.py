@@ -21,10 +21,11 @@ from mirelight.compositor.blend import Source, blend, blend_eight_bit
 from mirelight.compositor.cloud import upload, view_of
 from mirelight.compositor.color import splat_colors, tone_records
 from mirelight.compositor.device import Array, Device, open_device
+from mirelight.compositor.engine import EngineDrawing
 from mirelight.compositor.kernel import splat_kernel
 from mirelight.compositor.memory import allowance, check_indices, check_pixels, cloud_bytes, frame_bytes, too_large
 from mirelight.compositor.order import depth_order
-from mirelight.compositor.project import Projected, project
+from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Frame, empty_frame, layer_of, new_frame, values_of
 from mirelight.errors import BackendError
@@ -63,18 +64,22 @@ class Compositor:
             allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
             self._cloud = upload(self._device, splats, settings) if len(splats) else None
 
-    def composite(self, camera: Camera, *, depth: bool = True) -> SplatLayer:
+    def composite(self, camera: Camera, *, depth: bool = True, drawing: EngineDrawing | None = None) -> SplatLayer:
         """The splats as `camera` sees them.
 
         Args:
             depth: whether mean and median depth are wanted; without them they are 0 and the blend takes a quarter less.
+            drawing: the engine's own order and grid of pixels; None: exact order, exact places.
 
         Raises:
             RenderError: not even one row of tiles fits into memory.
+            BackendError: a `drawing` is asked for and only the NumPy reference can run.
         """
         if self._device is None:
+            if drawing is not None:
+                raise BackendError("the engine's drawing needs LLVM or CUDA, and neither was found")
             return reference.composite(self.splats, camera, self.settings)
-        return layer_of(self._blend(self._device, camera, None, depth=depth), camera, self.settings)
+        return layer_of(self._blend(self._device, camera, None, depth=depth, drawing=drawing), camera, self.settings)
 
     def composite_with(self, camera: Camera, values: F32, *, depth: bool = True) -> tuple[SplatLayer, F32]:
         """The layer, and other values of the splats blended with the same weights.
@@ -113,30 +118,33 @@ class Compositor:
         view = view_of(self._device, camera, splat_kernel(self.settings, camera))
         return splat_colors(self._device, self._cloud, view, self.settings)
 
-    def _blend(self, device: Device, camera: Camera, values: F32 | None, *, depth: bool) -> Frame:
+    def _blend(
+        self, device: Device, camera: Camera, values: F32 | None, *, depth: bool, drawing: EngineDrawing | None = None
+    ) -> Frame:
         settings, kernel = self.settings, splat_kernel(self.settings, camera)
         channels = 0 if values is None else values.shape[1]
         what = f"a frame of {camera.width} x {camera.height} pixels of {len(self.splats)} splats"
         check_pixels(camera)
-        needed = frame_bytes(len(self.splats), camera, channels)
+        halves = drawing is not None and drawing.subpixel_bits is not None
+        needed = frame_bytes(len(self.splats) * (1 + halves), camera, channels)
         memory = allowance(device, needed, settings.max_memory, what)
 
         whole = Band(-(-camera.width // device.tile_width), -(-camera.height // device.tile_height), 0)
         if self._cloud is None:
             return empty_frame(device, whole, depth=depth, channels=channels)
-        projected = project(device, self._cloud, view_of(device, camera, kernel), kernel, settings)
+        projected = project(device, self._cloud, view_of(device, camera, kernel), kernel, settings, drawing or EXACT)
         order = depth_order(device, projected.key, projected.visible)
         if len(order) == 0:
             return empty_frame(device, whole, depth=depth, channels=channels)
         frame = new_frame(device, whole, depth=depth, channels=channels)
         records = _records(device, projected, order, settings)
         data = [records] if values is None else [records, sorted_values(device, values, order)]
-        source = Source(device, kernel.fragment, channels, depth)
+        source = Source(device, kernel.fragment, channels, depth, halves)
         for band, lists in _bands(device, records, whole, memory, what):
             blend(source, data, lists, band, frame)
         if settings.rounds:
             records = _records(device, projected, device.dr.reverse(order), settings)
-            source = Source(device, kernel.fragment, 0, False)
+            source = Source(device, kernel.fragment, 0, False, halves)
             for band, lists in _bands(device, records, whole, memory, what):
                 blend_eight_bit(source, [records], lists, band, frame)
         return frame

@@ -12,18 +12,33 @@ import numpy as np
 from mirelight.compositor.cloud import Cloud, View, clamp, dot, from_eye
 from mirelight.compositor.color import evaluated, stored
 from mirelight.compositor.device import Array, Device
+from mirelight.compositor.engine import EngineDrawing, Half, snapped_halves
 from mirelight.compositor.kernel import E4, SplatKernel
-from mirelight.compositor.record import HALF_LOG2E, OCTAVE, RECORD, SLACK
+from mirelight.compositor.record import HALF_LOG2E, OCTAVE, RECORD, SLACK, Covariance
 from mirelight.model import CompositorSettings
+
+EXACT = EngineDrawing()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projected:
-    """Records of all N splats (undefined where culled), their sort keys, and which can be seen."""
+    """Records of all N splats (undefined where culled), their sort keys, and which can be seen.
+
+    Where quads are drawn by halves, N is twice the number of splats.
+    """
 
     records: Array  # (N * RECORD,)
     key: Array  # (N,) uint32, ordered as the distance
     visible: Array  # (N,) bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """What both halves of a splat share."""
+
+    reach: tuple[Array, Array, Array]  # see `_reach`
+    color: list[Array]  # 3 x (N,)
+    depth: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,18 +51,14 @@ class _Position:
     pixel: tuple[Array, Array]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Covariance:
-    """Projected covariances with the low-pass, px², y down."""
-
-    xx: Array
-    xy: Array
-    yy: Array
-    determinant: Array
-    share: Array  # determinant without the low-pass over that with it
-
-
-def project(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, settings: CompositorSettings) -> Projected:
+def project(
+    device: Device,
+    cloud: Cloud,
+    view: View,
+    kernel: SplatKernel,
+    settings: CompositorSettings,
+    drawing: EngineDrawing = EXACT,
+) -> Projected:
     """Project every splat."""
     dr, types = device.dr, device.types
     offset = from_eye(cloud, view)
@@ -63,28 +74,52 @@ def project(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, setti
         shape, largest = _limited(device, shape, kernel.max_variance)
         visible &= largest >= device.constant(kernel.min_variance)
 
-    reach, level, lost = _reach(device, kernel, opacity)
-    root = (HALF_LOG2E * OCTAVE) ** 0.5
-    conditional = dr.rsqrt(shape.yy)
-    s11 = root * dr.sqrt(shape.yy / shape.determinant)
-    s12 = -root * shape.xy * conditional / dr.sqrt(shape.determinant)
-    s22 = root * conditional
-    half_width, half_height = dr.sqrt(reach * shape.xx) / root, dr.sqrt(reach * shape.yy) / root
-    turn = shape.xy / shape.xx * half_width
-    visible &= dr.isfinite(s11 + s12 + s22) & (half_width >= 0) & (half_height >= 0)
-    for middle, half, size in zip(at.pixel, (half_width, half_height), view.size, strict=True):
-        visible &= (middle + half > 0.5 - SLACK) & (middle - half < size - (0.5 - SLACK))
-
+    reach = _reach(device, kernel, opacity)
     raw = evaluated(device, cloud, view, offset)
     visible &= dr.isfinite(raw[0] + raw[1] + raw[2])  # one NaN would spread over whole tiles
-    color = stored(device, raw, settings)
-    record = [*at.pixel, s11, s12, s22, reach, *color, at.depth, level, lost, half_height, turn, 0, 0]
-    records = dr.empty(types.Float, cloud.count * RECORD)
-    dr.scatter(records, types.ArrayXf(record), dr.arange(types.UInt32, cloud.count))
-    distance = dr.sqrt(dot(dr, offset, offset)) if settings.sort == "radial" else at.depth
-    key = dr.select(visible, dr.reinterpret_array(types.UInt32, distance), 0)
-    dr.eval(records, key, visible)
-    return Projected(records, key, visible)
+    look = _Look(reach, stored(device, raw, settings), at.depth)
+    if drawing.subpixel_bits is None:
+        zero = types.Float(0)
+        halves: tuple[Half, ...] = (Half(at.pixel, shape, (zero, zero)),)
+    else:
+        clip = device.constant(kernel.alpha_clip)
+        halves = snapped_halves(device, at.pixel, shape, opacity, clip, drawing.subpixel_bits)
+    if drawing.rank is not None:
+        key = types.UInt32(drawing.rank)
+    else:
+        distance = dr.sqrt(dot(dr, offset, offset)) if settings.sort == "radial" else at.depth
+        key = dr.reinterpret_array(types.UInt32, distance)
+    return _records(device, cloud.count, view, look, halves, key, visible)
+
+
+def _records(
+    device: Device, count: int, view: View, look: _Look, halves: tuple[Half, ...], key: Array, visible: Array
+) -> Projected:
+    """One record a splat, or one for each half of its quad."""
+    dr, types = device.dr, device.types
+    records = dr.empty(types.Float, count * RECORD * len(halves))
+    keys, seen = dr.empty(types.UInt32, count * len(halves)), dr.empty(types.Bool, count * len(halves))
+    root = (HALF_LOG2E * OCTAVE) ** 0.5
+    reach, level, lost = look.reach
+    for k, half in enumerate(halves):
+        shape = half.shape
+        conditional = dr.rsqrt(shape.yy)
+        s11 = root * dr.sqrt(shape.yy / shape.determinant)
+        s12 = -root * shape.xy * conditional / dr.sqrt(shape.determinant)
+        s22 = root * conditional
+        half_width, half_height = dr.sqrt(reach * shape.xx) / root, dr.sqrt(reach * shape.yy) / root
+        turn = shape.xy / shape.xx * half_width
+        shown = visible & dr.isfinite(s11 + s12 + s22) & (half_width >= 0) & (half_height >= 0)
+        for middle, extent, size in zip(half.centre, (half_width, half_height), view.size, strict=True):
+            shown &= (middle + extent > 0.5 - SLACK) & (middle - extent < size - (0.5 - SLACK))
+        sizes = [half_height, turn, *half.edge]
+        record = [*half.centre, s11, s12, s22, reach, *look.color, look.depth, level, lost, *sizes]
+        place = dr.arange(types.UInt32, count) * len(halves) + k
+        dr.scatter(records, types.ArrayXf(record), place)
+        dr.scatter(keys, dr.select(shown, key, 0), place)
+        dr.scatter(seen, shown, place)
+    dr.eval(records, keys, seen)
+    return Projected(records, keys, seen)
 
 
 def _position(device: Device, view: View, offset: list[Array]) -> _Position:
@@ -97,7 +132,7 @@ def _position(device: Device, view: View, offset: list[Array]) -> _Position:
     return _Position(depth, inverse, slopes, pixel)
 
 
-def _covariance(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, at: _Position) -> _Covariance:
+def _covariance(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, at: _Position) -> Covariance:
     dr, low = device.dr, kernel.low_pass
     right, up, back = view.axes
     fx, fy = view.focal
@@ -119,10 +154,10 @@ def _covariance(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, a
     ]
     xx, xy, yy, before = dot(dr, mx, mx), dot(dr, mx, my), dot(dr, my, my), dot(dr, cross, cross)
     determinant = before + dr.fma(low, xx + yy, low * low)  # xx yy - xy² would cancel for needles
-    return _Covariance(xx + low, xy, yy + low, determinant, before / determinant)
+    return Covariance(xx + low, xy, yy + low, determinant, before / determinant)
 
 
-def _limited(device: Device, c: _Covariance, most: float) -> tuple[_Covariance, Array]:
+def _limited(device: Device, c: Covariance, most: float) -> tuple[Covariance, Array]:
     """Covariance with its eigenvalues clamped to `most`, and the larger eigenvalue before."""
     dr = device.dr
     limit = device.constant(most)
@@ -135,7 +170,7 @@ def _limited(device: Device, c: _Covariance, most: float) -> tuple[_Covariance, 
     stretch = dr.select(radius > 0, (new_large - new_small) / (2 * radius), 0)
     keep = new_small - stretch * (middle - radius)
     over = large > limit
-    limited = _Covariance(
+    limited = Covariance(
         xx=dr.select(over, dr.fma(stretch, c.xx, keep), c.xx),
         xy=dr.select(over, stretch * c.xy, c.xy),
         yy=dr.select(over, dr.fma(stretch, c.yy, keep), c.yy),

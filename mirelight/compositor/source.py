@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import colour
 from mirelight.model import F32, F64, CompositorSettings, SplatCloud, rules_of
+from mirelight.sh import C0
 
 _LOG_SCALE_MIN, _LOG_SCALE_RANGE = -12.0, 21.0  # COMPACT: natural logarithm of the scale, 8 bits
 MOST_COLOR = 65504.0  # half precision's largest number; brighter splats, which sums could not hold, are limited to it
+_SH_STEPS = (2047.0, 1023.0, 2047.0)  # textures: levels of a coefficient's red, green and blue
 COMPACT_COLOR_STEPS = (2047.0, 2047.0, 1023.0)  # COMPACT: levels of red, green and blue over 0..4
 
 
 def through_half(values: NDArray[np.floating]) -> F32:
     """Values rounded to half precision."""
     return np.asarray(values, dtype=np.float16).astype(np.float32)
+
+
+def uploaded(splats: SplatCloud) -> SplatCloud:
+    """The cloud as the engine's textures hold an uncompressed file, before any work buffer.
+
+    Half floats of rotation, scale, colour and opacity; harmonics of degree 1 and above in 11, 10 and 11 bits of the
+    splat's largest coefficient. Compressed files are unpacked from their own bits.
+    """
+    if not len(splats):
+        return splats
+    quats = (splats.quats / np.linalg.norm(splats.quats, axis=1, keepdims=True)).astype(np.float32)
+    sh = splats.sh.copy()
+    sh[:, 0] = (through_half(np.float32(0.5) + np.float32(C0) * sh[:, 0]) - np.float32(0.5)) / np.float32(C0)
+    if sh.shape[1] > 1:
+        rest = sh[:, 1:]
+        largest = np.maximum(np.abs(rest).reshape(len(rest), -1)[:, 1:].max(axis=1), rest[:, 0, 0])[:, None, None]
+        steps = np.array(_SH_STEPS, dtype=np.float32)
+        share = np.divide(rest, largest, out=np.zeros_like(rest), where=largest > 0)
+        level = np.clip(np.floor((share * 0.5 + 0.5) * steps + 0.5), 0, steps)
+        sh[:, 1:] = np.where(largest > 0, (level / steps * 2 - 1) * largest, 0)
+    return replace(
+        splats,
+        quats=_large_quats(quats),
+        scales=through_half(splats.scales),
+        opacities=through_half(np.clip(splats.opacities, 0, 1)),
+        sh=sh.astype(np.float32),
+    )
 
 
 def _compact_scales(scales: F32) -> F32:

@@ -36,7 +36,7 @@ class ShadowRays:
         self._proxy = proxy
         self._surface: DeviceProxy = DeviceProxy(proxy)
 
-    def visible(self, face: NDArray[np.int32], position: F64, eye: F64, light: F64) -> Bool:
+    def visible(self, face: NDArray[np.int32], position: F64, eye: F64, light: F64, offset: F64 | None = None) -> Bool:
         """(N,) True where nothing of the proxy lies between a point and a light.
 
         Rays start where the tracer's do, off the surface on the viewer's side.
@@ -46,6 +46,7 @@ class ShadowRays:
             position: (N, 3) points on them, world space.
             eye: (3,) or (N, 3) the viewer's position, which tells the side.
             light: (4,) homogeneous: a position and 1, or the way towards a light at infinity and 0.
+            offset: (N, 3) by which the rays' starts are moved; None: not at all.
         """
         import drjit as dr
         import mitsuba as mi
@@ -61,13 +62,14 @@ class ShadowRays:
         at = self._surface.at(
             integers(face), mi.Point2f(*_columns(uv)), dr.normalize(_vector(position - eye, mi)), active
         )
+        start = at.start if offset is None else at.start + _vector(offset, mi)
         if light[3] == 0:
             way, length = _vector(np.broadcast_to(light[:3], position.shape), mi), mi.Float(dr.inf)
         else:
-            to_light = _vector(light[:3] - position, mi)
+            to_light = _vector(light[:3] - position - (0 if offset is None else offset), mi)
             length = dr.norm(to_light)
             way, length = to_light / length, length * SHADOW_END
-        blocked = self._surface.blocked(bounded_ray(at.start, way, length), active)
+        blocked = self._surface.blocked(bounded_ray(start, way, length), active)
         return np.asarray(~np.asarray(blocked.numpy(), dtype=bool))
 
     def albedo(self, face: NDArray[np.int32], position: F64) -> F64:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mirelight.colour import ENGINE_GAMMA
 from mirelight.engine_lights import (
+    NORMAL_OFFSET_BIAS,
     EngineLight,
     EngineLighting,
     camera_warnings,
@@ -35,7 +36,7 @@ from mirelight.realtime import engine
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
 _FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
-_SHADOW_PIXELS, _SHADOW_BIAS, _NORMAL_OFFSET_BIAS = 2048, 0.1, 0.02  # half of it shows acne on proxies of some metres
+_SHADOW_PIXELS, _SHADOW_BIAS = 2048, 0.1
 _NO_PROXY = ProxyMesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
@@ -223,7 +224,7 @@ def _light(light: EngineLight, shadow_distance: float) -> dict[str, Any]:
             "shadowResolution": _SHADOW_PIXELS,
             "shadowDistance": shadow_distance,
             "shadowBias": _SHADOW_BIAS,
-            "normalOffsetBias": _NORMAL_OFFSET_BIAS,
+            "normalOffsetBias": NORMAL_OFFSET_BIAS,
         }
     if light.penumbra > 0:
         out["penumbraSize"] = light.penumbra

@@ -208,6 +208,30 @@ def test_shadow_rays_find_the_shadow_of_a_lid() -> None:
     np.testing.assert_array_equal(seen[:, 48], (centres < row[0]) | (centres > row[1]))
 
 
+def test_the_engine_looks_shadows_up_off_the_surface() -> None:
+    """The lid's shadow as points in front of the wall see it: by the bias; for a lamp, more where its light is flat."""
+    bias = 0.2
+    proxy = quads(wall(), LID)
+    surface, rays = rasterise(proxy, CAMERA), ShadowRays(proxy)
+    sun = DirectionalLight(name="sun", direction=OVER)
+    torch = SpotLight(name="torch", position=np.array([0.0, 4.0, 3.0]), direction=np.array([0.0, -1, -1]))
+    lamp = PointLight(name="lamp", position=torch.position)
+    lights = Lighting(lights=(sun, torch, lamp))
+    column = CAMERA.width // 2
+    y = surface.position[:, column, 1].astype(np.float64)
+    cosine = 3 / np.hypot(4 - y, 3)
+    lifted = {"torch": np.full_like(y, bias), "lamp": bias * (1 - cosine) * np.hypot(4 - y, 3)}
+    exact, moved = shadows(rays, surface, CAMERA, lights), shadows(rays, surface, CAMERA, lights, bias)
+    lower, upper = (1.6 - (z - bias) / 0.8 for z in (1.5, 0.5))
+    np.testing.assert_array_equal(moved[0][:, column], (y > upper) | (y < lower))
+    for light, mask in zip(("torch", "lamp"), moved[1:], strict=True):
+        # from (y, z) to the lamp at (4, 3): the height where the way crosses the lid's level 1.6, if within its depth
+        z = lifted[light]
+        crossing = z + (3 - z) * (1.6 - y) / (4 - y)
+        np.testing.assert_array_equal(mask[:, column], (y > 1.6) | (crossing < 0.5) | (crossing > 1.5))
+    assert all((a != b).any() for a, b in zip(exact, moved, strict=True))
+
+
 # --- blame -----------------------------------------------------------------------------------------------------------
 
 
@@ -241,7 +265,7 @@ ONE_CAUSE: dict[str, Job] = {
     "units": make_job(wall(), lights=(PointLight(name="lamp", position=np.array([0.2, 0.1, 0.8]), intensity=2.0),)),
     "occlusion": make_job(wall(), SIDE, sky=1.0, render={"max_depth": 1}),
     "indirect": make_job(wall(), SIDE, lights=(LEFT,)),
-    "size": make_job(wall(), LID, lights=(OVER_SUN,), render={"max_depth": 1}),
+    "size": make_job(wall(), LID, lights=(replace(OVER_SUN, angular_diameter=80),), render={"max_depth": 1}),
     "scale": make_job(
         wall(-5, 0.1), lights=(replace(FRONT, intensity=0.6),), relight={"texture_scale": 0.15}, render={"max_depth": 1}
     ),

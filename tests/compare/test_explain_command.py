@@ -76,7 +76,20 @@ def test_the_ladder_starts_at_the_engines_own_frame(explained: Path) -> None:
     assert found["really_rendered"]
     steps = {step["name"]: step for step in found["steps"]}
     assert set(steps) | set(found["absent"]) == set(CAUSES)
-    assert {"float", "model", "buffer", "shadows", "scale", "units", "size", "indirect", "tint"} <= set(steps)
+    assert {
+        "float",
+        "model",
+        "corners",
+        "order",
+        "buffer",
+        "shadows",
+        "bias",
+        "scale",
+        "units",
+        "size",
+        "indirect",
+        "tint",
+    } <= set(steps)
     np.testing.assert_array_equal(pixels(explained / "00-engine.png"), pixels(explained / "engine" / "frame.png"))
     assert steps["model"]["psnr"] > 60  # what mirelight's model of the engine misses, shadow maps included
     assert steps["shadows"]["noise_psnr"] is None
@@ -113,10 +126,11 @@ def test_the_report_shows_every_rung(page: Any, explained: Path) -> None:
     same = "document.getElementById('picture-{}').src === document.getElementById('rung-{}').src"
     assert page.run(same.format("left", 0))
     assert page.run(same.format("right", len(names)))
-    page.run("document.querySelector('button[data-rung=\"4\"]').click()")
-    assert page.run(same.format("left", 3))
-    assert page.run(same.format("right", 4))
-    assert page.run("document.getElementById('caption-right').innerText") == "After 4: Shadow maps"
+    shadow = 1 + names.index("shadows")
+    page.run(f"document.querySelector('button[data-rung=\"{shadow}\"]').click()")
+    assert page.run(same.format("left", shadow - 1))
+    assert page.run(same.format("right", shadow))
+    assert page.run("document.getElementById('caption-right').innerText") == f"After {shadow}: Shadow maps"
 
 
 def test_without_the_engine_it_says_so(

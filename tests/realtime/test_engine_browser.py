@@ -13,11 +13,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mirelight import realtime
+from mirelight.compositor import Compositor
+from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
+from mirelight.compositor.source import uploaded
 from mirelight.engine_lights import EngineLighting, engine_diffuse, to_engine
 from mirelight.errors import BackendError, InputError, RenderError
 from mirelight.io.gltf.scene import read_scene
@@ -36,6 +40,7 @@ from mirelight.model import (
     RelightSettings,
     RenderSettings,
     Scene,
+    SplatCloud,
     SpotLight,
 )
 from mirelight.realtime import browser, bundle, engine
@@ -317,6 +322,46 @@ def test_scene_that_the_engine_cannot_load_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(RenderError, match=r"absent\.glb"):
         browser.run_page(realtime.Exported(folder=tmp_path, description=description, warnings=()), seconds=120)
     assert not (tmp_path / "frame.png").exists()
+
+
+def crowd() -> SplatCloud:
+    """Small splats of degree 3, thousands of them side by side and behind each other: many share a bucket of depth."""
+    rng = np.random.default_rng(11)
+    count = 6000
+    return SplatCloud(
+        means=rng.uniform((-1.2, -0.9, -0.6), (1.2, 0.9, 0.6), (count, 3)).astype(np.float32),
+        quats=rng.normal(size=(count, 4)).astype(np.float32),
+        scales=np.exp(rng.uniform(np.log(0.005), np.log(0.05), (count, 3))).astype(np.float32),
+        opacities=rng.uniform(0.2, 1, count).astype(np.float32),
+        sh=rng.normal(0, 0.25, (count, 16, 3)).astype(np.float32),
+    )
+
+
+@pytest.mark.parametrize("settings", [{}, {"work_buffer": "large", "sort": "radial"}], ids=["compact", "radial"])
+def test_the_engines_order_and_corners_explain_what_its_kernel_does_not(
+    tmp_path: Path, settings: dict[str, Any]
+) -> None:
+    splats = crowd()
+    compositor = CompositorSettings(profile="playcanvas", **settings)
+    job = Job(
+        source=Path("test.toml"),
+        scene=Scene(splats=splats),
+        compositor=compositor,
+        relight=RelightSettings(profile="playcanvas"),
+    )
+    camera = Camera.look_at((0.3, 0.2, 3), (0, 0, 0), 160, 120, yfov=40, near=0.1, far=50)
+    theirs = realtime.render(job, camera, Lighting(), tmp_path).unlit_f32.astype(np.float64)
+    ours = Compositor(uploaded(splats), compositor)
+    rank = engine_rank(splats, camera, radial=compositor.sort == "radial")
+
+    def decibels(drawing: EngineDrawing) -> float:
+        error = ours.composite(camera, depth=False, drawing=drawing).color - theirs[..., :3]
+        return float(-10 * np.log10(np.mean(error**2)))
+
+    both = decibels(EngineDrawing(rank, SOFTWARE_BITS))
+    assert both > 75
+    assert decibels(EngineDrawing(None, SOFTWARE_BITS)) < both - 10
+    assert decibels(EngineDrawing(rank)) < both - 10
 
 
 def test_frames_that_are_not_there_are_one_line(tmp_path: Path) -> None:

@@ -1,10 +1,11 @@
 """What a frame's files cost: bytes and CPU seconds by compression, 16-bit colour, and what they hold.
 
-    .venv/bin/python scripts/bench_files.py scenes/courtyard/job.toml --lighting night
+    .venv/bin/mirelight render scenes/courtyard/job.toml --lighting night --camera front \\
+        --set render.spp=8 --set output.half=false -o out/files
+    .venv/bin/python scripts/bench_files.py out/files/front.night.exr
 
-One frame is rendered with few samples (its noise is what compresses badly, so few samples are the worst case), then
-written and read again and again; the least CPU time of five counts, of all threads together. Waiting for the disk is
-not CPU time.
+A frame's whole, 32-bit EXR is read, then written and read again and again; the least CPU time of five counts, of all
+threads together. Waiting for the disk is not CPU time. Noise compresses badly, so few samples are the worst case.
 """
 
 from __future__ import annotations
@@ -17,10 +18,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from mirelight import pipeline
 from mirelight.io.image import is_intact, read, read_fingerprint, write
-from mirelight.io.job import load
-from mirelight.model import Compression, Frame, OutputSettings
+from mirelight.model import Compression, OutputSettings
 
 HOLDS = {
     "everything": OutputSettings(),
@@ -40,24 +39,11 @@ def cpu(call: Callable[[], object], repeats: int = 5) -> float:
     return min(found)
 
 
-def one_frame(job_file: Path, lighting: str | None, spp: int) -> Frame:
-    """The job's first camera under a lighting."""
-    job = load(job_file)
-    job = replace(job, render=replace(job.render, spp=spp, noise=None))
-    found: list[Frame] = []
-    tasks = pipeline.plan(job, lightings=[lighting] if lighting else None)[:1]
-    pipeline.render(job, tasks, sink=lambda task, frame: found.append(frame))
-    return found[0]
-
-
 def main() -> None:
-    """Render a frame, and print the table."""
+    """Print the table of one frame."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("job", type=Path)
-    parser.add_argument("--lighting")
-    parser.add_argument("--spp", type=int, default=8)
-    arguments = parser.parse_args()
-    frame = one_frame(arguments.job, arguments.lighting, arguments.spp)
+    parser.add_argument("exr", type=Path, help="a frame with everything in it")
+    frame = read(parser.parse_args().exr)
     layers = len(frame.lighting.layers) if frame.lighting else 0
     print(f"{frame.camera.width} x {frame.camera.height}, {layers} layers of lights")
     with tempfile.TemporaryDirectory() as folder:

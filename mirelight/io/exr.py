@@ -19,7 +19,7 @@ from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, seal
 from mirelight.io.safety import existing, require_memory
-from mirelight.model import Compression
+from mirelight.model import Compression, shown
 
 MAGIC = b"\x76\x2f\x31\x01"
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # chromaticities of R, G, B and D65 (ITU-R BT.709-6)
@@ -40,6 +40,13 @@ class ExrImage:
 
     channels: Mapping[str, NDArray[Any]]  # full name, e.g. "unlit.R" -> (h, w) float16, float32 or uint32
     metadata: Mapping[str, Any]  # the first part's attributes
+
+    def __repr__(self) -> str:
+        if not self.channels:
+            return "ExrImage(no channels)"
+        height, width = next(iter(self.channels.values())).shape
+        values = shown.names([name or "(picture)" for name in self.layers])
+        return f"ExrImage({width} x {height}, {len(self.channels)} channels in {len(self.layers)} layers: {values})"
 
     @property
     def layers(self) -> tuple[str, ...]:

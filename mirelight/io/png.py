@@ -45,6 +45,11 @@ def encode_display(rgba: F32, display: DisplaySettings, profile: Profile = "phys
     return np.rint(shown, out=shown).astype(np.uint8)
 
 
+def display_png(rgba: F32, profile: Profile = "physical") -> bytes:
+    """The PNG file of a premultiplied linear picture (H, W, 4) over black, at exposure 0 and without tone curve."""
+    return png_bytes(encode_display(rgba, DisplaySettings(), profile), {})
+
+
 def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> None:
     """Write an 8-bit RGB picture with text chunks.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirelight import conventions
+from mirelight.model import shown
 from mirelight.model.arrays import F64, ArrayHolder, freeze
 
 
@@ -38,6 +39,13 @@ class Camera(ArrayHolder):
             raise ValueError(f"image of {self.width} x {self.height} pixels")
         if not (self.fx > 0 and self.fy > 0 and 0 < self.near < self.far):
             raise ValueError("fx and fy must be positive, and 0 < near < far")
+
+    def __repr__(self) -> str:
+        unit = "px" if self.projection == "perspective" else "px a unit"
+        return (
+            f"Camera({shown.view(self)}, {self.projection}, focal {self.fx:.6g} {self.fy:.6g} {unit}, "
+            f"at {shown.point(self.position)}, looks along {shown.point(-self.world_from_camera[:3, 2])})"
+        )
 
     @property
     def camera_from_world(self) -> F64:

@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mirelight import conventions
+from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.deferred import Deferred
 
@@ -124,6 +125,12 @@ class Environment(ArrayHolder):
         if not isinstance(self.radiance, Deferred):
             freeze(self, "radiance", (None, None, 3))
 
+    def __repr__(self) -> str:
+        radiance = self.radiance
+        size = radiance if isinstance(radiance, Deferred) else f"{radiance.shape[1]} x {radiance.shape[0]}"
+        values = "" if isinstance(radiance, Deferred) else f", radiance {shown.span(radiance)}"
+        return f"Environment({self.name!r}, {size}{values}, intensity {self.intensity:g}, rotation {self.rotation:g})"
+
     @property
     def pixels(self) -> F32:
         """(h, w, 3) linear radiance; row 0 is +Y; conventions.py says which way the columns look. Read now if it was
@@ -163,6 +170,12 @@ class Lighting:
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
     sky: SkyModel | None = None  # instead of an environment; `lighting.sunsky.resolved` makes a sun and a map of it
+
+    def __repr__(self) -> str:
+        count, named = len(self.lights), shown.names([x.name for x in self.lights])
+        lights = f"{count} light{'s' if count > 1 else ''} ({named})" if count else "no lights"
+        around = self.environment or self.sky
+        return f"Lighting({self.name!r}: {lights}{f', {around!r}' if around is not None else ''})"
 
     @property
     def layer_names(self) -> tuple[str, ...]:

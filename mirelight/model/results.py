@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
 from mirelight.model.profiles import Profile
@@ -30,6 +31,11 @@ class SplatLayer(ArrayHolder):
         freeze(self, "color", (h, w, 3))
         for name in ("transmittance", "depth", "median_depth"):
             freeze(self, name, (h, w))
+
+    def __repr__(self) -> str:
+        alpha, space = shown.share(1 - self.transmittance), "linear" if self.linear else "display"
+        values = f"{space} colour {shown.span(self.color)}, depth {shown.span(self.depth)}"
+        return f"SplatLayer({shown.view(self.camera)}, {self.profile}: alpha {alpha}, {values})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,6 +60,16 @@ class LightLayer(ArrayHolder):
     def total(self) -> F32:
         """(H, W, 3) direct + indirect."""
         return np.asarray(self.direct + self.indirect, dtype=np.float32)
+
+    def __repr__(self) -> str:
+        height, width, _ = self.direct.shape
+        noise = ", with variance" if self.variance is not None else ""
+        spans = f"direct {shown.span(self.direct)}, indirect {shown.span(self.indirect)}"
+        return f"LightLayer({self.name!r}, {width} x {height}: {spans}{noise})"
+
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the layer over black."""
+        return shown.picture(np.concatenate([self.total, np.ones_like(self.direct[..., :1])], axis=-1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,6 +101,17 @@ class LightingBuffer(ArrayHolder):
         for layer in (*self.layers, *self.noisy):
             if layer.direct.shape != (h, w, 3):
                 raise ValueError(f"layer {layer.name!r}: shape {layer.direct.shape}, expected {(h, w, 3)}")
+
+    def __repr__(self) -> str:
+        samples = f", {self.spp} samples a pixel" if self.spp else ""
+        made = f"{len(self.layers)} layers of light ({shown.names([x.name for x in self.layers])})"
+        made += ", denoised" if self.noisy else ""
+        values = f"coverage {shown.share(self.coverage)}, light {shown.span(self.beauty)}"
+        return f"LightingBuffer({shown.view(self.camera)}{samples}: {values};\n    {made})"
+
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the lit proxy over black."""
+        return shown.picture(self.rgba)
 
     @property
     def beauty(self) -> F32:
@@ -218,3 +245,20 @@ class Frame(ArrayHolder):
         freeze(self, "noise", (h, w, 3))
         if self.splats is not None:
             object.__setattr__(self, "profile", self.splats.profile)
+
+    def __repr__(self) -> str:
+        lighting = f" under {self.made_by.lighting!r}" if self.made_by is not None and self.made_by.lighting else ""
+        parts = {"unlit": self.unlit, "factor": self.factor, "noise": self.noise, "splats": self.splats}
+        held = [name for name, part in parts.items() if part is not None]
+        if self.lighting is not None:
+            held.append(f"lighting in {len(self.lighting.layers)} layers")
+        values = f"alpha {shown.share(self.rgba[..., 3])}, light {shown.span(self.rgba[..., :3])}"
+        partial = ", interrupted" if self.made_by is not None and self.made_by.partial else ""
+        return (
+            f"Frame({shown.view(self.camera)}{lighting}, {self.profile}{partial}: {values};\n"
+            f"    with {', '.join(held) if held else 'nothing else'})"
+        )
+
+    def _repr_png_(self) -> bytes:
+        """In a notebook: the relit picture over black, by the profile's transfer curve."""
+        return shown.picture(self.rgba, self.profile)

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
 from mirelight.model.lights import Lighting
@@ -37,6 +38,10 @@ class SplatCloud(ArrayHolder):
     def __len__(self) -> int:
         return len(self.means)
 
+    def __repr__(self) -> str:
+        corners = f", {shown.point(self.means.min(0))} to {shown.point(self.means.max(0))}" if len(self) else ""
+        return f"SplatCloud({len(self):,} splats, SH degree {self.sh_degree}{corners})"
+
     @property
     def sh_degree(self) -> int:
         """0 to 3."""
@@ -66,6 +71,12 @@ class Material(ArrayHolder):
         freeze(self, "emissive_texture", (None, None, 3))
         freeze(self, "emissive", (3,), np.float64)
 
+    def __repr__(self) -> str:
+        maps = {"base colour": self.base_color_texture, "emissive": self.emissive_texture}
+        textures = [f"{name} texture {x.shape[1]} x {x.shape[0]}" for name, x in maps.items() if x is not None]
+        factors = f"base colour {shown.point(self.base_color)}, emissive {shown.point(self.emissive)}"
+        return f"Material({', '.join([repr(self.name), factors, *textures])})"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProxyMesh(ArrayHolder):
@@ -90,6 +101,11 @@ class ProxyMesh(ArrayHolder):
         freeze(self, "albedo", (3,), np.float64)
         if len(self.faces) and not (int(self.faces.min()) >= 0 and int(self.faces.max()) < v):
             raise ValueError(f"ProxyMesh.faces: an index outside 0..{v - 1}")
+
+    def __repr__(self) -> str:
+        corners = f", {' to '.join(map(shown.point, self.bounds))}" if len(self.vertices) else ""
+        albedo = "the file's colours" if self.albedo is None else f"albedo {shown.point(self.albedo)}"
+        return f"ProxyMesh({len(self.faces):,} faces, {len(self.vertices):,} vertices, {albedo}{corners})"
 
     @property
     def bounds(self) -> tuple[F32, F32]:

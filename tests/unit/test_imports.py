@@ -28,6 +28,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "viewing": BASE,
     "engine_lights": BASE | {"colour"},
     "io": BASE | TOOLS | {"engine_lights", "machine"},
+    "dataset": BASE | TOOLS | {"io"},
     "backend": {"errors", "model"},
     "lighting": BASE | TOOLS | {"backend", "engine_lights", "machine"},
     "compositor": BASE | TOOLS | {"backend", "machine"},

@@ -1,0 +1,1 @@
+"""Data sets: frames in the layouts that loaders of neural renderers read."""

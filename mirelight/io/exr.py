@@ -6,6 +6,7 @@ scanline or tiled, single- or multi-part file is read.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -231,7 +232,7 @@ def _check_size(path: Path, headers: list[dict[str, Any]]) -> None:
             raise InputError(path, "pixels that lie outside its display window", "save it with the pixels inside")
         size = height * width
         if not np.array_equal(data, display):
-            size += int(np.prod(display[1] - display[0]))
+            size += math.prod(int(x) for x in display[1] - display[0])
         total += size * len(channels)
     require_memory(path, total * 4, f"{total} channel values")
 

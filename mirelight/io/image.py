@@ -207,7 +207,7 @@ def _lighting(
     rgba, noisy = found.pop("rgba"), found.pop("noisy_beauty")
     if rgba is None:
         return None
-    size = camera.height, camera.width
+    size = rgba.shape[:2]
     required = {x.name for x in fields(LightingBuffer) if x.default is MISSING}
     for plane in planes_of("lighting"):
         if plane.field in required and found[plane.field] is None:
@@ -217,7 +217,7 @@ def _lighting(
         coverage=rgba[..., 3],
         layers=_layers(image, lights, "", rgba[..., :3]),
         noisy=() if noisy is None and not sampling.get("denoised") else _layers(image, lights, _NOISY, noisy),
-        spp=sampling.get("spp", 0),
+        spp=int(sampling.get("spp", 0)),
         **found,
     )
 
@@ -225,6 +225,8 @@ def _lighting(
 def _layers(image: ExrImage, lights: dict[str, Any], suffix: str, beauty: F32 | None) -> tuple[LightLayer, ...]:
     """The layers of lights in the order of the trace; a single one where the file has their sum alone."""
     out: list[LightLayer] = []
+    if not all(isinstance(name, str) for name in lights.values()):
+        raise ValueError("names of lights that are no text")
     for file_name, name in lights.items():
         rows = {x.field: _values(image, f"{file_name}_{x.field}{suffix}", x) for x in planes_of("layer")}
         direct, indirect = rows["direct"], rows["indirect"]

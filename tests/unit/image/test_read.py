@@ -113,11 +113,16 @@ def test_files_of_others_and_damaged_metadata_are_one_line(frame: Frame, tmp_pat
     image = read_exr(path)
     whole = {name: values.astype(np.float32) for name, values in image.channels.items()}
     texts = {name: text for name, text in image.metadata.items() if name.startswith("mirelight/")}
+    huge = json.dumps({**json.loads(texts["mirelight/camera"]), "width": 10**9, "height": 10**9})
     broken: list[tuple[dict[str, Any], dict[str, Any]]] = [
         (whole, {"mirelight/camera": "[" * 5000}),
         (whole, {"mirelight/camera": "[]"}),
         (whole, {"mirelight/camera": json.dumps({**json.loads(texts["mirelight/camera"]), "width": 5})}),
         (whole, {"mirelight/camera": json.dumps({**json.loads(texts["mirelight/camera"]), "fx": "wide"})}),
+        (whole, {"mirelight/camera": json.dumps({**json.loads(texts["mirelight/camera"]), "height": 10**12})}),
+        ({k: v for k, v in whole.items() if "albedo" not in k}, {"mirelight/camera": huge}),
+        (whole, {"mirelight/lights": '{"light_key": 5}'}),
+        (whole, {"mirelight/sampling": '{"spp": []}'}),
         (whole, {"mirelight/provenance": '{"x": 1}'}),
         (whole, {"mirelight/profile": "{}"}),
         (whole, {"mirelight/lights": '{"light_key": "key", "light_other": "other"}'}),

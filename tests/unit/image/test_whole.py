@@ -11,6 +11,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from mirelight.errors import InputError
 from mirelight.io import exr_bytes
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import is_intact, read, read_fingerprint, write
@@ -136,7 +137,12 @@ def test_windows_of_other_programs(tmp_path: Path) -> None:
     header["displayWindow"] = corners(50, 0, 60, 10)
     with OpenEXR.File(header, {"Y": values}) as file:
         file.write(str(tmp_path / "a.exr"))
-    with pytest.raises(Exception, match="outside its display window"):
+    with pytest.raises(InputError, match="outside its display window"):
+        read_exr(tmp_path / "a.exr")
+    header["displayWindow"] = corners(-(2**29), -(2**29), 2**29, 2**29)  # a small file, an endless picture
+    with OpenEXR.File(header, {"Y": values}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    with pytest.raises(InputError):
         read_exr(tmp_path / "a.exr")
 
 
@@ -153,8 +159,16 @@ def test_dwaa_comes_near_in_colour_and_leaves_out_what_it_would_spoil(frame: Fra
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_the_same_frame_gives_the_same_bytes(frame: Frame, tmp_path: Path, compression: Compression) -> None:
-    for name in "ab":
-        write(frame, tmp_path / f"{name}.exr", output=OutputSettings(compression=compression))
+    tall = np.random.default_rng(0).random((300, 40, 4), np.float32)
+    before = OpenEXR.global_thread_count()
+    try:
+        for name, threads in (("a", 0), ("b", 1), ("c", 5)):
+            OpenEXR.set_global_thread_count(threads)
+            write(frame, tmp_path / f"{name}.exr", output=OutputSettings(compression=compression))
+            write_exr(tmp_path / f"{name}-tall.exr", {"": tall}, compression=compression)
+    finally:
+        OpenEXR.set_global_thread_count(before)
+    assert len({(tmp_path / f"{name}-tall.exr").read_bytes() for name in "abc"}) == 1
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 

@@ -1,12 +1,17 @@
 """mirelight: offline, physically based relighting of Gaussian-splat captures.
 
-The frame, as five calls (nothing heavy is imported before the first of them)::
+A frame, from the job file to the picture (nothing heavy is imported before it is needed)::
 
-    job      = mirelight.load("courtyard.toml")
-    splats   = mirelight.composite(job.scene.splats, camera, job.compositor)
-    lighting = mirelight.trace(job.scene.proxy, lights, camera, job.render)
-    frame    = mirelight.apply(splats, lighting, job.relight)
-    mirelight.write(frame, "frame.exr")
+    import mirelight
+
+    job = mirelight.load("room.toml")
+    scene = mirelight.prepare(job)
+    camera, lighting = job.cameras[0], job.lightings[0]
+
+    splats = mirelight.composite(scene, camera)
+    light = mirelight.light(scene, camera, lighting)
+    frame = mirelight.relight(scene, splats, light)
+    mirelight.write(frame, "frame.exr", job)
 """
 
 from __future__ import annotations
@@ -17,25 +22,30 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from mirelight.compositor import composite
-    from mirelight.io.image import write
     from mirelight.io.job import load
-    from mirelight.lighting.profiles import trace
-    from mirelight.relight import apply
+    from mirelight.scene import prepare
+    from mirelight.stages import composite, light, relight
+    from mirelight.store import write
 
 _HOMES = {
     "load": "mirelight.io.job",
-    "composite": "mirelight.compositor",
-    "trace": "mirelight.lighting.profiles",
-    "apply": "mirelight.relight",
-    "write": "mirelight.io.image",
+    "prepare": "mirelight.scene",
+    "composite": "mirelight.stages",
+    "light": "mirelight.stages",
+    "relight": "mirelight.stages",
+    "write": "mirelight.store",
 }
 
-__all__ = ["__version__", "apply", "composite", "load", "trace", "write"]
+__all__ = ["__version__", "composite", "light", "load", "prepare", "relight", "write"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the module behind one of the five calls on first use."""
+    """Import the module behind one of the calls on first use."""
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'mirelight' has no attribute {name!r}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The calls, before they are imported too."""
+    return sorted(__all__)

@@ -1,50 +1,50 @@
-"""What made a frame: versions, settings, and a fingerprint of everything that decides its pixels."""
+"""What made a frame: versions and settings, written into every file."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import mirelight
-from mirelight.model import Job, Provenance, digest
+from mirelight.model import Job, Provenance
 
-__all__ = ["digest", "of_frame", "pixel_settings", "versions"]
-
-_PACKAGES = ("mitsuba", "drjit", "numpy")
+_PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR", "pyoidn")
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Installed versions of the packages that decide pixels, read without importing them."""
+    """Versions of what decides pixels and files: packages, read without importing them, and libLLVM."""
+    from mirelight import backend
+
     found = {"mirelight": mirelight.__version__}
     for name in _PACKAGES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             continue
+    library = backend.choose()
+    if library is not None and library.version is not None:
+        found["llvm"] = ".".join(map(str, library.version))
     return found
 
 
 def pixel_settings(job: Job) -> dict[str, Any]:
-    """The job's settings that shape pixels or decide what a frame's files hold, as JSON values by section.
+    """The job's settings, as JSON values by section, for a person who wonders how a file came to be.
 
     Left out, because the same pixels come out of every value: threads, the memory limit, the output folder.
     """
-    output = asdict(job.output)
-    del output["directory"]
-    compositor = asdict(replace(job.compositor, max_memory=None))
-    render = asdict(replace(job.render, threads=None))
-    del compositor["max_memory"], render["threads"]
-    return {
-        "render": render,
-        "compositor": compositor,
-        "proxy": {"albedo_from_splats": job.colors_proxy},
+    every = {
+        "render": asdict(job.render),
+        "compositor": asdict(job.compositor),
+        "proxy": {"albedo_from_splats": job.albedo_from_splats},
         "relight": asdict(job.relight),
         "display": asdict(job.display),
-        "output": output,
+        "output": asdict(job.output),
     }
+    del every["output"]["directory"], every["compositor"]["max_memory"], every["render"]["threads"]
+    return every
 
 
 def of_frame(job: Job, lighting: str, fingerprint: str) -> Provenance:

@@ -75,10 +75,9 @@ def run_explain(args: argparse.Namespace) -> int:
 
 def _frame(work: Job, camera: str | None, lighting: str | None) -> tuple[str, Camera, Lighting]:
     """The name, camera and lighting of the frame that is meant."""
-    from mirelight import pipeline
+    from mirelight.plan import plan
 
-    tasks = pipeline.plan(work, None if camera is None else [camera], None if lighting is None else [lighting])
-    task = tasks[0]
+    task = plan(work, None if camera is None else [camera], None if lighting is None else [lighting]).tasks[0]
     if task.lighting is None:
         raise InputError(work.source, "no light", "a ladder needs splats, a proxy and light", field="lights")
     return task.name, task.camera, task.lighting

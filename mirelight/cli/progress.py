@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-from mirelight.pipeline import FrameTask
+from mirelight.plan import FrameTask
 
 
 class Tally:
-    """Counts frames and samples, and estimates the time left. Shows nothing; a `mirelight.pipeline.Progress`."""
+    """Counts frames and samples, and estimates the time left. Shows nothing; a `mirelight.executor.Progress`."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -46,6 +46,9 @@ class Tally:
             self.skipped += 1
         else:
             self.rendered += 1
+
+    def waiting(self, cameras: int) -> None:
+        """Other processes make what is left."""
 
     def stopping(self) -> None:
         """The run was told to stop and will, at the end of the step it is in."""
@@ -81,6 +84,13 @@ class Lines(Tally):
     def __init__(self) -> None:
         super().__init__()
         self._frame_began = 0.0
+        self._waits = False
+
+    def waiting(self, cameras: int) -> None:
+        """Said once."""
+        if not self._waits:
+            print(f"mirelight: waiting for {cameras} cameras that other processes render", file=sys.stderr, flush=True)
+        self._waits = True
 
     def note(self, line: str) -> None:
         """As a line of its own."""
@@ -131,6 +141,10 @@ class Bar(Tally):
         """A frame is there."""
         super().finished(task, skipped)
         self._show(task)
+
+    def waiting(self, cameras: int) -> None:
+        """Says so in place of the frame's name."""
+        self._bar.update(self._row, frame=f"waiting for {cameras} cameras that others render")
 
     def note(self, line: str) -> None:
         """As a line above the bar."""

@@ -33,17 +33,18 @@ def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run_realtime(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, what the engine cannot follow to stderr."""
-    from mirelight import pipeline, realtime
+    from mirelight import realtime
     from mirelight.cli.render import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
+    from mirelight.plan import plan
 
     work = job.load(args.job, [parse(text) for text in args.set])
-    tasks = pipeline.plan(
+    tasks = plan(
         work,
-        cameras=named(args.camera, [x.name for x in work.scene.cameras]),
-        lightings=named(args.lighting, [x.name for x in work.scene.lightings]),
-    )
+        cameras=named(args.camera, [x.name for x in work.cameras]),
+        lightings=named(args.lighting, [x.name for x in work.lightings]),
+    ).tasks
     for task in tasks:
         if task.lighting is None:
             raise InputError(work.source, "no light", "name lights or an environment to relight by", field="lights")

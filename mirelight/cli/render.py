@@ -10,48 +10,46 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from mirelight import pipeline
+from mirelight import executor
 from mirelight.cli import progress, stop
-from mirelight.cli.frames import FrameFiles
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job
+from mirelight.plan import light_keys, plan, warnings
+from mirelight.store import Store
 
 
 def run_render(args: argparse.Namespace) -> int:
     """The command. Progress goes to stderr, one line at the end to stdout."""
     told = progress.chosen(args.quiet)
-    files: FrameFiles | None = None
+    store: Store | None = None
     try:
         with told:
             work = _load(args)
-            tasks = pipeline.plan(
+            frames = plan(
                 work,
-                cameras=named(args.camera, [x.name for x in work.scene.cameras]),
-                lightings=named(args.lighting, [x.name for x in work.scene.lightings]),
+                cameras=named(args.camera, [x.name for x in work.cameras]),
+                lightings=named(args.lighting, [x.name for x in work.lightings]),
             )
-            for line in pipeline.warnings(work, tasks):
+            for line in warnings(frames):
                 told.note(f"mirelight: {line}")
-            files = FrameFiles(work.output, work.display)
-            files.prepare()
+            store = Store(work)
+            store.open()
             with stop.Watched(told) as watched:
-                pipeline.render(
-                    work,
-                    tasks,
-                    is_done=files.exist,
-                    sink=files.write,
-                    partial=files.write_partial,
-                    progress=watched,
-                )
+                executor.run(frames, store, watched)
+            store.tidy(light_keys(work))
     except BaseException as e:
         code = stop.exit_code(e)
         if code is None:
             raise
-        _say_what_is_left(told, files)
+        _say_what_is_left(told, store)
         return code
+    finally:
+        if store is not None:
+            store.close()
     if not args.quiet:
         existed = f", {told.skipped} of them already there" if told.skipped else ""
-        print(f"{_frames(told.there)} in {_shown(files.folder)}{existed}; {progress.duration(told.elapsed)}")
+        print(f"{_frames(told.there)} in {_shown(store.folder)}{existed}; {progress.duration(told.elapsed)}")
     return 0
 
 
@@ -74,7 +72,7 @@ def _overrides(args: argparse.Namespace) -> list[Override]:
 def named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | None:
     """The names that are meant: by name, by pattern, or all frames of a sequence (orbit: orbit.0001, …).
 
-    What fits nothing is left as it is, for `pipeline.plan` to refuse.
+    What fits nothing is left as it is, for `plan` to refuse.
     """
     if wanted is None:
         return None
@@ -86,13 +84,13 @@ def named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | Non
     return found
 
 
-def _say_what_is_left(told: progress.Tally, files: FrameFiles | None) -> None:
+def _say_what_is_left(told: progress.Tally, store: Store | None) -> None:
     line = "interrupted before the first frame"
-    if files is not None and told.total:
-        done = f"{told.there} of {_frames(told.total)} are in {_shown(files.folder)}"
+    if store is not None and told.total:
+        done = f"{told.there} of {_frames(told.total)} are in {_shown(store.folder)}"
         line = f"interrupted; {done}, and the same command goes on from there"
-        if files.partial:
-            paths = ", ".join(_shown(path) for path in files.partial)
+        if store.partial:
+            paths = ", ".join(_shown(path) for path in store.partial)
             print(f"mirelight: the frame in progress, as far as it got: {paths}", file=sys.stderr)
     print(f"mirelight: {line}", file=sys.stderr)
 

@@ -12,11 +12,11 @@ from typing import Self
 
 from mirelight.cli import INTERRUPTED, TERMINATED
 from mirelight.cli.progress import Tally
-from mirelight.pipeline import FrameTask
+from mirelight.plan import FrameTask
 
 
 class Watched:
-    """A `mirelight.pipeline.Progress` that passes everything on and raises a noted signal after it.
+    """A `mirelight.executor.Progress` that passes everything on and raises a noted signal after it.
 
     The first SIGINT or SIGTERM waits for the next call; a second one is raised at once.
     """
@@ -48,6 +48,11 @@ class Watched:
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """A frame is there."""
         self._told.finished(task, skipped)
+        self._raise_noted()
+
+    def waiting(self, cameras: int) -> None:
+        """Others make what is left."""
+        self._told.waiting(cameras)
         self._raise_noted()
 
     def _note(self, number: int, frame: FrameType | None) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mirelight import colour, relight
+from mirelight import colour, keys, relighting
 from mirelight.compare import metrics
 from mirelight.compare.explain import CAUSES, Ladder, Rung
 from mirelight.compare.explain_engine import (
@@ -39,8 +39,8 @@ from mirelight.model import (
     SplatCloud,
     SplatLayer,
 )
-from mirelight.pipeline import lit_proxy
 from mirelight.realtime.engine import VERSION
+from mirelight.scene import prepare
 
 Say = Callable[[str], None]
 _ANOTHER_SEED = 0x5EED  # added to the job's, for samples that are independent of its own
@@ -79,11 +79,11 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     Raises:
         InputError: a ladder of this job and camera cannot be made; see :func:`explain`.
     """
-    scene = job.scene
-    if scene.splats is None or scene.proxy is None:
-        missing = "splats" if scene.splats is None else "proxy"
+    splats, proxy = job.splats, job.proxy
+    if splats is None or proxy is None:
+        missing = "splats" if splats is None else "proxy"
         raise InputError(job.source, f"no {missing}", "a ladder needs splats, a proxy and light", field=missing)
-    if not len(scene.proxy.faces):
+    if not len(proxy.value.faces):
         raise InputError(job.source, "a proxy without a face", "a ladder needs something to light", field="proxy")
     if camera.projection != "perspective":
         raise InputError(
@@ -91,10 +91,10 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
         )
     if job.render.variant == "scalar_rgb":
         raise InputError(job.source, "the variant scalar_rgb", "use llvm_ad_rgb or cuda_ad_rgb", field="render.variant")
-    if relight.mode_of(job.relight).needs_captured and scene.captured is None:
+    if relighting.mode_of(job.relight).needs_captured and job.captured is None:
         without = f"mode {job.relight.mode!r} without captured lighting"
         raise InputError(job.source, without, "name it, or set mode to 'tint'")
-    return scene.splats, scene.proxy
+    return splats.value, proxy.value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -158,7 +158,7 @@ class _Builder:
 
     def _engine_side(self, lights: EngineLighting) -> _Recipe:
         job = self.job
-        self.small = self._lit_surface(relight.lighting_camera(self.camera, self._settings), biased=True)
+        self.small = self._lit_surface(relighting.lighting_camera(self.camera, self._settings), biased=True)
         sky = self.small.engine_environment(lights)
         self.parts = (self.small.engine_lights(lights, "exact"), sky)
         exact = self.small.buffer(self.parts[0] + sky)
@@ -346,16 +346,21 @@ class _Builder:
 
     def _relight_mode(self, recipe: _Recipe, traced: LightingBuffer, tracer: Tracer) -> None:
         """The job's own mode instead of the tint, where it is one that divides the captured light out."""
-        captured, mode = self.job.scene.captured, relight.mode_of(self.job.relight)
+        captured, mode = self.job.captured, relighting.mode_of(self.job.relight)
         if not mode.needs_captured or captured is None:
             self.absent.append(("ratio", f"the job's mode is {mode.name}"))
             return
-        if self.job.colors_proxy:
-            tracer = Tracer(lit_proxy(self.job), tracer.settings)
+        if keys.colors_proxy(self.job):
+            tracer = Tracer(self._colored(), tracer.settings)
             traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
         old = finished(tracer.trace(captured, self.camera), tracer.settings)
         settings = replace(recipe.settings, mode=mode.name)
         self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old))
+
+    def _colored(self) -> ProxyMesh:
+        mesh = prepare(self.job).proxy
+        assert mesh is not None
+        return mesh
 
     # --- frames ---
 
@@ -365,7 +370,7 @@ class _Builder:
 
     def _shown(self, recipe: _Recipe) -> F32:
         """(H, W, 3) display values 0..1 of a recipe."""
-        frame = relight.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured, noise=False)
+        frame = relighting.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured, noise=False)
         rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display
         if not recipe.engine_blending or not recipe.splats.linear:
             gain = 2.0**display.exposure

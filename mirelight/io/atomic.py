@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from mirelight.errors import OutputError
+from mirelight.io import owner
 
 _REASONS = {
     errno.ENOSPC: "the disk is full",
@@ -25,12 +27,16 @@ _REASONS = {
 }
 
 
+_TEMPORARY = re.compile(r"~([0-9a-f]{10}-\d+)-[0-9a-f]{8,}(?:\.[^.]*)?$")
+
+
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary path to write to, moved to `path` when the block ends well and removed when it does not.
 
-    The temporary file stands in the same folder with the same suffix, empty at first. Bytes reach the disk before the
-    name does, so a crash leaves the old file or the new one.
+    The temporary file stands in the same folder with the same suffix, empty at first; its name says which process it
+    belongs to, so that what a killed one left can be told (:func:`owner_of`). Bytes reach the disk before the name
+    does, so a crash leaves the old file or the new one.
 
     Args:
         path: the file that shall appear; its folder must exist.
@@ -45,7 +51,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             raise OutputError(f"{path}: cannot be written (it is a folder)")
         if path.exists() and not path.is_file():  # renaming onto it would take the device's place
             raise OutputError(f"{path}: cannot be written (it is a pipe or a device)")
-        temporary = path.with_name(f".{path.stem[:80]}-{secrets.token_hex(6)}{path.suffix}")
+        temporary = path.with_name(f".{path.stem[:80]}~{owner.token()}-{secrets.token_hex(6)}{path.suffix}")
         temporary.touch(exist_ok=False)
     except (OSError, ValueError) as e:  # ValueError: a NUL in the name
         raise output_error(path, e) from None
@@ -57,6 +63,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def owner_of(name: str) -> str | None:
+    """The token (`mirelight.io.owner`) of the process that a temporary file's name belongs to; None of other names."""
+    found = _TEMPORARY.search(name) if name.startswith(".") else None
+    return found[1] if found else None
 
 
 def output_error(path: str | Path, error: OSError | ValueError) -> OutputError:

@@ -167,23 +167,24 @@ def _job(path: Path) -> JobFacts:
     from mirelight.io import job
 
     work = job.load(path)
-    scene = work.scene
-    seen = scene.splats.means if scene.splats is not None else scene.proxy.vertices if scene.proxy else None
+    splats = work.splats.value if work.splats is not None else None
+    proxy = work.proxy.value if work.proxy is not None else None
+    seen = splats.means if splats is not None else proxy.vertices if proxy else None
     return JobFacts(
         path=str(path),
-        splats=len(scene.splats) if scene.splats is not None else 0,
-        sh_degree=scene.splats.sh_degree if scene.splats is not None else None,
-        triangles=len(scene.proxy.faces) if scene.proxy else 0,
+        splats=len(splats) if splats is not None else 0,
+        sh_degree=splats.sh_degree if splats is not None else None,
+        triangles=len(proxy.faces) if proxy else 0,
         bounds=None if seen is None else bounds_of(seen),
-        lightings=tuple(lighting_facts(x) for x in scene.lightings),
-        captured=lighting_facts(scene.captured) if scene.captured else None,
-        cameras=tuple(camera_facts(x) for x in scene.cameras),
-        frames=len(scene.cameras) * max(len(scene.lightings), 1),
+        lightings=tuple(lighting_facts(x) for x in work.lightings),
+        captured=lighting_facts(work.captured) if work.captured else None,
+        cameras=tuple(camera_facts(x) for x in work.cameras),
+        frames=len(work.cameras) * max(len(work.lightings), 1),
         inputs=tuple(work.inputs),
         mode=work.relight.mode,
         profile=work.compositor.profile,
         output=str(work.output.directory),
-        memory=_render_bytes(scene.splats, scene.proxy, scene.cameras, scene.lightings),
+        memory=_render_bytes(splats, proxy, work.cameras, work.lightings),
     )
 
 

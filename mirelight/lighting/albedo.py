@@ -63,8 +63,18 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
         RenderError: no splat lies on the proxy.
         BackendError: the variant `scalar_rgb`.
     """
+    return with_vertex_colors(proxy, vertex_colors(splats, proxy, captured, settings))
+
+
+def with_vertex_colors(proxy: ProxyMesh, colors: F32) -> ProxyMesh:
+    """The proxy with colours that :func:`vertex_colors` found for it."""
+    return replace(_split_by_orientation(proxy), vertex_colors=colors) if len(proxy.faces) else proxy
+
+
+def vertex_colors(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> F32:
+    """The colours of :func:`colored_by` alone, (V, 3) linear, of the vertices that :func:`with_vertex_colors` makes."""
     if not len(proxy.faces):
-        return proxy
+        return np.zeros((0, 3), np.float32)
     mesh = _split_by_orientation(proxy)
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     deposits = deposits_of(splats, mesh, tracer)
@@ -76,7 +86,7 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
         tracer.recolor(colors)
-    return replace(mesh, vertex_colors=colors)
+    return colors
 
 
 def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:

@@ -24,7 +24,7 @@ from mirelight.model.lights import (
 )
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Provenance, SplatLayer
-from mirelight.model.scene import Material, ProxyMesh, Scene, SplatCloud, Wrap, Wraps
+from mirelight.model.scene import Material, ProxyMesh, SplatCloud, Wrap, Wraps
 from mirelight.model.settings import (
     CompositorSettings,
     Compression,
@@ -67,7 +67,6 @@ __all__ = [
     "RelightMode",
     "RelightSettings",
     "RenderSettings",
-    "Scene",
     "SkyModel",
     "Space",
     "SplatCloud",

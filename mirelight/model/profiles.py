@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 Profile: TypeAlias = Literal["physical", "playcanvas"]
-RelightMode: TypeAlias = Literal["tint", "ratio"]  # names; `mirelight.relight` holds what each does
+RelightMode: TypeAlias = Literal["tint", "ratio"]  # names; `mirelight.relighting` holds what each does
 Space: TypeAlias = Literal["linear", "display"]
 
 _MOST_ALPHA = 0.9900000095367432  # float32(0.99), as the CUDA code has it: a second one would leave just less than 1e-4

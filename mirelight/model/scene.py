@@ -9,8 +9,6 @@ import numpy as np
 
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
-from mirelight.model.cameras import Camera
-from mirelight.model.lights import Lighting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,15 +109,3 @@ class ProxyMesh(ArrayHolder):
     def bounds(self) -> tuple[F32, F32]:
         """Lowest and highest corner, (3,) each."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """What is rendered. Every camera is rendered under every lighting."""
-
-    splats: SplatCloud | None = None
-    proxy: ProxyMesh | None = None
-    cameras: tuple[Camera, ...] = ()
-    lightings: tuple[Lighting, ...] = ()
-    captured: Lighting | None = None  # the lighting under which the splats were captured, where known
-    albedo_from_splats: bool = False  # the proxy takes the splats' colours, wherever Job.colors_proxy says so

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from mirelight.model.cameras import Camera
+from mirelight.model.deferred import Deferred
+from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT
 from mirelight.model.profiles import Profile, RelightMode, Space, rules_of
-from mirelight.model.scene import Scene
+from mirelight.model.scene import ProxyMesh, SplatCloud
 
 Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
@@ -91,6 +94,7 @@ class OutputSettings:
     """Where and what is written."""
 
     directory: Path = Path("out")
+    store: Literal["both", "frames"] = "both"  # frames: traced light is not kept, so a changed light is traced anew
     exr: bool = True
     png: bool = True
     layers: bool = True  # direct and indirect of each light or group, and `lighting`, which is their sum
@@ -116,10 +120,16 @@ class OutputSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A job file, loaded: the scene and every setting, validated."""
+    """A job file, loaded: what it says, checked. Files are known by their digests and read when they are needed, so a
+    job is small. `mirelight.prepare` makes it ready."""
 
     source: Path  # the job file, absolute
-    scene: Scene
+    splats: Deferred[SplatCloud] | None = None  # in world space
+    proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
+    albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
+    cameras: tuple[Camera, ...] = ()
+    lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one
+    captured: Lighting | None = None  # the lighting under which the splats were captured, where known
     render: RenderSettings = RenderSettings()
     compositor: CompositorSettings = CompositorSettings()
     relight: RelightSettings = RelightSettings()
@@ -127,13 +137,8 @@ class Job:
     output: OutputSettings = OutputSettings()
     inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex
 
-    @property
-    def colors_proxy(self) -> bool:
-        """True where frames are lit on a proxy with the splats' colours: asked for, and of use.
-
-        It is of use to a ratio alone. The tint multiplies splats that have their own albedo by a gray proxy's light, as
-        the real-time engine does, and that engine's light model reflects nothing from surface to surface.
-        """
-        scene = self.scene
-        there = scene.splats is not None and scene.captured is not None
-        return scene.albedo_from_splats and there and self.relight.mode == "ratio" and self.render.profile == "physical"
+    def __repr__(self) -> str:
+        there = [name for name in ("splats", "proxy", "captured") if getattr(self, name) is not None]
+        views = f"{len(self.cameras)} cameras x {len(self.lightings)} lightings"
+        how = f"{self.render.profile}, {self.relight.mode}"
+        return f"Job({self.source.name}: {views}; {', '.join(there) or 'empty'}; {how})"

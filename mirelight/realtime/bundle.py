@@ -30,7 +30,17 @@ from mirelight.io.hdr import write_hdr
 from mirelight.io.splats import ply
 from mirelight.lighting.engine.raster import culling_warnings
 from mirelight.lighting.sunsky import resolved
-from mirelight.model import PROFILES, Camera, CompositorSettings, Job, Lighting, ProxyMesh, Scene, ToneCurve, rules_of
+from mirelight.model import (
+    PROFILES,
+    Camera,
+    CompositorSettings,
+    Job,
+    Lighting,
+    ProxyMesh,
+    SplatCloud,
+    ToneCurve,
+    rules_of,
+)
 from mirelight.realtime import engine
 
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
@@ -67,7 +77,7 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
         OutputError: the folder cannot be written.
     """
     folder = Path(directory)
-    scene = job.scene
+    scene = _Shown.of(job)
     if scene.splats is None and scene.proxy is None:
         raise InputError(job.source, "neither splats nor a proxy", "the engine has nothing to show")
     if camera.projection != "perspective":
@@ -131,11 +141,23 @@ def _with_normals(proxy: ProxyMesh) -> ProxyMesh:
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """What the engine is handed: the files' content, the proxy in its own albedo."""
+
+    splats: SplatCloud | None
+    proxy: ProxyMesh | None
+
+    @staticmethod
+    def of(job: Job) -> _Shown:
+        return _Shown(job.splats.value if job.splats else None, job.proxy.value if job.proxy else None)
+
+
 # --- scene.json ------------------------------------------------------------------------------------------------------
 
 
 def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, Any]:
-    scene, relight = job.scene, job.relight
+    scene, relight = _Shown.of(job), job.relight
     playcanvas = rules_of(job.compositor.profile).splats.pipelines
     tone = job.compositor.tone if playcanvas else job.display.tone
     exposure = job.compositor.exposure if playcanvas else 2.0**job.display.exposure
@@ -179,7 +201,7 @@ def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, A
     return out
 
 
-def _camera(camera: Camera, scene: Scene) -> dict[str, Any]:
+def _camera(camera: Camera, scene: _Shown) -> dict[str, Any]:
     low, high = _bounds(scene)
     forward = -camera.world_from_camera[:3, 2]
     ahead = float((0.5 * (low + high) - camera.position) @ forward)
@@ -193,7 +215,7 @@ def _camera(camera: Camera, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _furthest(camera: Camera, scene: Scene) -> float:
+def _furthest(camera: Camera, scene: _Shown) -> float:
     """Distance from the eye to the furthest corner of the scene's bounds."""
     corners = np.array(np.meshgrid(*zip(*_bounds(scene), strict=True))).reshape(3, -1).T
     return float(np.linalg.norm(corners - camera.position, axis=1).max())
@@ -249,7 +271,7 @@ def _settings_warnings(job: Job) -> list[str]:
     out = []
     if job.relight.mode not in PROFILES["playcanvas"].modes:
         out.append(f"relight.mode {job.relight.mode}: the engine knows the tint only")
-    if not rules_of(job.relight.profile).blending_space and job.scene.splats is not None:
+    if not rules_of(job.relight.profile).blending_space and job.splats is not None:
         out.append("profile physical: the engine tints in display space; the profile playcanvas does the same here")
     tone = job.compositor.tone if rules_of(job.compositor.profile).splats.pipelines else job.display.tone
     if tone == "agx":
@@ -257,7 +279,7 @@ def _settings_warnings(job: Job) -> list[str]:
     return out
 
 
-def _bounds(scene: Scene) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+def _bounds(scene: _Shown) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     points = [
         x
         for x in (scene.proxy.vertices if scene.proxy else None, scene.splats.means if scene.splats else None)

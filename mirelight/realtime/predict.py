@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import relight
+from mirelight import relighting
 from mirelight.compositor import composite
 from mirelight.lighting import trace
 from mirelight.model import F32, Camera, Frame, Job, Lighting
@@ -26,13 +26,13 @@ def engine_frame(job: Job, camera: Camera, lighting: Lighting) -> Frame:
     """
     settings = replace(job.relight, profile="playcanvas", mode="tint", space="display")
     layer = buffer = None
-    if job.scene.splats is not None:
+    if job.splats is not None:
         playcanvas = replace(job.compositor, profile="playcanvas")
-        layer = composite(job.scene.splats, camera, playcanvas, variant=job.render.variant, threads=job.render.threads)
-    if job.scene.proxy is not None:
-        seen = relight.lighting_camera(camera, settings)
-        buffer = trace(job.scene.proxy, lighting, seen, replace(job.render, profile="playcanvas"))
-    return relight.apply(layer, buffer, settings, noise=False)
+        layer = composite(job.splats.value, camera, playcanvas, variant=job.render.variant, threads=job.render.threads)
+    if job.proxy is not None:
+        seen = relighting.lighting_camera(camera, settings)
+        buffer = trace(job.proxy.value, lighting, seen, replace(job.render, profile="playcanvas"))
+    return relighting.apply(layer, buffer, settings, noise=False)
 
 
 def blended(frame: Frame) -> F32:

@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.cli.progress import Lines, Tally, duration, samples_of
 from mirelight.model import Camera
-from mirelight.pipeline import FrameTask
+from mirelight.plan import FrameTask
 
 
 class Clock:
@@ -27,7 +27,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 def task(name: str) -> FrameTask:
     camera = Camera.perspective(np.eye(4), 4, 4, yfov=45)
-    return FrameTask(camera=camera, lighting=None, name=name, fingerprint="0")
+    return FrameTask(camera=camera, lighting=None, name=name, files={})
 
 
 def state(tally: Tally) -> tuple[int, float, float | None]:

@@ -26,8 +26,12 @@ MANY = ["--set", "cameras[1].frames=400", "--camera", "orbit", "--lighting", "ni
 
 
 def files(folder: Path) -> list[str]:
-    """Everything in a folder, hidden and temporary files too."""
-    return sorted(path.name for path in folder.iterdir())
+    """Everything in a folder, temporary files too; not what the store keeps beside the frames."""
+    return sorted(path.name for path in folder.iterdir() if path.name != ".mirelight")
+
+
+def temporary_files(out: Path) -> list[Path]:
+    return [path for path in out.rglob(".*") if path.is_file()]
 
 
 def wait_for_frames(process: subprocess.Popen[str], out: Path, count: int) -> None:
@@ -49,10 +53,10 @@ def test_all_frames_then_none_then_what_changed(run: Run, folder: Path) -> None:
     picture = read_exr(out / "front.day.exr").channels
     assert picture["R"].shape == (48, 64) and float(picture["A"].max()) > 0.5
 
-    before = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    before = {name: (out / name).stat().st_mtime_ns for name in files(out)}
     again = run("render", "job.toml")
     assert again.stdout.startswith("6 frames in out, 6 of them already there; ")
-    assert before == {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    assert before == {name: (out / name).stat().st_mtime_ns for name in files(out)}
 
     (out / "front.night.png").unlink()  # half of a frame is no frame
     (out / "orbit.0001.day.exr").write_bytes(b"\x76\x2f\x31\x01 damaged")
@@ -95,7 +99,7 @@ def test_a_killed_run_goes_on(run: Run, folder: Path) -> None:
     wait_for_frames(process, folder / "out", 3)
     process.kill()
     process.communicate()
-    whole = [path for path in (folder / "out").iterdir() if not path.name.startswith(".")]
+    whole = [folder / "out" / name for name in files(folder / "out") if not name.startswith(".")]
     assert all(read_fingerprint(path) for path in whole)  # files appear whole or not at all
     pairs = [path for path in whole if path.suffix == ".png" and path.with_suffix(".exr") in whole]
     assert 2 <= len(pairs) < 30
@@ -104,6 +108,7 @@ def test_a_killed_run_goes_on(run: Run, folder: Path) -> None:
     assert done.returncode == 0
     assert done.stdout.startswith(f"30 frames in out, {len(pairs)} of them already there; ")
     assert len(list((folder / "out").glob("[!.]*.exr"))) == 30
+    assert not temporary_files(folder / "out")
 
 
 def test_a_resumed_run_makes_the_same_pixels(run: Run, folder: Path) -> None:
@@ -132,7 +137,7 @@ def test_interrupted(folder: Path, number: signal.Signals, code: int) -> None:
     there = len([path for path in (folder / "out").glob("*.png") if ".partial" not in path.name])
     assert last.startswith("mirelight: interrupted; ") and last.endswith("the same command goes on from there")
     assert f"{there} of 400 frames are in out" in last
-    assert not [name for name in files(folder / "out") if name.startswith(".")]  # no temporary file is left
+    assert not temporary_files(folder / "out")
 
 
 def test_the_frame_that_an_interrupt_stops_is_kept_apart(folder: Path, run: Run) -> None:

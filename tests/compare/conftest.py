@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import relight
+from mirelight import relighting
 from mirelight.io.image import write
 from mirelight.model import (
     Camera,
@@ -72,7 +72,7 @@ def make_frame(
     made_by = Provenance(
         mirelight="0.1.0", job="test.toml", settings={"compositor": {"profile": profile}, "render": {"spp": 64}}
     )
-    return relight.apply(splats, buffer, RelightSettings(profile=profile), made_by=made_by)
+    return relighting.apply(splats, buffer, RelightSettings(profile=profile), made_by=made_by)
 
 
 def brighter(frame: Frame, factor: Any) -> Frame:

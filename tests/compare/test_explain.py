@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import pipeline
+from mirelight import stages
 from mirelight.compare.explain import CAUSES, Ladder, Rung, summary
 from mirelight.compare.explain_engine import EngineRun, physical_display, physical_settings
 from mirelight.compare.explain_ladder import explain
@@ -26,10 +26,10 @@ from mirelight.model import (
     AreaLight,
     Camera,
     CompositorSettings,
+    Deferred,
     DirectionalLight,
     DisplaySettings,
     Environment,
-    Frame,
     Job,
     Light,
     Lighting,
@@ -37,12 +37,12 @@ from mirelight.model import (
     ProxyMesh,
     RelightSettings,
     RenderSettings,
-    Scene,
     SplatCloud,
     SpotLight,
     SunLight,
 )
 from mirelight.realtime import EngineFrames
+from mirelight.scene import prepare
 
 CAMERA = Camera.look_at((0, 0, 4), (0, 0, 0), 96, 64, yfov=40, near=0.1, far=50)
 
@@ -88,12 +88,10 @@ def make_job(
     environment = None if sky is None else Environment(radiance=np.full((1, 1, 3), sky, np.float32))
     return Job(
         source=Path("made.toml"),
-        scene=Scene(
-            splats=splats or cloud(),
-            proxy=quads(*meshes),
-            cameras=(CAMERA,),
-            lightings=(Lighting(name="made", lights=lights, environment=environment),),
-        ),
+        splats=Deferred.of(splats or cloud()),
+        proxy=Deferred.of(quads(*meshes)),
+        cameras=(CAMERA,),
+        lightings=(Lighting(name="made", lights=lights, environment=environment),),
         render=replace(RenderSettings(spp=64, max_depth=6), **settings.pop("render", {})),
         relight=replace(RelightSettings(space="display"), **settings.pop("relight", {})),
         **settings,
@@ -101,7 +99,7 @@ def make_job(
 
 
 def ladder_of(job: Job) -> Ladder:
-    return explain(job, job.scene.cameras[0], job.scene.lightings[0])
+    return explain(job, job.cameras[0], job.lightings[0])
 
 
 FRONT = DirectionalLight(name="front", direction=np.array([0.0, 0, -1]), intensity=2.0)
@@ -246,9 +244,8 @@ def test_the_last_rung_is_what_render_shows() -> None:
     )
     ladder = ladder_of(job)
     full = replace(job, relight=replace(job.relight, texture_scale=1.0))
-    frames: list[Frame] = []
-    pipeline.render(full, pipeline.plan(full), sink=lambda task, frame: frames.append(frame))
-    expected = encode_display(frames[0].rgba, job.display)
+    frame = stages.frame(prepare(full), full.cameras[0], full.lightings[0])
+    expected = encode_display(frame.rgba, job.display)
     np.testing.assert_array_equal(np.rint(ladder.rungs[-1].frame * 255), expected)
     first = ladder.rungs[0].frame * 255
     np.testing.assert_allclose(first, np.rint(first), atol=1e-4)
@@ -285,7 +282,7 @@ def test_a_scene_with_one_cause_blames_it(cause: str) -> None:
     job = ONE_CAUSE[cause]
     if cause == "ratio":
         captured = Lighting(name="then", lights=(replace(FRONT, intensity=0.5),))
-        job = replace(job, scene=replace(job.scene, captured=captured))
+        job = replace(job, captured=captured)
     ladder = ladder_of(job)
     shares = {s.name: round(s.share, 3) for s in ladder.steps}
     assert shares[cause] > 0.9, shares
@@ -302,7 +299,7 @@ def gradient(job: Job) -> Job:
     """The job under a sky that brightens upwards, so that sampling it is noisy."""
     rows = np.linspace(2, 0, 32, dtype=np.float32)[:, None, None]
     sky = Environment(radiance=np.broadcast_to(rows, (32, 64, 3)))
-    return replace(job, scene=replace(job.scene, lightings=(Lighting(name="made", environment=sky),)))
+    return replace(job, lightings=(Lighting(name="made", environment=sky),))
 
 
 def test_a_steps_noise_is_what_other_seeds_show() -> None:
@@ -347,9 +344,9 @@ def test_the_linear_pipeline_has_its_own_cause() -> None:
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"scene": {"proxy": None}}, "no proxy"),
-        ({"scene": {"splats": None}}, "no splats"),
-        ({"scene": {"proxy": NO_FACE}}, "a proxy without a face"),
+        ({"proxy": None}, "no proxy"),
+        ({"splats": None}, "no splats"),
+        ({"proxy": Deferred.of(NO_FACE)}, "a proxy without a face"),
         ({"render": RenderSettings(variant="scalar_rgb")}, "scalar_rgb"),
         ({"relight": RelightSettings(mode="ratio")}, "captured"),
     ],
@@ -357,9 +354,8 @@ def test_the_linear_pipeline_has_its_own_cause() -> None:
 )
 def test_what_has_no_ladder_is_refused(change: dict[str, Any], expected: str) -> None:
     job = make_job(wall(), lights=(FRONT,))
-    scene = replace(job.scene, **change.pop("scene", {}))
     with pytest.raises(InputError, match=expected):
-        explain(replace(job, scene=scene, **change), CAMERA, job.scene.lightings[0])
+        explain(replace(job, **change), CAMERA, job.lightings[0])
 
 
 def empty() -> SplatCloud:
@@ -382,18 +378,19 @@ def engine_buffers(camera: Camera, value: float) -> EngineFrames:
 def test_empty_pictures_have_a_ladder(missing: str, rendered: float | None, tmp_path: Path) -> None:
     """The camera looks past a proxy in its file's colours, there is no splat, or no light: every figure is a number."""
     job = make_job(wall(), lights=(FRONT,), sky=0.3, render={"spp": 2, "max_depth": 2})
-    scene, camera = replace(job.scene, proxy=replace(quads(wall()), albedo=None)), replace(CAMERA, width=24, height=16)
+    job = replace(job, proxy=Deferred.of(replace(quads(wall()), albedo=None)))
+    camera = replace(CAMERA, width=24, height=16)
     if missing == "proxy out of view":
         camera = Camera.look_at((0, 0, 4), (0, 0, 9), 24, 16, yfov=40)
     elif missing == "splats":
-        scene = replace(scene, splats=empty())
+        job = replace(job, splats=Deferred.of(empty()))
     else:
-        scene = replace(scene, lightings=(Lighting(name="dark"),))
+        job = replace(job, lightings=(Lighting(name="dark"),))
     run = None
     if rendered is not None:
         frames = engine_buffers(camera, rendered)
         run = EngineRun(frames, frames.relight)
-    ladder = explain(replace(job, scene=scene), camera, scene.lightings[0], run)
+    ladder = explain(job, camera, job.lightings[0], run)
     write_ladder(tmp_path, ladder)
 
     def refuse(word: str) -> None:
@@ -409,4 +406,4 @@ def test_empty_pictures_have_a_ladder(missing: str, rendered: float | None, tmp_
 def test_orthographic_cameras_are_refused() -> None:
     job = make_job(wall(), lights=(FRONT,))
     with pytest.raises(InputError, match="orthographic"):
-        explain(job, replace(CAMERA, projection="orthographic"), job.scene.lightings[0])
+        explain(job, replace(CAMERA, projection="orthographic"), job.lightings[0])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mirelight.io.gltf.scene import read_scene
-from mirelight.model import Camera, DirectionalLight, Job, Lighting, ProxyMesh, Scene
+from mirelight.model import Camera, Deferred, DirectionalLight, Job, Lighting, ProxyMesh
 from mirelight.realtime import bundle, engine
 
 
@@ -20,7 +20,7 @@ def test_a_flat_proxy_is_exported_flat(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(engine, "install", lambda: files)
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float32)
     folded = ProxyMesh(vertices=corners, faces=np.array([[0, 1, 2], [0, 3, 1]], dtype=np.int32))  # share an edge
-    job = Job(source=Path("made.toml"), scene=Scene(proxy=folded))
+    job = Job(source=Path("made.toml"), proxy=Deferred.of(folded))
     camera = Camera.look_at((0.3, 2, 3), (0, 0, 0), 32, 24, yfov=40)
     light = DirectionalLight(name="sun", direction=np.array([0.0, -1, 0]))
     bundle.export(job, camera, Lighting(lights=(light,)), tmp_path / "page")

@@ -27,8 +27,8 @@ from mirelight.model import (
     RenderSettings,
     SplatLayer,
 )
-from mirelight.pipeline import lit_proxy
-from mirelight.relight import apply
+from mirelight.relighting import apply
+from mirelight.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
 GAINS = {  # dB by which the ratio must beat the tint; measured: 19.2, 8.3, 10.8, 12.9, 19.8
@@ -75,14 +75,14 @@ def scene(name: str) -> Job:
 
 @cache
 def camera(name: str) -> Camera:
-    return next(x for x in scene(name).scene.cameras if x.name == "front")
+    return next(x for x in scene(name).cameras if x.name == "front")
 
 
 @cache
 def splats(name: str) -> SplatLayer:
-    cloud = scene(name).scene.splats
+    cloud = scene(name).splats
     assert cloud is not None
-    return Compositor(cloud).composite(camera(name))
+    return Compositor(cloud.value).composite(camera(name))
 
 
 Proxy = Literal["gray", "colored"]
@@ -90,14 +90,14 @@ Proxy = Literal["gray", "colored"]
 
 @cache
 def tracer(name: str, proxy: Proxy) -> Tracer:
-    gray = scene(name).scene.proxy
-    assert gray is not None
-    return Tracer(gray if proxy == "gray" else lit_proxy(scene(name)), RenderSettings(spp=32, max_depth=6, seed=1))
+    gray, colored = scene(name).proxy, prepare(scene(name)).proxy
+    assert gray is not None and colored is not None
+    return Tracer(gray.value if proxy == "gray" else colored, RenderSettings(spp=32, max_depth=6, seed=1))
 
 
 @cache
 def traced(name: str, lighting: str, proxy: Proxy) -> LightingBuffer:
-    found = scene(name).scene
+    found = scene(name)
     assert found.captured is not None
     chosen = found.captured if lighting == "captured" else next(x for x in found.lightings if x.name == lighting)
     return tracer(name, proxy).trace(chosen, camera(name).resized(*TRACED))
@@ -157,7 +157,7 @@ def test_capture_shows_the_captured_light(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["courtyard", "stage"])
 def test_every_lighting_has_its_truth(name: str) -> None:
-    for lighting in scene(name).scene.lightings:
+    for lighting in scene(name).lightings:
         assert (SCENES / name / "truth" / f"front.{lighting.name}.png").is_file()
 
 
@@ -165,7 +165,7 @@ def test_every_lighting_has_its_truth(name: str) -> None:
 def test_files_hold_the_light_that_the_generator_baked_with(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(SCENES.parent / "scripts")
     recipe = importlib.import_module(f"scenegen.{name}").recipe()
-    loaded = scene(name).scene
+    loaded = scene(name)
     assert loaded.captured is not None
     for made, read in zip((recipe.captured, *recipe.lightings), (loaded.captured, *loaded.lightings), strict=True):
         assert [light.name for light in made.lights] == [light.name for light in read.lights]
@@ -206,13 +206,14 @@ def test_proxy_and_splats_share_their_space(name: str) -> None:
     """Most of the splats lie on the proxy: an offset of one percent of the scene would cost eleven dB."""
     from scipy.spatial import cKDTree
 
-    loaded = scene(name).scene
+    loaded = scene(name)
     assert loaded.splats is not None and loaded.proxy is not None
     rng = np.random.default_rng(0)
-    corners = loaded.proxy.vertices[loaded.proxy.faces].astype(np.float64)
+    proxy = loaded.proxy.value
+    corners = proxy.vertices[proxy.faces].astype(np.float64)
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     face = rng.choice(len(corners), 400_000, p=areas / areas.sum())
     points = (corners[face] * rng.dirichlet((1, 1, 1), len(face))[:, :, None]).sum(axis=1)
-    distance, _ = cKDTree(points).query(loaded.splats.means[::200])
-    low, high = loaded.proxy.bounds
+    distance, _ = cKDTree(points).query(loaded.splats.value.means[::200])
+    low, high = proxy.bounds
     assert np.median(distance) < 0.004 * float(np.linalg.norm(high - low))

@@ -31,6 +31,7 @@ from mirelight.lighting import trace
 from mirelight.model import (
     Camera,
     CompositorSettings,
+    Deferred,
     DirectionalLight,
     Environment,
     Job,
@@ -39,7 +40,6 @@ from mirelight.model import (
     ProxyMesh,
     RelightSettings,
     RenderSettings,
-    Scene,
     SplatCloud,
     SpotLight,
 )
@@ -66,11 +66,18 @@ LIGHTING = Lighting(
 )
 
 
+def stage(data: Path) -> ProxyMesh:
+    mesh = read_scene(data / "realtime" / "assets" / "stage.glb").mesh
+    assert mesh is not None
+    return mesh
+
+
 def make_job(data: Path, **relight: object) -> Job:
     assets = data / "realtime" / "assets"
     return Job(
         source=Path("test.toml"),
-        scene=Scene(splats=ply.read(assets / "synth_stack.ply"), proxy=read_scene(assets / "stage.glb").mesh),
+        splats=Deferred.of(ply.read(assets / "synth_stack.ply")),
+        proxy=Deferred.of(stage(data)),
         compositor=CompositorSettings(profile="playcanvas", work_buffer="large"),
         relight=RelightSettings(profile="playcanvas", space="display", **relight),  # type: ignore[arg-type]
     )
@@ -85,8 +92,7 @@ def rendered(data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
 def test_lighting_texture_agrees_with_the_mapped_lights(
     data: Path, rendered: tuple[Path, realtime.EngineFrames]
 ) -> None:
-    proxy = make_job(data).scene.proxy
-    assert proxy is not None
+    proxy = stage(data)
     lights, _ = to_engine(LIGHTING, proxy, shadows=False)
     ours = texture(proxy, CAMERA, lights, engine_diffuse(0.5))
     theirs = rendered[1].relight
@@ -141,8 +147,8 @@ def test_turned_environment_agrees_with_the_model(data: Path, tmp_path: Path) ->
     environment = Environment(radiance=sky, intensity=0.5, rotation=35.0)
     job, camera = make_job(data), CAMERA.resized(100, 75)
     theirs = realtime.render(job, camera, Lighting(environment=environment), tmp_path).relight
-    assert job.scene.proxy is not None
-    ours = texture(job.scene.proxy, camera, EngineLighting(environment=environment), engine_diffuse(0.5))
+    assert job.proxy is not None
+    ours = texture(job.proxy.value, camera, EngineLighting(environment=environment), engine_diffuse(0.5))
     both = (ours[..., 3] > 0.5) & (theirs[..., 3] > 0.5)
     error = np.abs(ours - theirs)[both][:, :3].max(axis=1) / theirs[..., :3].max()
     assert np.percentile(error, 99) < 0.05
@@ -157,7 +163,7 @@ def test_a_wall_that_turns_its_back_to_the_light_casts_a_shadow(tmp_path: Path) 
         vertices=np.array([*floor, *wall], dtype=np.float32),
         faces=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], dtype=np.int32),
     )
-    job = Job(source=Path("test.toml"), scene=Scene(proxy=proxy))
+    job = Job(source=Path("test.toml"), proxy=Deferred.of(proxy))
     camera = Camera.look_at((0, 6, 5), (0, 0, 1), 120, 90, yfov=50, near=0.1, far=50)
     sun = Lighting(lights=(DirectionalLight(name="sun", direction=np.array([0.0, -1.0, 1.0]), intensity=3.0),))
     theirs = realtime.render(job, camera, sun, tmp_path).relight
@@ -345,7 +351,7 @@ def test_the_engines_order_and_corners_explain_what_its_kernel_does_not(
     compositor = CompositorSettings(profile="playcanvas", **settings)
     job = Job(
         source=Path("test.toml"),
-        scene=Scene(splats=splats),
+        splats=Deferred.of(splats),
         compositor=compositor,
         relight=RelightSettings(profile="playcanvas"),
     )

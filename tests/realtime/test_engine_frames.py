@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import colour, pipeline, realtime
+from mirelight import colour, realtime, stages
 from mirelight.io import job as jobs
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.scene import read_scene
@@ -20,7 +20,8 @@ from mirelight.io.image import write
 from mirelight.io.job.overrides import parse
 from mirelight.io.splats import ply
 from mirelight.lighting import trace
-from mirelight.model import F32, Camera, DirectionalLight, Frame, Job, Lighting, RelightSettings, Scene
+from mirelight.model import F32, Camera, Deferred, DirectionalLight, Frame, Job, Lighting, RelightSettings
+from mirelight.scene import prepare
 
 LIGHTS = ["stage_dir", "stage_omni_inv", "stage_omni_lin", "stage_spot"]
 SPHERE = ["synth_stack", "synth_stack_aces_gamma", "synth_stack_linear"]
@@ -35,10 +36,8 @@ def decibels(ours: F32, theirs: F32) -> float:
 def rendered(path: Path) -> tuple[Job, Frame]:
     """The only frame of a job, as `mirelight render` makes it."""
     job = jobs.load(path)
-    frames: list[Frame] = []
-    pipeline.render(job, pipeline.plan(job), sink=lambda task, frame: frames.append(frame))
-    (frame,) = frames
-    return job, frame
+    (camera,) = job.cameras
+    return job, stages.frame(prepare(job), camera, job.lightings[0] if job.lightings else None)
 
 
 def written(frame: Frame, job: Job, path: Path) -> F32:
@@ -69,7 +68,7 @@ def test_rendered_frame_is_the_engines(data: Path, tmp_path: Path, name: str, le
     job, frame = rendered(folder / "job.toml")
     ours = written(frame, job, tmp_path / "frame.exr")
     with np.load(folder / "buffers.npz") as buffers:
-        theirs = buffers["frame_f32" if job.scene.lightings else "unlit_f32"]
+        theirs = buffers["frame_f32" if job.lightings else "unlit_f32"]
         if name == "stage_white_env":  # recorded with a sky behind the splats, which is not multiplied
             with np.load(data / "realtime" / "stage_omni_lin" / "buffers.npz") as over_nothing:
                 ours = ours + buffers["unlit_f32"][..., :3] - over_nothing["unlit_f32"][..., :3]
@@ -104,7 +103,8 @@ def test_a_sky_turned_otherwise_is_another(data: Path, rotation: float) -> None:
     job = jobs.load(path, [parse(f"environment.rotation={rotation}")])
     with np.load(path.parent / "buffers.npz") as buffers:
         theirs = buffers["relight"]
-    ours = trace(job.scene.proxy, job.scene.lightings[0], job.scene.cameras[0], job.render).beauty  # type: ignore[arg-type]
+    assert job.proxy is not None
+    ours = trace(job.proxy.value, job.lightings[0], job.cameras[0], job.render).beauty
     error = np.abs(ours - theirs[..., :3])[theirs[..., 3] > 0.5].max(axis=1) / theirs[..., :3].max()
     assert np.percentile(error, 99) > 0.05
 
@@ -121,9 +121,12 @@ def test_layers_add_up_without_noise(data: Path) -> None:
 
 def test_job_is_predicted_in_the_engines_terms(data: Path) -> None:
     assets = data / "realtime" / "assets"
+    mesh = read_scene(assets / "stage.glb").mesh
+    assert mesh is not None
     job = Job(
         source=Path("test.toml"),
-        scene=Scene(splats=ply.read(assets / "synth_stack.ply"), proxy=read_scene(assets / "stage.glb").mesh),
+        splats=Deferred.of(ply.read(assets / "synth_stack.ply")),
+        proxy=Deferred.of(mesh),
         relight=RelightSettings(brightness=1.0),
     )
     camera = Camera.look_at((1, 2.5, 5), (0, -0.4, 0), 64, 48, yfov=45, near=0.1, far=100)

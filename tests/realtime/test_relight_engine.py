@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour, relight
+from mirelight import colour, relighting
 from mirelight.model import Camera, Frame, LightingBuffer, LightLayer, RelightSettings, SplatLayer
 
 DATA = Path(__file__).parents[1] / "data" / "realtime"
@@ -56,7 +56,7 @@ def relit(scene: dict[str, Any], buffers: dict[str, NDArray[np.float32]], **chan
         brightness=attributes.get("brightness", 2),
         background=attributes.get("background", 1),
     )
-    return relight.apply(splats, lighting, settings)
+    return relighting.apply(splats, lighting, settings)
 
 
 def as_blended(frame: Frame) -> NDArray[np.float32]:

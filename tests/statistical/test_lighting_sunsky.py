@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import backend, colour, provenance
+from mirelight import backend, colour
 from mirelight.lighting import Tracer, oracle, sunsky, tracer
-from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight
+from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight, digest
 
 from .ztest import Array, worst_and_allowed
 
@@ -133,4 +133,4 @@ def test_every_light_model_and_the_fingerprint_know_the_sky() -> None:
         names.append([x.name for x in buffer.layers])
         assert all(x.total.mean() > 0 for x in buffer.layers)
     assert names == [["sun", "sky"]] * 2 and high.layer_names == ("sun", "sky")
-    assert provenance.digest(high) == provenance.digest(replace(high)) != provenance.digest(low)
+    assert digest(high) == digest(replace(high)) != digest(low)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import colour, relight
+from mirelight import colour, relighting
 from mirelight.model import Camera, LightingBuffer, LightLayer, RelightMode, RelightSettings, SplatLayer
 
 H, W = 12, 17
@@ -64,7 +64,7 @@ def lit(radiance: Any, coverage: Any = 1.0, view: Camera | None = None) -> Light
 def test_blend_zero_is_the_unlit_frame_bit_for_bit(settings: RelightSettings) -> None:
     layer = splat_layer(profile=settings.profile)
     new, captured = lit((3, 0.1, 7), 0.6), lit((0.2, 1, 1), 0.6)
-    frame = relight.apply(layer, new, replace(settings, blend=0.0), captured=captured)
+    frame = relighting.apply(layer, new, replace(settings, blend=0.0), captured=captured)
     assert frame.unlit is not None
     assert frame.rgba.tobytes() == frame.unlit.tobytes()
     assert frame.factor is not None
@@ -73,21 +73,21 @@ def test_blend_zero_is_the_unlit_frame_bit_for_bit(settings: RelightSettings) ->
 
 def test_no_lighting_is_the_unlit_frame() -> None:
     layer = splat_layer()
-    frame = relight.apply(layer, None, TINT)
-    assert frame.rgba.tobytes() == relight.unlit_rgba(layer).tobytes()
+    frame = relighting.apply(layer, None, TINT)
+    assert frame.rgba.tobytes() == relighting.unlit_rgba(layer).tobytes()
 
 
 def test_alpha_is_never_relit() -> None:
     layer = splat_layer()
     for settings in (TINT, RATIO, replace(TINT, space="display")):
-        frame = relight.apply(layer, lit(5.0), settings, captured=lit(1.0))
+        frame = relighting.apply(layer, lit(5.0), settings, captured=lit(1.0))
         np.testing.assert_array_equal(frame.rgba[..., 3], 1 - layer.transmittance)
 
 
 def test_unlit_encodes_back_to_the_blended_picture() -> None:
     for profile in ("physical", "playcanvas"):
         layer = splat_layer(profile=profile)
-        rgba = relight.unlit_rgba(layer)
+        rgba = relighting.unlit_rgba(layer)
         alpha = rgba[..., 3:]
         straight = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0)
         np.testing.assert_allclose(colour.encode(straight, layer.profile) * alpha, layer.color, atol=3e-7)
@@ -95,12 +95,12 @@ def test_unlit_encodes_back_to_the_blended_picture() -> None:
 
 def test_linear_composites_are_not_decoded() -> None:
     layer = splat_layer(linear=True, profile="playcanvas")
-    np.testing.assert_array_equal(relight.unlit_rgba(layer)[..., :3], layer.color)
+    np.testing.assert_array_equal(relighting.unlit_rgba(layer)[..., :3], layer.color)
 
 
 def test_without_splats_the_frame_is_the_lit_proxy() -> None:
     buffer = lit((0.5, 1, 2), 0.25)
-    frame = relight.apply(None, buffer, replace(TINT, brightness=9.0))
+    frame = relighting.apply(None, buffer, replace(TINT, brightness=9.0))
     np.testing.assert_array_equal(frame.rgba[..., :3], buffer.beauty)
     np.testing.assert_array_equal(frame.rgba[..., 3], buffer.coverage)
     assert frame.unlit is None
@@ -109,13 +109,13 @@ def test_without_splats_the_frame_is_the_lit_proxy() -> None:
 
 def test_wrong_combinations_are_refused() -> None:
     with pytest.raises(ValueError, match="splats, lighting, or both"):
-        relight.apply(None, None, TINT)
+        relighting.apply(None, None, TINT)
     with pytest.raises(ValueError, match="made under"):
-        relight.apply(splat_layer(), lit(1.0), RATIO)
+        relighting.apply(splat_layer(), lit(1.0), RATIO)
     with pytest.raises(ValueError, match="traced from"):
-        relight.apply(splat_layer(), lit(1.0, view=camera(x=0.5)), TINT)
+        relighting.apply(splat_layer(), lit(1.0, view=camera(x=0.5)), TINT)
     with pytest.raises(ValueError, match="traced from"):
-        relight.apply(splat_layer(), lit(1.0), RATIO, captured=lit(1.0, view=camera(x=0.5)))
+        relighting.apply(splat_layer(), lit(1.0), RATIO, captured=lit(1.0, view=camera(x=0.5)))
 
 
 # --- tint ------------------------------------------------------------------------------------------------------------
@@ -129,11 +129,11 @@ def test_tint_formula_in_linear_light() -> None:
     radiance = rng.uniform(0, 2, (H, W, 3))
     settings = replace(TINT, blend=0.7, brightness=1.5, background=0.4)
     layer = splat_layer()
-    frame = relight.apply(layer, lit(radiance, coverage), settings)
+    frame = relighting.apply(layer, lit(radiance, coverage), settings)
 
     factor = 1.5 * radiance
     factor[:, 10:] = 0.4
-    unlit = relight.unlit_rgba(layer)[..., :3].astype(np.float64)
+    unlit = relighting.unlit_rgba(layer)[..., :3].astype(np.float64)
     expected, apart = 1 + 0.7 * (factor - 1), np.arange(W) != 10  # one column lies in between
     assert frame.factor is not None
     np.testing.assert_allclose(frame.factor[:, apart], expected[:, apart], rtol=2e-6)
@@ -142,7 +142,7 @@ def test_tint_formula_in_linear_light() -> None:
 
 def test_tint_in_display_space_scales_encoded_colour() -> None:
     layer = splat_layer()
-    frame = relight.apply(layer, lit(0.25), replace(TINT, space="display", brightness=2.0))
+    frame = relighting.apply(layer, lit(0.25), replace(TINT, space="display", brightness=2.0))
     alpha = frame.rgba[..., 3:]
     straight = np.divide(frame.rgba[..., :3], alpha, out=np.zeros_like(layer.color), where=alpha > 0)
     np.testing.assert_allclose(colour.srgb_encode(straight) * alpha, 0.5 * layer.color, atol=3e-7)
@@ -151,8 +151,8 @@ def test_tint_in_display_space_scales_encoded_colour() -> None:
 def test_display_tint_differs_from_linear_tint_as_gamma_says() -> None:
     layer = splat_layer(profile="playcanvas")
     half = lit(0.25)
-    linear = relight.apply(layer, half, TINT).rgba[..., :3]
-    display = relight.apply(layer, half, replace(TINT, space="display")).rgba[..., :3]
+    linear = relighting.apply(layer, half, TINT).rgba[..., :3]
+    display = relighting.apply(layer, half, replace(TINT, space="display")).rgba[..., :3]
     np.testing.assert_allclose(display, linear * 0.5**1.2, rtol=3e-5, atol=1e-8)
 
 
@@ -160,9 +160,9 @@ def test_playcanvas_multiplies_where_it_blends() -> None:
     engine = replace(TINT, profile="playcanvas", brightness=1.0)
     gamma = splat_layer(profile="playcanvas")
     linear = splat_layer(profile="playcanvas", linear=True)
-    out_gamma = relight.apply(gamma, lit(0.5), engine).rgba[..., :3]
-    out_linear = relight.apply(linear, lit(0.5), engine).rgba[..., :3]
-    np.testing.assert_allclose(out_gamma, relight.unlit_rgba(gamma)[..., :3] * 0.5**2.2, rtol=2e-5, atol=1e-8)
+    out_gamma = relighting.apply(gamma, lit(0.5), engine).rgba[..., :3]
+    out_linear = relighting.apply(linear, lit(0.5), engine).rgba[..., :3]
+    np.testing.assert_allclose(out_gamma, relighting.unlit_rgba(gamma)[..., :3] * 0.5**2.2, rtol=2e-5, atol=1e-8)
     np.testing.assert_allclose(out_linear, linear.color * 0.5, rtol=1e-6)
 
 
@@ -171,7 +171,7 @@ def test_playcanvas_coverage_is_zero_or_one() -> None:
     coverage = np.zeros((H, W))
     coverage[:, 8:] = 0.6  # more than half of the pixel: its one sample hits
     coverage[:, 5:8] = 0.4
-    frame = relight.apply(splat_layer(profile="playcanvas"), lit(0.5, coverage), engine)
+    frame = relighting.apply(splat_layer(profile="playcanvas"), lit(0.5, coverage), engine)
     assert frame.factor is not None
     np.testing.assert_allclose(frame.factor[:, 8:], 0.5, rtol=1e-6)
     np.testing.assert_allclose(frame.factor[:, :8], 3.0)
@@ -187,21 +187,21 @@ def varied(seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
 def test_the_same_light_changes_nothing() -> None:
     layer = splat_layer()
     light = lit(varied(4), np.random.default_rng(5).uniform(0, 1, (H, W)))
-    frame = relight.apply(layer, light, RATIO, captured=light)
-    np.testing.assert_allclose(frame.rgba, relight.unlit_rgba(layer), rtol=1e-6)
+    frame = relighting.apply(layer, light, RATIO, captured=light)
+    np.testing.assert_allclose(frame.rgba, relighting.unlit_rgba(layer), rtol=1e-6)
 
 
 def test_twice_the_light_is_twice_the_picture() -> None:
     radiance = varied(6)
-    frame = relight.apply(splat_layer(), lit(2 * radiance), replace(RATIO, delta=0.0), captured=lit(radiance))
+    frame = relighting.apply(splat_layer(), lit(2 * radiance), replace(RATIO, delta=0.0), captured=lit(radiance))
     assert frame.factor is not None
     np.testing.assert_allclose(frame.factor, 2, rtol=1e-6)
-    np.testing.assert_allclose(frame.rgba[..., :3], 2 * relight.unlit_rgba(splat_layer())[..., :3], rtol=1e-6)
+    np.testing.assert_allclose(frame.rgba[..., :3], 2 * relighting.unlit_rgba(splat_layer())[..., :3], rtol=1e-6)
 
 
 def test_ratio_formula_with_regularisation() -> None:
     new, old, coverage = varied(7), varied(8), np.random.default_rng(9).uniform(0.1, 1, (H, W))
-    frame = relight.apply(splat_layer(), lit(new, coverage), replace(RATIO, delta=0.01), captured=lit(old, coverage))
+    frame = relighting.apply(splat_layer(), lit(new, coverage), replace(RATIO, delta=0.01), captured=lit(old, coverage))
     luminance = old @ [0.2126, 0.7152, 0.0722]
     m = (luminance * coverage).sum() / coverage.sum()
     assert frame.factor is not None
@@ -210,7 +210,7 @@ def test_ratio_formula_with_regularisation() -> None:
 
 def test_ratio_is_applied_in_full_at_partly_covered_pixels() -> None:
     coverage = np.full((H, W), 0.03)
-    frame = relight.apply(splat_layer(), lit(0.3, coverage), replace(RATIO, delta=0.01), captured=lit(0.6, coverage))
+    frame = relighting.apply(splat_layer(), lit(0.3, coverage), replace(RATIO, delta=0.01), captured=lit(0.6, coverage))
     assert frame.factor is not None
     np.testing.assert_allclose(frame.factor, (0.3 + 0.006) / (0.6 + 0.006), rtol=1e-5)
 
@@ -220,7 +220,7 @@ def wide_frame(radiance: Any, coverage: Any, background: float = 1.0) -> Any:
     view = camera(200, 120)
     settings = replace(RATIO, delta=0.0, background=background)
     layer = splat_layer(camera=view, **sized(120, 200))
-    frame = relight.apply(layer, lit(radiance, coverage, view), settings, captured=lit(1.0, coverage, view))
+    frame = relighting.apply(layer, lit(radiance, coverage, view), settings, captured=lit(1.0, coverage, view))
     assert frame.factor is not None
     return frame.factor
 
@@ -249,7 +249,7 @@ def test_a_light_from_behind_leaves_no_outline(mode: RelightMode, edge: int) -> 
     coverage = (np.arange(256) >= edge + slope).astype(np.float32) * np.ones((144, 1), np.float32)
     layer = splat_layer(camera=view, **sized(144, 256))
     new, captured = lit(0.0, coverage, view), lit(1.0, coverage, view)
-    frame = relight.apply(layer, new, RelightSettings(mode=mode), captured=captured)
+    frame = relighting.apply(layer, new, RelightSettings(mode=mode), captured=captured)
     assert frame.unlit is not None
     past = (coverage == 0) & (np.arange(256) >= edge + slope - 0.03 * 256)
     assert past.sum() > 900
@@ -262,7 +262,7 @@ def test_the_engines_tint_ends_at_the_proxy() -> None:
     coverage = np.zeros((H, W))
     coverage[:, 8:] = 1
     engine = replace(TINT, profile="playcanvas")
-    frame = relight.apply(splat_layer(profile="playcanvas"), lit(0.0, coverage), engine)
+    frame = relighting.apply(splat_layer(profile="playcanvas"), lit(0.0, coverage), engine)
     assert frame.factor is not None
     np.testing.assert_array_equal(frame.factor[:, :8], 1)
     np.testing.assert_array_equal(frame.factor[:, 8:], 0)
@@ -281,7 +281,7 @@ def test_gaps_in_the_proxy_are_filled_from_their_rim() -> None:
 def test_ratio_is_clamped_and_shadows_stay_finite() -> None:
     old = np.zeros((H, W, 3))
     old[:, :5] = 1
-    frame = relight.apply(splat_layer(), lit(1.0), RATIO, captured=lit(old))
+    frame = relighting.apply(splat_layer(), lit(1.0), RATIO, captured=lit(old))
     assert frame.factor is not None
     assert np.all(frame.factor[:, 5:] == 16)
     np.testing.assert_allclose(frame.factor[:, :5], 1, rtol=1e-6)
@@ -290,7 +290,7 @@ def test_ratio_is_clamped_and_shadows_stay_finite() -> None:
 def test_a_black_capture_gives_the_clamp_or_one() -> None:
     new = np.zeros((H, W, 3))
     new[:, 5:] = 1
-    frame = relight.apply(splat_layer(), lit(new), RATIO, captured=lit(0.0))
+    frame = relighting.apply(splat_layer(), lit(new), RATIO, captured=lit(0.0))
     assert frame.factor is not None
     assert np.isfinite(frame.rgba).all()
     assert np.all(frame.factor[:, 5:] == 16)
@@ -298,14 +298,14 @@ def test_a_black_capture_gives_the_clamp_or_one() -> None:
 
 
 def test_an_empty_view_is_left_alone() -> None:
-    frame = relight.apply(splat_layer(), lit(0.0, 0.0), RATIO, captured=lit(0.0, 0.0))
-    np.testing.assert_array_equal(frame.rgba, relight.unlit_rgba(splat_layer()))
+    frame = relighting.apply(splat_layer(), lit(0.0, 0.0), RATIO, captured=lit(0.0, 0.0))
+    np.testing.assert_array_equal(frame.rgba, relighting.unlit_rgba(splat_layer()))
 
 
 def test_ratio_ignores_the_tints_brightness_and_space() -> None:
     new, old = lit(varied(10)), lit(varied(11))
-    plain = relight.apply(splat_layer(), new, RATIO, captured=old)
-    other = relight.apply(splat_layer(), new, replace(RATIO, brightness=7, space="display"), captured=old)
+    plain = relighting.apply(splat_layer(), new, RATIO, captured=old)
+    other = relighting.apply(splat_layer(), new, replace(RATIO, brightness=7, space="display"), captured=old)
     np.testing.assert_array_equal(plain.rgba, other.rgba)
 
 
@@ -327,7 +327,7 @@ def test_a_lambert_surface_is_relit_to_the_truth() -> None:
     proxy_after, proxy_before = lit(0.5 * after / np.pi), lit(0.5 * before / np.pi)
 
     def psnr(settings: RelightSettings) -> float:
-        out = relight.apply(layer, proxy_after, settings, captured=proxy_before).rgba[..., :3]
+        out = relighting.apply(layer, proxy_after, settings, captured=proxy_before).rgba[..., :3]
         error = colour.srgb_encode(out).clip(0, 1) - colour.srgb_encode(truth).clip(0, 1)
         return float(-10 * np.log10(np.mean(error**2)))
 
@@ -341,23 +341,23 @@ def test_a_lambert_surface_is_relit_to_the_truth() -> None:
 
 def test_lighting_camera_rounds_as_its_profile_says() -> None:
     view = camera(17, 11)
-    small = relight.lighting_camera(view, replace(TINT, texture_scale=0.5))
+    small = relighting.lighting_camera(view, replace(TINT, texture_scale=0.5))
     assert (small.width, small.height) == (9, 6)
-    engine = relight.lighting_camera(view, replace(TINT, texture_scale=0.5, profile="playcanvas"))
+    engine = relighting.lighting_camera(view, replace(TINT, texture_scale=0.5, profile="playcanvas"))
     assert (engine.width, engine.height) == (8, 5)
-    assert relight.lighting_camera(view, TINT) is view
-    tiny = relight.lighting_camera(camera(3, 2), replace(TINT, texture_scale=0.1, profile="playcanvas"))
+    assert relighting.lighting_camera(view, TINT) is view
+    tiny = relighting.lighting_camera(camera(3, 2), replace(TINT, texture_scale=0.1, profile="playcanvas"))
     assert (tiny.width, tiny.height) == (1, 1)
 
 
 def test_upsampling_keeps_linear_ramps_and_alignment() -> None:
     """A ramp over the view stays that ramp between the outermost coarse centres, whatever the two sizes are."""
     fine = camera(40, 24)
-    coarse = relight.lighting_camera(fine, replace(TINT, texture_scale=0.3))
+    coarse = relighting.lighting_camera(fine, replace(TINT, texture_scale=0.3))
     u = (np.arange(coarse.width) + 0.5) / coarse.width
     v = (np.arange(coarse.height) + 0.5) / coarse.height
     radiance = (u[None, :] + 2 * v[:, None])[..., None] * np.array([1, 2, 0.5])
-    big = relight.upsample(lit(radiance, view=coarse), fine)
+    big = relighting.upsample(lit(radiance, view=coarse), fine)
 
     fu = np.clip((np.arange(40) + 0.5) / 40, u[0], u[-1])
     fv = np.clip((np.arange(24) + 0.5) / 24, v[0], v[-1])
@@ -371,7 +371,7 @@ def test_upsampled_aovs_are_those_of_the_surface() -> None:
     coarse = camera(10, 6)
     coverage = np.zeros((6, 10))
     coverage[2:5, 3:7] = 1
-    big = relight.upsample(lit(1.0, coverage, view=coarse), fine)
+    big = relighting.upsample(lit(1.0, coverage, view=coarse), fine)
     inside = big.coverage > 0
     assert 0 < inside.sum() < inside.size
     np.testing.assert_allclose(big.depth[inside], 4, rtol=1e-6)
@@ -385,18 +385,21 @@ def test_upsampled_variance_matches_a_monte_carlo_estimate() -> None:
     fine, coarse = camera(9, 7), camera(4, 3)
     sigma = rng.uniform(0.5, 2, (3, 4, 3))
     draws = np.stack(
-        [relight.upsample(lit(rng.normal(0, sigma), view=coarse), fine).beauty.astype(np.float64) for _ in range(4000)]
+        [
+            relighting.upsample(lit(rng.normal(0, sigma), view=coarse), fine).beauty.astype(np.float64)
+            for _ in range(4000)
+        ]
     )
     noisy = replace(lit(0.0, view=coarse), variance=(sigma**2).astype(np.float32))
-    predicted = relight.upsample(noisy, fine).variance
+    predicted = relighting.upsample(noisy, fine).variance
     assert predicted is not None
     np.testing.assert_allclose(predicted / draws.var(axis=0), 1, atol=0.15)
 
 
 def test_coarse_lighting_is_upsampled_into_the_frame() -> None:
     settings = replace(TINT, texture_scale=0.5)
-    coarse = relight.lighting_camera(camera(), settings)
-    frame = relight.apply(splat_layer(), lit(0.75, view=coarse), settings)
+    coarse = relighting.lighting_camera(camera(), settings)
+    frame = relighting.apply(splat_layer(), lit(0.75, view=coarse), settings)
     assert frame.lighting is not None
     assert frame.lighting.coverage.shape == (H, W)
     assert frame.factor is not None
@@ -409,7 +412,7 @@ def test_engine_scaled_texture_darkens_towards_silhouettes() -> None:
     coarse = camera(8, 6)
     coverage = np.zeros((6, 8))
     coverage[:, 4:] = 1
-    frame = relight.apply(
+    frame = relighting.apply(
         splat_layer(profile="playcanvas", camera=camera(16, 12), **sized(12, 16)), lit(1.0, coverage, coarse), settings
     )
     assert frame.factor is not None
@@ -430,9 +433,11 @@ def noisy(radiance: Any, sigma: Any) -> LightingBuffer:
 
 def test_noise_of_a_linear_tint_is_exact() -> None:
     layer = splat_layer()
-    frame = relight.apply(layer, noisy(1.0, 0.01), replace(TINT, brightness=1.5, blend=0.8))
+    frame = relighting.apply(layer, noisy(1.0, 0.01), replace(TINT, brightness=1.5, blend=0.8))
     assert frame.noise is not None
-    np.testing.assert_allclose(frame.noise, relight.unlit_rgba(layer)[..., :3] * 1.5 * 0.8 * 0.01, rtol=2e-4, atol=1e-7)
+    np.testing.assert_allclose(
+        frame.noise, relighting.unlit_rgba(layer)[..., :3] * 1.5 * 0.8 * 0.01, rtol=2e-4, atol=1e-7
+    )
 
 
 @pytest.mark.parametrize(
@@ -447,8 +452,10 @@ def test_noise_predicts_the_spread_of_relit_frames(settings: RelightSettings) ->
     def draw(mean: float) -> LightingBuffer:
         return noisy(rng.normal(mean, sigma, (H, W, 3)), sigma)
 
-    frames = np.stack([relight.apply(layer, draw(new), settings, captured=draw(old)).rgba[..., :3] for _ in range(300)])
-    predicted = relight.apply(layer, noisy(new, sigma), settings, captured=noisy(old, sigma)).noise
+    frames = np.stack(
+        [relighting.apply(layer, draw(new), settings, captured=draw(old)).rgba[..., :3] for _ in range(300)]
+    )
+    predicted = relighting.apply(layer, noisy(new, sigma), settings, captured=noisy(old, sigma)).noise
     assert predicted is not None
     strong = predicted > 1e-4
     assert strong.mean() > 0.5
@@ -458,11 +465,11 @@ def test_noise_predicts_the_spread_of_relit_frames(settings: RelightSettings) ->
 
 def test_unlit_frames_and_unknown_variance_have_their_noise() -> None:
     layer = splat_layer()
-    still = relight.apply(layer, noisy(1.0, 0.1), replace(TINT, blend=0.0)).noise
+    still = relighting.apply(layer, noisy(1.0, 0.1), replace(TINT, blend=0.0)).noise
     assert still is not None
     assert not still.any()
-    assert relight.apply(layer, replace(lit(1.0), variance=None), TINT).noise is None
-    assert relight.apply(layer, None, TINT).noise is None
-    proxy = relight.apply(None, noisy(1.0, 0.1), TINT).noise
+    assert relighting.apply(layer, replace(lit(1.0), variance=None), TINT).noise is None
+    assert relighting.apply(layer, None, TINT).noise is None
+    proxy = relighting.apply(None, noisy(1.0, 0.1), TINT).noise
     assert proxy is not None
     np.testing.assert_allclose(proxy, 0.1, rtol=1e-6)

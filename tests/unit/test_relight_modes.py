@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import relight
+from mirelight import relighting
 from mirelight.model import Camera, LightingBuffer, LightLayer, Profile, RelightMode, RelightSettings, SplatLayer
 
 H, W = 10, 16
@@ -59,10 +59,10 @@ def varied(seed: int) -> Any:
 
 
 def test_the_registry_holds_every_name() -> None:
-    assert set(relight.MODES) == set(get_args(RelightMode))
-    for name, mode in relight.MODES.items():
+    assert set(relighting.MODES) == set(get_args(RelightMode))
+    for name, mode in relighting.MODES.items():
         assert mode.name == name
-        assert relight.mode_of(RelightSettings(mode=name)) is mode
+        assert relighting.mode_of(RelightSettings(mode=name)) is mode
 
 
 @pytest.mark.parametrize("profile", get_args(Profile))
@@ -75,15 +75,15 @@ def test_a_setting_changes_the_frame_exactly_where_it_is_read(mode: RelightMode,
 
     def rgba(chosen: RelightSettings) -> bytes:
         new, old = lit(varied(1), camera), lit(varied(2), camera)
-        frame = relight.apply(splats(camera, profile), new, chosen, captured=old, noise=False)
+        frame = relighting.apply(splats(camera, profile), new, chosen, captured=old, noise=False)
         return frame.rgba.tobytes()
 
     plain = rgba(settings)
     for name, value in OTHER.items():
         if value is not None:
             changed = rgba(replace(settings, **{name: value})) != plain
-            assert changed == (name in relight.reads(settings)), name
-    assert {"mode", "profile"} <= relight.reads(settings)
+            assert changed == (name in relighting.reads(settings)), name
+    assert {"mode", "profile"} <= relighting.reads(settings)
 
 
 def test_a_point_has_one_factor_in_every_view() -> None:
@@ -96,7 +96,7 @@ def test_a_point_has_one_factor_in_every_view() -> None:
         camera = view(x)
         settings = RelightSettings(mode="ratio", delta=0.1)
         light = lit(new, camera), lit(captured, camera)
-        frame = relight.apply(splats(camera), light[0], settings, captured=light[1], captured_level=1.7, noise=False)
+        frame = relighting.apply(splats(camera), light[0], settings, captured=light[1], captured_level=1.7, noise=False)
         assert frame.factor is not None
         factors.append(frame.factor[H // 2 :, W // 2 :])
     np.testing.assert_array_equal(factors[0], factors[1])
@@ -109,8 +109,8 @@ def test_noise_is_estimated_only_where_it_is_wanted() -> None:
     new, old = lit(varied(5), camera), lit(varied(6), camera)
     for settings in (RelightSettings(), RelightSettings(mode="ratio")):
         noisy, plain = (
-            relight.apply(splats(camera), new, settings, captured=old, noise=wanted) for wanted in (True, False)
+            relighting.apply(splats(camera), new, settings, captured=old, noise=wanted) for wanted in (True, False)
         )
         assert noisy.noise is not None and plain.noise is None
         np.testing.assert_array_equal(noisy.rgba, plain.rgba)
-    assert relight.apply(None, new, RelightSettings(), noise=False).noise is None
+    assert relighting.apply(None, new, RelightSettings(), noise=False).noise is None

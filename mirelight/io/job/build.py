@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
-from mirelight.model import F32, Job, Light, Lighting, ProxyMesh, Scene, SplatCloud
+from mirelight.model import F32, Deferred, Job, Light, Lighting, ProxyMesh, SplatCloud
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -40,31 +41,17 @@ class Assets:
             self.digests[named] = digest(path)
         return path
 
-    def splats(self, tables: list[SplatsTable]) -> SplatCloud:
+    def splats(self, tables: list[SplatsTable]) -> Deferred[SplatCloud]:
         """All splat files in world space, as one cloud."""
-        from mirelight.io import splats
+        files = tuple((self.path(t.path), placing.matrix(t.transform), t.lod) for t in tables)
+        known = [(self.digests[t.path], m, lod) for t, (_, m, lod) in zip(tables, files, strict=True)]
+        return Deferred(model.digest("splats", known), partial(_cloud, files))
 
-        clouds = []
-        for table in tables:
-            cloud = splats.read(self.path(table.path), lod=table.lod)
-            m = placing.matrix(table.transform)
-            clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
-        return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
-
-    def mesh(self, table: ProxyTable) -> ProxyMesh:
-        """The proxy in world space."""
-        from mirelight.io import mesh
-
-        found = mesh.read_mesh(self.path(table.path), textures=table.albedo == "file")
-        m = placing.matrix(table.transform)
-        found = found if placing.is_identity(m) else mesh.transform(found, m)
-        match table.albedo:
-            case "file":
-                return replace(found, albedo=None)
-            case "splats":
-                return found  # gray until it is lit: Scene.albedo_from_splats
-            case albedo:
-                return replace(found, albedo=np.asarray(albedo))
+    def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
+        """The proxy in world space; gray where its colours come from the splats."""
+        path, m = self.path(table.path), placing.matrix(table.transform)
+        albedo = "gray" if table.albedo == "splats" else table.albedo
+        return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
 
     def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
         """See :class:`lighting.LightFiles`."""
@@ -99,11 +86,12 @@ class Assets:
             self.digests |= {name: file_digest(file) for name, file in named.items()}
         return found
 
-    def panorama(self, path: str) -> F32:
+    def panorama(self, path: str) -> Deferred[F32]:
         """See :class:`lighting.LightFiles`."""
-        from mirelight.io.environment import read_environment
-
-        return read_environment(self.path(path))
+        file = self.path(path)
+        return Deferred(
+            model.digest("picture", self.digests[path]), partial(_panorama, file, self.digests[path]), keep=False
+        )
 
     def _gltf(self, path: str) -> tuple[Path, Matrix]:
         if path == PROXY and self.proxy is not None:
@@ -124,18 +112,16 @@ def build(source: Source, table: JobTable) -> Job:
     captured = _captured(table, lightings, assets, wrong)
     splats = assets.splats(table.splats) if table.splats else None
     proxy = assets.mesh(table.proxy) if table.proxy else None
-    found = cameras.of_job(table, assets, cameras.extent(splats, proxy), wrong)
+    found = cameras.of_job(table, assets, cameras.Extent(splats, proxy), wrong)
     source.refuse(wrong)
     return Job(
         source=source.path,
-        scene=Scene(
-            splats=splats,
-            proxy=proxy,
-            cameras=found,
-            lightings=lightings,
-            captured=captured,
-            albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
-        ),
+        splats=splats,
+        proxy=proxy,
+        albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
+        cameras=found,
+        lightings=lightings,
+        captured=captured,
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
         compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
         relight=relight_settings(table),
@@ -143,6 +129,33 @@ def build(source: Source, table: JobTable) -> Job:
         output=replace(model.OutputSettings(**_settings(table.output)), directory=_output_folder(source, table)),
         inputs=dict(sorted(assets.digests.items())),
     )
+
+
+def _cloud(files: tuple[tuple[Path, Matrix, int | None], ...]) -> SplatCloud:
+    from mirelight.io import splats
+
+    clouds = []
+    for path, m, lod in files:
+        cloud = splats.read(path, lod=lod)
+        clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
+    return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
+
+
+def _mesh(path: Path, m: Matrix, albedo: list[float] | str) -> ProxyMesh:
+    from mirelight.io import mesh
+
+    found = mesh.read_mesh(path, textures=albedo == "file")
+    found = found if placing.is_identity(m) else mesh.transform(found, m)
+    if albedo == "gray":
+        return found
+    return replace(found, albedo=None if albedo == "file" else np.asarray(albedo))
+
+
+@lru_cache(maxsize=2)  # neighbouring frames share theirs; a job may name hundreds
+def _panorama(path: Path, sha256: str) -> F32:
+    from mirelight.io.environment import read_environment
+
+    return read_environment(path)
 
 
 def relight_settings(table: JobTable) -> model.RelightSettings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -34,30 +35,52 @@ from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand
 from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.tables import JobTable
-from mirelight.model import Camera, ProxyMesh, SplatCloud
+from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
 
-__all__ = ["CameraFiles", "Extent", "extent", "of_job"]
+__all__ = ["CameraFiles", "Extent", "of_job"]
 
 _VIEW = (0.45, 0.35, 1.0)  # where the camera that sees all stands, from the middle of the scene
 _STRAYS = 1.0  # percent of splats at each end of each axis that do not count for the scene's size
 _MOST_SAMPLES = 500_000  # splats looked at for that
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """Where what is to be seen is: a box, and the sphere around it."""
+    """The sphere that holds what is to be seen; strays among the splats do not count. Reads files when it is asked."""
 
-    low: Matrix  # (3,)
-    high: Matrix  # (3,)
+    def __init__(self, splats: Deferred[SplatCloud] | None, proxy: Deferred[ProxyMesh] | None) -> None:
+        self._splats, self._proxy = splats, proxy
+
+    @cached_property
+    def _corners(self) -> tuple[Matrix, Matrix]:
+        splats = None if self._splats is None else self._splats.value
+        if splats is not None and len(splats):
+            means = splats.means[:: max(1, len(splats) // _MOST_SAMPLES)]
+            low, high = np.percentile(means, (_STRAYS, 100 - _STRAYS), axis=0)
+            return low, high
+        proxy = None if self._proxy is None else self._proxy.value
+        if proxy is not None and len(proxy.vertices):
+            low, high = (np.asarray(corner, dtype=np.float64) for corner in proxy.bounds)
+            return low, high
+        return np.zeros(3), np.ones(3)
+
+    @property
+    def low(self) -> Matrix:
+        """(3,) lowest corner, world units."""
+        return self._corners[0]
+
+    @property
+    def high(self) -> Matrix:
+        """(3,) highest corner, world units."""
+        return self._corners[1]
 
     @property
     def center(self) -> Matrix:
-        """(3,)"""
+        """(3,) world units."""
         return np.asarray((self.low + self.high) / 2)
 
     @property
     def radius(self) -> float:
-        """World units."""
+        """World units, above 0."""
         return max(float(np.linalg.norm(self.high - self.low)) / 2, 1e-6)
 
     def distance(self, yfov: float, width: int, height: int) -> float:
@@ -65,17 +88,6 @@ class Extent:
         half = math.radians(yfov) / 2
         across = math.atan(math.tan(half) * width / height)
         return self.radius / math.sin(min(half, across))
-
-
-def extent(splats: SplatCloud | None, proxy: ProxyMesh | None) -> Extent:
-    """Where the scene is; strays among the splats do not count."""
-    low, high = np.zeros(3), np.ones(3)
-    if splats is not None and len(splats):
-        means = splats.means[:: max(1, len(splats) // _MOST_SAMPLES)]
-        low, high = np.percentile(means, (_STRAYS, 100 - _STRAYS), axis=0)
-    elif proxy is not None and len(proxy.vertices):
-        low, high = (np.asarray(corner, dtype=np.float64) for corner in proxy.bounds)
-    return Extent(low, high)
 
 
 def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mistake]) -> tuple[Camera, ...]:

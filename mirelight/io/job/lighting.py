@@ -32,6 +32,7 @@ from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import (
     F32,
     AreaLight,
+    Deferred,
     DirectionalLight,
     Environment,
     Light,
@@ -52,7 +53,7 @@ class LightFiles(Protocol):
     def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
         """The lights of a glTF file ("proxy": the proxy's), and the transform that they have by default."""
 
-    def panorama(self, path: str) -> F32:
+    def panorama(self, path: str) -> Deferred[F32]:
         """An environment picture (h, w, 3), linear."""
 
 
@@ -211,6 +212,7 @@ def _direction(table: SpotTable | AreaTable | PlayCanvasTable) -> Matrix:
 
 
 def _environment(table: EnvironmentTable, files: LightFiles) -> Environment:
+    radiance: F32 | Deferred[F32]
     if table.path is not None:
         radiance = files.panorama(table.path)
     else:

@@ -122,6 +122,11 @@ class OutputTable(Table):
     directory: str = Field(
         default=str(_OUTPUT.directory), min_length=1, max_length=4096, description="Folder, relative to the job file."
     )
+    store: Literal["both", "frames"] = Field(
+        default=_OUTPUT.store,
+        description="both: keep traced light beside the frames, so that a changed colour or intensity traces nothing; "
+        "frames: keep frames alone.",
+    )
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
     layers: bool = Field(

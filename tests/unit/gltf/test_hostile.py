@@ -63,7 +63,7 @@ def test_many_small_accessors_over_nothing_are_refused(glb: Any) -> None:
 
 
 def test_what_a_mesh_takes_is_known_before_it_is_read(glb: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirelight.io.safety.available_memory", lambda: 10 * 2**20)
+    monkeypatch.setattr("mirelight.io.safety.free_memory", lambda: 10 * 2**20)
     targets = [{"POSITION": glb.accessor(TRIANGLE)}] * 300_000
     glb.node(mesh=glb.mesh(glb.primitive(targets=targets)))
     with pytest.raises(InputError, match="GiB are free"):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import colour, relight
+from mirelight import colour, relighting
 from mirelight.io.image import write
 from mirelight.io.png import encode_display, read_png_text
 from mirelight.model import DisplaySettings, Frame, Profile, RelightSettings, ToneCurve
@@ -43,7 +43,7 @@ def test_the_playcanvas_profile_uses_its_own_curve(frame: Frame, tmp_path: Path)
 
 @pytest.mark.parametrize("profile", ["physical", "playcanvas"])
 def test_a_lit_proxy_alone_is_shown_by_its_profile_s_curve(frame: Frame, tmp_path: Path, profile: Profile) -> None:
-    lit = relight.apply(None, frame.lighting, RelightSettings(profile=profile))
+    lit = relighting.apply(None, frame.lighting, RelightSettings(profile=profile))
     write(lit, tmp_path / "a.png")
     light, alpha = lit.rgba[..., :3], lit.rgba[..., 3:]
     own = np.divide(light, alpha, out=np.zeros_like(light), where=alpha > 0)

@@ -25,7 +25,7 @@ UPRIGHT = (
 
 
 def cameras(path: Path, *overrides: str) -> tuple[Camera, ...]:
-    return job.load(path, overrides).scene.cameras
+    return job.load(path, overrides).cameras
 
 
 def placed() -> np.ndarray:

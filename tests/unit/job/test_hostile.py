@@ -87,8 +87,8 @@ def test_unnamed_lights_and_cameras_by_thousands(write_job: WriteJob) -> None:
     lights = '[[lights]]\ntype = "point"\nposition = [0, 1, 0]\n' * count
     cameras = "[[cameras]]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n" * count
     work = job.load(write_job(SCENE + lights + cameras))
-    assert work.scene.lightings[0].lights[-1].name == f"point-{count}"
-    assert work.scene.cameras[-1].name == f"camera-{count}"
+    assert work.lightings[0].lights[-1].name == f"point-{count}"
+    assert work.cameras[-1].name == f"camera-{count}"
 
 
 def test_messages_hold_nothing_that_a_terminal_obeys(write_job: WriteJob) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import conventions, model
+from mirelight import conventions, keys, model
 from mirelight.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.tables import JobTable
@@ -29,13 +29,13 @@ def test_splats_and_proxy_are_enough(write_job: WriteJob) -> None:
     path = write_job(SCENE)
     loaded = mirelight.load(path)
     assert loaded.source == path
-    assert loaded.scene.splats is not None and len(loaded.scene.splats) == 8
-    assert loaded.scene.proxy is not None and len(loaded.scene.proxy.faces) == 2
-    assert loaded.scene.proxy.albedo is not None and loaded.scene.proxy.albedo.tolist() == [0.5, 0.5, 0.5]
-    (lighting,) = loaded.scene.lightings
+    assert loaded.splats is not None and len(loaded.splats.value) == 8
+    assert loaded.proxy is not None and len(loaded.proxy.value.faces) == 2
+    assert loaded.proxy.value.albedo is not None and loaded.proxy.value.albedo.tolist() == [0.5, 0.5, 0.5]
+    (lighting,) = loaded.lightings
     assert (lighting.name, [x.name for x in lighting.lights]) == ("lighting", ["lamp", "moon"])
-    assert [(c.name, c.width, c.height) for c in loaded.scene.cameras] == [("left", 1280, 720), ("right", 1280, 720)]
-    assert loaded.scene.captured is None
+    assert [(c.name, c.width, c.height) for c in loaded.cameras] == [("left", 1280, 720), ("right", 1280, 720)]
+    assert loaded.captured is None
     assert loaded.render == model.RenderSettings()
     assert loaded.compositor == model.CompositorSettings()
     assert loaded.relight == model.RelightSettings()
@@ -162,7 +162,7 @@ def test_mode_and_space_follow_the_profile_and_the_captured_light(
 
 
 def test_transforms_place_splats_and_proxy(write_job: WriteJob) -> None:
-    plain = job.load(write_job(SCENE)).scene
+    plain = job.load(write_job(SCENE))
     placed = job.load(
         write_job(
             """\
@@ -173,32 +173,34 @@ splats = [
 proxy = { path = "proxy.glb", transform = { rotation_quaternion = [2, 0, 0, 2] }, albedo = [0.1, 0.2, 0.3] }
 """
         )
-    ).scene
+    )
     assert plain.splats is not None and placed.splats is not None
-    x, y, z = plain.splats.means.T
-    np.testing.assert_allclose(placed.splats.means[:8], np.stack([10 - 2 * y, 2 * x, 2 * z], axis=1), atol=1e-5)
-    np.testing.assert_allclose(placed.splats.scales[:8], 0.2, rtol=1e-5)
-    np.testing.assert_array_equal(placed.splats.means[8:], plain.splats.means)
+    cloud, moved = plain.splats.value, placed.splats.value
+    x, y, z = cloud.means.T
+    np.testing.assert_allclose(moved.means[:8], np.stack([10 - 2 * y, 2 * x, 2 * z], axis=1), atol=1e-5)
+    np.testing.assert_allclose(moved.scales[:8], 0.2, rtol=1e-5)
+    np.testing.assert_array_equal(moved.means[8:], cloud.means)
     assert plain.proxy is not None and placed.proxy is not None
-    x, y, z = plain.proxy.vertices.T
-    np.testing.assert_allclose(placed.proxy.vertices, np.stack([-y, x, z], axis=1), atol=1e-6)
-    assert placed.proxy.albedo is not None and placed.proxy.albedo.tolist() == [0.1, 0.2, 0.3]
+    x, y, z = plain.proxy.value.vertices.T
+    np.testing.assert_allclose(placed.proxy.value.vertices, np.stack([-y, x, z], axis=1), atol=1e-6)
+    assert placed.proxy.value.albedo is not None and placed.proxy.value.albedo.tolist() == [0.1, 0.2, 0.3]
+    assert plain.splats.digest != placed.splats.digest and plain.proxy.digest != placed.proxy.digest
 
 
 def test_albedo_of_the_splats(write_job: WriteJob) -> None:
     """Gray in the file's place, until the pipeline colours it."""
     lines = 'splats = "splats.ply"\nproxy = { path = "proxy.glb", albedo = "splats" }\n'
     loaded = job.load(write_job(lines + "captured = { environment = { radiance = 1 } }\n"))
-    assert loaded.scene.albedo_from_splats and loaded.colors_proxy
-    assert loaded.scene.proxy is not None and loaded.scene.proxy.albedo is not None
-    assert loaded.scene.proxy.albedo.tolist() == [0.5, 0.5, 0.5]
-    assert not job.load(write_job('proxy = "proxy.glb"')).scene.albedo_from_splats
+    assert loaded.albedo_from_splats and keys.colors_proxy(loaded)
+    assert loaded.proxy is not None and loaded.proxy.value.albedo is not None
+    assert loaded.proxy.value.albedo.tolist() == [0.5, 0.5, 0.5]
+    assert not job.load(write_job('proxy = "proxy.glb"')).albedo_from_splats
 
 
 def test_albedo_of_the_file(write_job: WriteJob) -> None:
     loaded = job.load(write_job('proxy = { path = "proxy.glb", albedo = "file" }'))
-    assert loaded.scene.proxy is not None and loaded.scene.proxy.albedo is None
-    assert loaded.scene.splats is None
+    assert loaded.proxy is not None and loaded.proxy.value.albedo is None
+    assert loaded.splats is None
 
 
 def test_a_matrix_is_the_same_as_its_parts(write_job: WriteJob) -> None:
@@ -207,8 +209,8 @@ def test_a_matrix_is_the_same_as_its_parts(write_job: WriteJob) -> None:
     )
     m = conventions.compose(rotation=conventions.rotation_from_euler([30, 40, 50]), scale=2).tolist()
     whole = job.load(write_job(f'splats = {{ path = "splats.ply", transform = {{ matrix = {m} }} }}'))
-    assert parts.scene.splats is not None and whole.scene.splats is not None
-    np.testing.assert_array_equal(parts.scene.splats.means, whole.scene.splats.means)
+    assert parts.splats is not None and whole.splats is not None
+    np.testing.assert_array_equal(parts.splats.value.means, whole.splats.value.means)
 
 
 def test_inputs_are_named_as_in_the_job_and_hashed(write_job: WriteJob) -> None:
@@ -224,7 +226,7 @@ def test_inputs_are_named_as_in_the_job_and_hashed(write_job: WriteJob) -> None:
 
 
 def only_lights(path: Path) -> tuple[Any, ...]:
-    (lighting,) = job.load(path).scene.lightings
+    (lighting,) = job.load(path).lightings
     return lighting.lights
 
 
@@ -371,7 +373,7 @@ name = "both"
 lights_from = ["proxy"]
 environment = { radiance = 0.1 }
 """
-    scene = job.load(write_job(SCENE + text)).scene
+    scene = job.load(write_job(SCENE + text))
     assert [(x.name, x.layer_names) for x in scene.lightings] == [
         ("day", ("environment",)),
         ("night", ("point",)),
@@ -385,16 +387,16 @@ environment = { radiance = 0.1 }
 
 def test_captured_as_a_table(write_job: WriteJob) -> None:
     text = '[captured]\n[[captured.lights]]\ntype = "sun"\ndirection = [0, -1, 0]\n'
-    captured = job.load(write_job(SCENE + text)).scene.captured
+    captured = job.load(write_job(SCENE + text)).captured
     assert captured is not None and captured.layer_names == ("sun",)
 
 
 def test_an_empty_list_of_lights_is_no_light(write_job: WriteJob) -> None:
-    assert job.load(write_job(SCENE + "lights = []\n")).scene.lightings == ()
+    assert job.load(write_job(SCENE + "lights = []\n")).lightings == ()
 
 
 def test_splats_alone_are_shown_as_captured(write_job: WriteJob) -> None:
-    scene = job.load(write_job('splats = "splats.ply"')).scene
+    scene = job.load(write_job('splats = "splats.ply"'))
     assert scene.lightings == () and scene.proxy is None and len(scene.cameras) == 1
 
 
@@ -418,7 +420,7 @@ def playcanvas_direction(u: float, rotation: float) -> tuple[float, float]:
 @pytest.mark.parametrize("rotation", [0, 30, -90, 170, 400])
 def test_playcanvas_orientation_shows_the_same_light(write_job: WriteJob, rotation: float) -> None:
     text = f'environment = {{ radiance = 1, rotation = {rotation}, orientation = "playcanvas" }}\n'
-    environment = job.load(write_job(SCENE + text)).scene.lightings[0].environment
+    environment = job.load(write_job(SCENE + text)).lightings[0].environment
     assert environment is not None and -180 < environment.rotation <= 180
     for u in (0.1, 0.5, 0.75):
         ours = mirelight_direction(u, environment.rotation)
@@ -434,7 +436,7 @@ def test_the_engines_axes_by_name() -> None:
 
 def test_blender_orientation_is_left_alone(write_job: WriteJob) -> None:
     text = "environment = { radiance = 1, rotation = 30 }\n"
-    environment = job.load(write_job(SCENE + text)).scene.lightings[0].environment
+    environment = job.load(write_job(SCENE + text)).lightings[0].environment
     assert environment is not None and environment.rotation == 30
 
 
@@ -442,7 +444,7 @@ def test_blender_orientation_is_left_alone(write_job: WriteJob) -> None:
 
 
 def cameras(path: Path, *overrides: str) -> tuple[model.Camera, ...]:
-    return job.load(path, overrides).scene.cameras
+    return job.load(path, overrides).cameras
 
 
 def test_look_at_matrix_intrinsics_and_orthographic(write_job: WriteJob) -> None:
@@ -507,9 +509,9 @@ def corners_in_view(camera: model.Camera, points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("lines", ["", '[[cameras]]\ntype = "turntable"\nframes = 5\nelevation = 1.0\n'])
 def test_cameras_without_a_place_see_all_splats(write_job: WriteJob, resolution: list[int], lines: str) -> None:
     loaded = job.load(write_job(f'splats = "splats.ply"\nresolution = {resolution}\n{lines}'))
-    assert loaded.scene.splats is not None
-    for camera in loaded.scene.cameras:
-        assert corners_in_view(camera, loaded.scene.splats.means).all()
+    assert loaded.splats is not None
+    for camera in loaded.cameras:
+        assert corners_in_view(camera, loaded.splats.value.means).all()
         share = camera.fy * 2 / np.linalg.norm(camera.position) / min(resolution)
         assert share > 0.3  # and the scene is not a dot
 

@@ -61,7 +61,7 @@ def test_they_are_laid_over_the_file_in_order(write_job: WriteJob) -> None:
         path, ["render.spp=8", "render.spp=16", "render.seed=3", "lights[0].intensity=7", "display.tone=agx"]
     )
     assert (loaded.render.spp, loaded.render.seed, loaded.display.tone) == (16, 3, "agx")
-    assert loaded.scene.lightings[0].lights[0].intensity == 7
+    assert loaded.lightings[0].lights[0].intensity == 7
     assert job.load(path).render.spp == 4
 
 

@@ -29,7 +29,7 @@ def load(folder: Path, light: str, profile: str = "playcanvas") -> Job:
 def test_an_omni_light_with_the_components_defaults(tmp_path: Path, profile: str) -> None:
     loaded = load(tmp_path, 'kind = "omni"\nposition = [1, 2, 3]\ncolor = [1, 0.5, 0.5]', profile)
     assert loaded.render.profile == profile
-    (light,) = loaded.scene.lightings[0].lights
+    (light,) = loaded.lightings[0].lights
     assert isinstance(light, PointLight)
     assert (light.name, light.range, light.falloff, light.shadows) == ("omni", 10.0, "linear", False)
     np.testing.assert_allclose(light.color, [1, 0.5**2.2, 0.5**2.2])
@@ -39,13 +39,13 @@ def test_an_omni_light_with_the_components_defaults(tmp_path: Path, profile: str
 
 def test_a_spot_and_a_directional_light(tmp_path: Path) -> None:
     loaded = load(tmp_path, 'kind = "spot"\nname = "key"\ngroup = "lamps"\nposition = [0, 4, 0]\ntarget = [0, 0, 0]')
-    (spot,) = loaded.scene.lightings[0].lights
+    (spot,) = loaded.lightings[0].lights
     assert isinstance(spot, SpotLight)
     assert (spot.name, spot.group) == ("key", "lamps")
     np.testing.assert_allclose(spot.direction, [0, -1, 0])
     assert math.degrees(spot.outer_cone_angle) == pytest.approx(45 * 0.99)
     loaded = load(tmp_path, 'kind = "directional"\ndirection = [0, -1, 0]\nintensity = 3\ncast_shadows = true')
-    (sun,) = loaded.scene.lightings[0].lights
+    (sun,) = loaded.lightings[0].lights
     assert isinstance(sun, DirectionalLight)
     assert sun.shadows
     assert sun.intensity == pytest.approx(3 * math.pi)

@@ -52,7 +52,7 @@ sky = { latitude = 39.742476, longitude = -105.1786, time = 2003-10-17T12:30:30-
 intensity = 1e-5
 rotation = 14.34
 """
-    lighting = job.load(write_job(SCENE + text)).scene.lightings[0]
+    lighting = job.load(write_job(SCENE + text)).lightings[0]
     assert lighting.layer_names == ("sun-2", "sun", "sky") and lighting.environment is None
     sky = lighting.sky
     assert sky is not None and (sky.turbidity, sky.intensity) == (5, 1e-5) and sky.albedo.tolist() == [0.1] * 3
@@ -62,8 +62,8 @@ rotation = 14.34
 
 def test_a_time_may_be_set_on_the_command_line(write_job: WriteJob) -> None:
     path = write_job(SCENE + "environment = { sky = { latitude = 0, longitude = 0, time = 2026-03-20T12:00:00Z } }\n")
-    noon = job.load(path).scene.lightings[0].sky
-    later = job.load(path, ["environment.sky.time=2026-03-20T15:00:00Z"]).scene.lightings[0].sky
+    noon = job.load(path).lightings[0].sky
+    later = job.load(path, ["environment.sky.time=2026-03-20T15:00:00Z"]).lightings[0].sky
     assert noon is not None and later is not None
     assert noon.to_sun[1] > 0.99 and later.to_sun[1] == pytest.approx(np.cos(np.radians(43)), abs=0.01)
     assert later.to_sun[0] < 0  # west
@@ -71,7 +71,7 @@ def test_a_time_may_be_set_on_the_command_line(write_job: WriteJob) -> None:
 
 def test_inspect_says_where_the_sun_is(write_job: WriteJob) -> None:
     path = write_job(SCENE + "environment = { sky = { elevation = 30, turbidity = 4 }, intensity = 2 }\n")
-    facts = lighting_facts(job.load(path).scene.lightings[0])
+    facts = lighting_facts(job.load(path).lightings[0])
     assert facts.environment is None and facts.sky is not None
     assert (facts.sky.elevation, facts.sky.turbidity, facts.sky.intensity) == (30, 4, 2)
     assert facts.sky.to_sun == pytest.approx((0, 0.5, 0.866025), abs=1e-6)

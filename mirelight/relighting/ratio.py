@@ -6,10 +6,10 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.model import F32
-from mirelight.relight.fill import continued
-from mirelight.relight.mode import Lit, Mode, Task
-from mirelight.relight.pixels import divide, multiply
-from mirelight.relight.resample import bilinear
+from mirelight.relighting.fill import continued
+from mirelight.relighting.mode import Lit, Mode, Task
+from mirelight.relighting.pixels import divide, multiply
+from mirelight.relighting.resample import bilinear
 
 _NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole capture is black
 

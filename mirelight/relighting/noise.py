@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mirelight.model import F32, LightingBuffer
-from mirelight.relight.mode import Lit
+from mirelight.relighting.mode import Lit
 
 
 def noise(

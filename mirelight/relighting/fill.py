@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F32
-from mirelight.relight.mode import Seen
-from mirelight.relight.pixels import divide, multiply
-from mirelight.relight.resample import bilinear
+from mirelight.relighting.mode import Seen
+from mirelight.relighting.pixels import divide, multiply
+from mirelight.relighting.resample import bilinear
 
 NEAR, FAR = 0.03, 0.08  # shares of the picture's longer side: so far the factor is carried in full, so far at all
 _CELL = 0.005  # share of the longer side: distances are measured between cells of this size

@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 from mirelight.model import RelightMode, RelightSettings, SplatLayer, rules_of
 from mirelight.model.profiles import Space
-from mirelight.relight.mode import Mode
-from mirelight.relight.ratio import RATIO
-from mirelight.relight.tint import TINT
+from mirelight.relighting.mode import Mode
+from mirelight.relighting.ratio import RATIO
+from mirelight.relighting.tint import TINT
 
 MODES: Mapping[RelightMode, Mode] = MappingProxyType({mode.name: mode for mode in (TINT, RATIO)})
 

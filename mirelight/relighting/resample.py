@@ -9,7 +9,7 @@ import numpy as np
 
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer
 from mirelight.model.planes import Owner, Plane, planes_of
-from mirelight.relight.pixels import divide, unit_or_zero
+from mirelight.relighting.pixels import divide, unit_or_zero
 
 
 def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:

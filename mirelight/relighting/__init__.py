@@ -8,10 +8,10 @@ docs/relighting.md.
 
 from __future__ import annotations
 
-from mirelight.relight.frame import apply, lighting_camera, unlit_rgba
-from mirelight.relight.mode import Lit, Mode, Task
-from mirelight.relight.modes import MODES, mode_of, reads
-from mirelight.relight.resample import upsample
+from mirelight.relighting.frame import apply, lighting_camera, unlit_rgba
+from mirelight.relighting.mode import Lit, Mode, Task
+from mirelight.relighting.modes import MODES, mode_of, reads
+from mirelight.relighting.resample import upsample
 
 __all__ = [
     "MODES",

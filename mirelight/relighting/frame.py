@@ -8,11 +8,11 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
-from mirelight.relight.mode import Lit, Task
-from mirelight.relight.modes import mode_of, space_of
-from mirelight.relight.noise import noise as noise_of
-from mirelight.relight.pixels import multiply
-from mirelight.relight.resample import upsample
+from mirelight.relighting.mode import Lit, Task
+from mirelight.relighting.modes import mode_of, space_of
+from mirelight.relighting.noise import noise as noise_of
+from mirelight.relighting.pixels import multiply
+from mirelight.relighting.resample import upsample
 
 
 def apply(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight.model import F32, rules_of
-from mirelight.relight.fill import continued
-from mirelight.relight.mode import Mode, Task
-from mirelight.relight.pixels import divide
-from mirelight.relight.resample import bilinear
+from mirelight.relighting.fill import continued
+from mirelight.relighting.mode import Mode, Task
+from mirelight.relighting.pixels import divide
+from mirelight.relighting.resample import bilinear
 
 _FULL_COVERAGE = np.float32(0.5)  # unit texels: the share of a texel from which its one sample counts as a hit
 

@@ -1,0 +1,130 @@
+"""Runs a plan: the frames that a store does not have yet, camera by camera, until all are there.
+
+Several processes and machines may run one plan in one folder: each camera is claimed by one of them. Every engine that
+spreads work (worker processes, shards, a farm) calls :func:`run` with its part of the plan.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+from mirelight import stages
+from mirelight.plan import FrameTask, Group, Plan
+from mirelight.scene import Scene, prepare
+from mirelight.store import Store
+
+_WAIT = 0.25  # seconds between two looks at cameras that others work on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderSummary:
+    """How many frames were made here, and how many were there already or were made by another process."""
+
+    rendered: int
+    skipped: int
+
+
+class Progress(Protocol):
+    """Hears how far a render is; called from the rendering thread. What it raises ends the run in order."""
+
+    def started(self, tasks: Sequence[FrameTask]) -> None:
+        """Before the first frame."""
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        """Light samples of a frame so far; the captured light's and those of unit lights it is the first to need
+        included."""
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        """A frame is there: made now, or found."""
+
+    def waiting(self, cameras: int) -> None:
+        """All that is left is being made by other processes: so many cameras."""
+
+
+class Silent:
+    """A `Progress` that says nothing."""
+
+    def started(self, tasks: Sequence[FrameTask]) -> None: ...
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None: ...
+
+    def finished(self, task: FrameTask, skipped: bool) -> None: ...
+
+    def waiting(self, cameras: int) -> None: ...
+
+
+def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSummary:
+    """Make the frames of a plan that the store does not have, and put each there as soon as it is made.
+
+    Whatever is in the store before an error or an interrupt stays; running again goes on after it. The frame that
+    Ctrl-C stops while it is lit is kept as far as it got, apart from the finished ones.
+
+    Raises:
+        InputError: a file that the job names cannot be used.
+        OutputError: a file cannot be written.
+        BackendError, RenderError: see `mirelight.stages`.
+    """
+    heard = progress or Silent()
+    heard.started(plan.tasks)
+    scene = prepare(plan.job, store)
+    open_groups, skipped = _open(plan, store, heard)
+    rendered = 0
+    while open_groups:
+        left: list[Group] = []
+        for group in open_groups:
+            with store.claim(group.name) as mine:
+                if not mine:
+                    left.append(group)
+                    continue
+                made = _make(scene, group, store, heard)
+            rendered += made
+            skipped += len(group.tasks) - made
+        if len(left) == len(open_groups):
+            heard.waiting(len(left))
+            time.sleep(_WAIT)
+        open_groups = left
+    return RenderSummary(rendered=rendered, skipped=skipped)
+
+
+def _open(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], int]:
+    """The groups with something left to make, and how many frames of the others are there."""
+    index = store.index()
+    left: list[Group] = []
+    there = 0
+    for group in plan.groups:
+        if all(index.has(task) for task in group.tasks):
+            there += len(group.tasks)
+            for task in group.tasks:
+                progress.finished(task, True)
+        else:
+            left.append(group)
+    return left, there
+
+
+def _make(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
+    """Make what is missing of a camera's frames; says how many that were."""
+    missing: list[FrameTask] = []
+    for task in group.tasks:
+        if store.has(task):  # asked now: another process may have made it meanwhile
+            progress.finished(task, True)
+        else:
+            missing.append(task)
+    if not missing:
+        return 0
+    splats = stages.composite(scene, group.camera)
+    for task in missing:
+        began = time.monotonic()
+        report: Callable[[int, int], None] = partial(progress.samples, task)
+        try:
+            lit = stages.light(scene, task.camera, task.lighting, progress=report) if task.lighting else None
+        except stages.Stopped as stopped:
+            if stopped.lit is not None:
+                store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
+            raise
+        store.put(task, stages.relight(scene, splats, lit), seconds=time.monotonic() - began)
+        progress.finished(task, False)
+    return len(missing)

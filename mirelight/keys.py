@@ -1,0 +1,242 @@
+"""Keys of finished work: the digest of exactly what each product is made from.
+
+docs/job-file.md says for every setting what is made again when it changes; a test holds that table against this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
+from functools import cached_property
+
+from mirelight import provenance, relighting
+from mirelight.model import Camera, CompositorSettings, Job, Lighting, OutputSettings, digest
+from mirelight.model.profiles import rules_of
+from mirelight.units import GLOW, LightSet, LightSets, Mixture, Rules, terms
+
+FILE_SUFFIXES = (".exr", ".png")
+
+
+class Keys:
+    """The keys of one job. What frames share is taken once, so that a plan of ten thousand costs little."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+
+    # --- made once a scene ---
+
+    @cached_property
+    def proxy(self) -> str:
+        """The proxy as light falls on it: with the splats' colours where they are wanted."""
+        job = self.job
+        assert job.proxy is not None
+        if not colors_proxy(job):
+            return job.proxy.digest
+        assert job.splats is not None and job.captured is not None
+        render = job.render
+        parts = job.proxy.digest, job.splats.digest, _light(job.captured), render.seed, render.max_depth
+        return digest("colours", *parts, self._versions("mitsuba", "drjit", "llvm"), render.variant)
+
+    @cached_property
+    def captured_level(self) -> str:
+        """How bright the captured light is over the scene, one number."""
+        job = self.job
+        assert job.captured is not None
+        parts = job.splats and job.splats.digest, self.proxy, _light(job.captured), job.render.seed
+        return digest("level", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm"))
+
+    @cached_property
+    def sets(self) -> LightSets:
+        """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
+        job = self.job
+        captured = (job.captured,) if job.captured is not None and compares(job) else ()
+        return LightSets((*job.lightings, *captured), rules(job))
+
+    # --- made once a camera ---
+
+    def composite(self, camera: Camera) -> str:
+        """The splats as a camera sees them."""
+        if self.job.splats is None:
+            return "no splats"
+        return digest(self._composite, _view(camera))
+
+    @cached_property
+    def _composite(self) -> str:
+        job = self.job
+        assert job.splats is not None
+        settings = _read(job.compositor, _compositor_reads(job.compositor)), wants_depth(job)
+        return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
+
+    def light(self, light_set: LightSet, camera: Camera) -> str:
+        """The traced buffer of a set of unit lights; `camera` is the lighting's."""
+        return digest(self._traced, light_set.digest, _view(camera))
+
+    @cached_property
+    def _traced(self) -> str:
+        settings = (_read(self.job.render, _light_reads(self.job)), self.job.output.layers, wants_aovs(self.job))
+        return digest("light", self.proxy, settings, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+
+    def lights(self) -> Iterator[str]:
+        """Every traced buffer of the job: each camera's sets."""
+        job = self.job
+        captured = (job.captured,) if job.captured is not None and compares(job) else ()
+        every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
+        for camera in job.cameras:
+            seen = relighting.lighting_camera(camera, job.relight)
+            yield from (self.light(s, seen) for s in (*every.values(), GLOW))
+
+    # --- frames ---
+
+    def frame(self, camera: Camera, lighting: Lighting | None) -> str:
+        """The frame's pixels, linear."""
+        job = self.job
+        composite = self.composite(camera)
+        if lighting is None:
+            return digest("unlit", composite)
+        seen = relighting.lighting_camera(camera, job.relight)
+        parts = [composite, *self._lit(lighting, seen), self._relit]
+        if job.splats is not None and compares(job) and job.captured is not None:
+            parts += [*self._lit(job.captured, seen), self.captured_level]
+        return digest("frame", *parts)
+
+    def _lit(self, lighting: Lighting, seen: Camera) -> Iterable[str]:
+        mixture = self.mixture(lighting)
+        return [self.light(one, seen) for one in mixture.sets] + [self._weights(mixture)]
+
+    def mixture(self, lighting: Lighting) -> Mixture:
+        """How a lighting is made of sets."""
+        return self.sets.mixture(lighting)
+
+    def _weights(self, mixture: Mixture) -> str:
+        return mixture.digest
+
+    @cached_property
+    def _relit(self) -> str:
+        job = self.job
+        denoised = (True, self._versions("pyoidn")) if job.render.denoise else (False,)
+        return digest(
+            "relit",
+            _read(job.relight, relighting.reads(job.relight)),
+            denoised,
+            self._versions("numpy"),
+            job.splats is None,
+            wants_noise(job),
+        )
+
+    # --- files ---
+
+    def file(self, frame: str, camera: Camera, lighting: Lighting | None, suffix: str) -> str:
+        """A file of a frame, whose own key is `frame`: what is in it, and how it is written."""
+        job = self.job
+        names = camera.name, () if lighting is None else (lighting.name, *_names(lighting))
+        settings = exr_settings(job.output) if suffix == ".exr" else job.display
+        return digest(suffix, frame, names, settings, self._versions("OpenEXR" if suffix == ".exr" else "numpy"))
+
+    @cached_property
+    def files(self) -> tuple[str, ...]:
+        """Suffixes of the files that each frame has."""
+        wanted = {".exr": self.job.output.exr, ".png": self.job.output.png}
+        return tuple(suffix for suffix in FILE_SUFFIXES if wanted[suffix])
+
+    def _versions(self, *packages: str) -> dict[str, str]:
+        return {k: v for k, v in self._all_versions.items() if k in ("mirelight", *packages)}
+
+    @cached_property
+    def _all_versions(self) -> dict[str, str]:
+        return provenance.versions()
+
+
+def compares(job: Job) -> bool:
+    """True where the relight mode divides by the light that the capture was made under."""
+    return relighting.mode_of(job.relight).needs_captured
+
+
+def follows_engine(job: Job) -> bool:
+    """True where light is the real-time engine's."""
+    return not rules_of(job.render.profile).path_traced
+
+
+def wants_noise(job: Job) -> bool:
+    """True where a file holds the frame's own noise."""
+    return job.output.wants("noise")
+
+
+def colors_proxy(job: Job) -> bool:
+    """True where frames are lit on a proxy with the splats' colours: asked for, and of use.
+
+    It is of use to a ratio alone. The tint multiplies splats that have their own albedo by a gray proxy's light, as the
+    real-time engine does, and that engine's light model reflects nothing from surface to surface.
+    """
+    there = job.splats is not None and job.proxy is not None and job.captured is not None
+    useful = relighting.mode_of(job.relight).uses_proxy_colours and not follows_engine(job)
+    return job.albedo_from_splats and there and useful
+
+
+def rules(job: Job) -> Rules:
+    """Which of the job's lightings are mixed from unit lights."""
+    from mirelight.lighting.layers import MAX_LAYERS
+    from mirelight.lighting.lights import ALL_LIGHTS
+
+    render, output = job.render, job.output
+    return Rules(
+        linear=not follows_engine(job) and render.noise is None and output.layers,
+        most_lights=ALL_LIGHTS,
+        most_layers=MAX_LAYERS,
+        suns_apart=wants_aovs(job),
+    )
+
+
+def wants_aovs(job: Job) -> bool:
+    """True where a file holds what is traced beside light."""
+    return job.output.wants("sun_visibility", "ambient_occlusion")
+
+
+def wants_depth(job: Job) -> bool:
+    """True where a file holds the splats' depth."""
+    return job.output.wants("splat_depth", "splat_median_depth")
+
+
+def exr_settings(output: OutputSettings) -> dict[str, object]:
+    """The settings that decide what an EXR holds."""
+    elsewhere = "directory", "exr", "png", "store"
+    return _read(output, (field.name for field in fields(output) if field.name not in elsewhere))
+
+
+def _read(settings: object, names: Iterable[str]) -> dict[str, object]:
+    return {name: getattr(settings, name) for name in sorted(names)}
+
+
+def _compositor_reads(settings: CompositorSettings) -> set[str]:
+    """Names of the settings that shape a composite in its profile."""
+    rules = rules_of(settings.profile).splats
+    names = {"profile", "sort", "alpha_clip"}
+    if rules.drops_small:
+        names.add("min_pixel_size")
+    if rules.packed:
+        names.add("work_buffer")
+    if rules.pipelines:
+        names |= {"linear", "eight_bit", "tone", "exposure"}
+    return names
+
+
+def _light_reads(job: Job) -> set[str]:
+    """Names of the settings that shape a traced buffer in its profile."""
+    names = {"profile", "variant"}
+    if follows_engine(job):
+        return names
+    names |= {"spp", "noise", "max_depth", "seed", "denoise"}
+    return names | {"ao_distance"} if wants_aovs(job) else names
+
+
+def _view(camera: Camera) -> str:
+    """A camera without its name."""
+    return digest("view", _read(camera, (field.name for field in fields(camera) if field.name != "name")))
+
+
+def _light(lighting: Lighting) -> str:
+    """A lighting without names."""
+    return digest("lighting", [(x.unit.digest, x.weight) for x in terms(lighting)])
+
+
+def _names(lighting: Lighting) -> tuple[str, ...]:
+    return tuple(x.layer for x in terms(lighting))

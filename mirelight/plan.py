@@ -1,0 +1,159 @@
+"""What a job's frames are: every camera under every lighting, with names and keys, without reading what they show."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from mirelight import engine_lights, keys
+from mirelight.errors import InputError
+from mirelight.model import Camera, Job, Lighting
+from mirelight.scene import check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameTask:
+    """One frame to make. `lighting` is None where the job has none: the frame shows the splats as captured."""
+
+    camera: Camera
+    lighting: Lighting | None
+    name: str  # "camera.lighting", unique in the job, safe as a file name
+    files: Mapping[str, str]  # by suffix the key of each file: the digest of exactly what it is made from
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """The frames of one camera: one piece of work, which shares a composite and traced light."""
+
+    name: str  # unique in the job, safe as a file name
+    tasks: tuple[FrameTask, ...]
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of all of them."""
+        return self.tasks[0].camera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """The chosen frames of a job, camera by camera."""
+
+    job: Job
+    groups: tuple[Group, ...]
+
+    @property
+    def tasks(self) -> tuple[FrameTask, ...]:
+        """All frames in order."""
+        return tuple(task for group in self.groups for task in group.tasks)
+
+    def __repr__(self) -> str:
+        return f"Plan({self.job.source.name}: {len(self.tasks)} frames of {len(self.groups)} cameras)"
+
+
+def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str] | None = None) -> Plan:
+    """The frames of a job; `cameras` and `lightings` choose by name (None: all).
+
+    A frame's name and keys do not depend on what else is chosen. Files that the job names are not read.
+
+    Raises:
+        InputError: an unknown camera or lighting name; nothing to render; lights without a proxy to fall on; a mode
+            without the captured lighting that it needs.
+    """
+    check(job)
+    chosen_cameras = _choose(job, "camera", job.cameras, cameras)
+    every_lighting: tuple[Lighting | None, ...] = job.lightings or (None,)
+    chosen_lightings = _choose(job, "lighting", job.lightings, lightings) if job.lightings else (None,)
+    names = _unique_names(job.cameras, every_lighting)
+    made = keys.Keys(job)
+
+    def task(camera: Camera, lighting: Lighting | None) -> FrameTask:
+        frame = made.frame(camera, lighting)
+        files = {suffix: made.file(frame, camera, lighting, suffix) for suffix in made.files}
+        return FrameTask(camera=camera, lighting=lighting, name=names[id(camera), id(lighting)], files=files)
+
+    def group(camera: Camera) -> Group:
+        return Group(names[id(camera), id(every_lighting[0])], tuple(task(camera, x) for x in chosen_lightings))
+
+    return Plan(job, tuple(group(camera) for camera in chosen_cameras))
+
+
+def light_keys(job: Job) -> frozenset[str]:
+    """Keys of all the traced buffers that the job's frames are made from, whatever is chosen."""
+    made = keys.Keys(job)
+    return frozenset(made.lights()) if job.proxy is not None else frozenset()
+
+
+def warnings(plan: Plan) -> tuple[str, ...]:
+    """A line for each thing in the plan that the light model of the job's profile does not follow, said once."""
+    job = plan.job
+    lightings = {id(task.lighting): task.lighting for task in plan.tasks if task.lighting is not None}
+    if keys.compares(job) and job.captured is not None:
+        lightings[id(job.captured)] = job.captured
+    if keys.follows_engine(job):
+        found = _engine_warnings(job, [group.camera for group in plan.groups], tuple(lightings.values()))
+    else:
+        found = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings.values()]
+    if job.albedo_from_splats and not keys.colors_proxy(job):
+        gray = "the splats' colours are used in mode 'ratio' with path-traced light; gray here"
+        found.append(("proxy.albedo", (gray,)))
+    return tuple(dict.fromkeys(f"{where}: {line}" for where, lines in found for line in lines))
+
+
+def _engine_warnings(
+    job: Job, cameras: Sequence[Camera], lightings: Sequence[Lighting]
+) -> list[tuple[str, tuple[str, ...]]]:
+    found: list[tuple[str, tuple[str, ...]]] = []
+    if keys.compares(job):
+        found.append(("relight.mode", ("the engine knows the tint only, not the ratio",)))
+    found += [("camera", engine_lights.camera_warnings(x)) for x in cameras]
+    if job.proxy is not None and lightings:
+        from mirelight.lighting.engine.raster import culling_warnings
+        from mirelight.lighting.sunsky import resolved
+
+        proxy, variant = job.proxy.value, job.render.variant
+        found.append(("proxy", culling_warnings(proxy, cameras, variant)))
+        found += [(x.name, engine_lights.to_engine(resolved(x, variant), proxy)[1]) for x in lightings]
+    return found
+
+
+Named = TypeVar("Named", Camera, Lighting)
+
+
+def _choose(job: Job, kind: str, existing: tuple[Named, ...], wanted: Iterable[str] | None) -> tuple[Named, ...]:
+    names = {x.name for x in existing}
+    if not existing:
+        raise InputError(job.source, f"no {kind} to render", f"name at least one {kind}")
+    if wanted is None:
+        return existing
+    chosen = set(wanted)
+    for name in sorted(chosen - names):
+        raise InputError(job.source, f"no {kind} named {name!r}", f"there are: {_listed([x.name for x in existing])}")
+    return tuple(x for x in existing if x.name in chosen)
+
+
+def _listed(names: Sequence[str], most: int = 20) -> str:
+    more = f", … ({len(names)} in all)" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _unique_names(cameras: tuple[Camera, ...], lightings: tuple[Lighting | None, ...]) -> dict[tuple[int, int], str]:
+    """A file name for each camera and lighting: what files cannot hold becomes "_", doubles get a number."""
+    names: dict[tuple[int, int], str] = {}
+    taken: dict[str, int] = {}
+    safe = {id(x): _safe(x.name) for x in (*cameras, *lightings) if x is not None}
+    for camera in cameras:
+        for lighting in lightings:
+            stem = safe[id(camera)] + (f".{safe[id(lighting)]}" if lighting else "")
+            name, count = stem, taken.get(stem.casefold(), 0) + 1  # case-blind: some file systems are
+            while count > 1 and (name := f"{stem}-{count}").casefold() in taken:
+                count += 1
+            taken[stem.casefold()] = count
+            taken.setdefault(name.casefold(), 1)
+            names[id(camera), id(lighting)] = name
+    return names
+
+
+def _safe(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip(".") or "_"

@@ -1,0 +1,173 @@
+"""A job made ready: everything that is made once a scene, each part when it is first needed.
+
+Parts that take long are artefacts with a key of their own (`mirelight.keys`), kept where the caller has a place for
+them.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from mirelight import keys
+from mirelight.errors import InputError
+from mirelight.model import F32, Camera, Job, Lighting, LightingBuffer, ProxyMesh, SplatCloud
+from mirelight.units import LightSet, Mixture
+
+if TYPE_CHECKING:
+    from mirelight.compositor import Compositor
+    from mirelight.lighting import EngineTracer, Tracer
+
+
+class Kept(Protocol):
+    """A place for artefacts; `mirelight.store.Store` is one."""
+
+    def array(self, key: str) -> F32 | None:
+        """A kept array; None where there is none."""
+
+    def keep_array(self, key: str, values: F32) -> None:
+        """Keep an array under its key."""
+
+    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
+        """A kept buffer of the view of `camera`; None where there is none."""
+
+    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
+        """Keep a traced buffer under its key."""
+
+
+class KeptNowhere:
+    """Keeps nothing."""
+
+    def array(self, key: str) -> F32 | None:
+        """There is none."""
+        return None
+
+    def keep_array(self, key: str, values: F32) -> None:
+        """Forgets it."""
+
+    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
+        """There is none."""
+        return None
+
+    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
+        """Forgets it."""
+
+
+def prepare(job: Job, kept: Kept | None = None) -> Scene:
+    """The job made ready for its frames. Returns at once: files are read, and artefacts made, when they are needed.
+
+    Args:
+        job: from `mirelight.load`.
+        kept: where artefacts are found and kept; None: nowhere.
+
+    Raises:
+        InputError: the job cannot be rendered: nothing in it, lights without a proxy, a mode without what it needs.
+    """
+    if not isinstance(job, Job):
+        raise TypeError(f"prepare() takes a job as mirelight.load gives it, not {type(job).__name__}")
+    check(job)
+    return Scene(job, kept or KeptNowhere())
+
+
+def check(job: Job) -> None:
+    """Raises InputError where a job names too little to be rendered."""
+    if job.splats is None and (job.proxy is None or not job.lightings):
+        raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
+    if job.lightings and job.proxy is None:
+        raise InputError(job.source, "lights but no proxy mesh for them to fall on", "name a proxy, or leave them out")
+    if job.lightings and job.splats is not None and keys.compares(job) and job.captured is None:
+        raise InputError(
+            job.source,
+            "mode 'ratio' without the lighting that the capture was made under",
+            "name it, or set mode to 'tint'",
+            field="relight.mode",
+        )
+
+
+class Scene:
+    """What all frames of a job share. Made by :func:`prepare`; not to be sent to another process (send the job)."""
+
+    def __init__(self, job: Job, kept: Kept) -> None:
+        self.job = job
+        self.keys = keys.Keys(job)
+        self.kept = kept
+
+    def __repr__(self) -> str:
+        ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
+        return f"Scene({self.job.source.name}; ready: {', '.join(ready) or 'nothing yet'})"
+
+    @cached_property
+    def splats(self) -> SplatCloud | None:
+        """The splats in world space."""
+        return None if self.job.splats is None else self.job.splats.value
+
+    @cached_property
+    def proxy(self) -> ProxyMesh | None:
+        """The proxy as light falls on it: with the splats' colours where the job asks for them and they are of use."""
+        job = self.job
+        mesh = None if job.proxy is None else job.proxy.value
+        if mesh is None or self.splats is None or job.captured is None or not keys.colors_proxy(job):
+            return mesh
+        from mirelight.lighting import albedo
+
+        colors = self.kept.array(self.keys.proxy)
+        if colors is None:
+            colors = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render)
+            self.kept.keep_array(self.keys.proxy, colors)
+        return albedo.with_vertex_colors(mesh, colors)
+
+    @cached_property
+    def glows(self) -> bool:
+        """True where the proxy's own surfaces send out light that is traced."""
+        from mirelight.lighting.materials import is_emissive
+
+        return self.proxy is not None and not keys.follows_engine(self.job) and is_emissive(self.proxy)
+
+    @cached_property
+    def captured_level(self) -> float | None:
+        """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it."""
+        job = self.job
+        if self.proxy is None or job.captured is None or not keys.compares(job):
+            return None
+        from mirelight.lighting.level import captured_level
+
+        found = self.kept.array(self.keys.captured_level)
+        if found is None:
+            level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render)
+            found = np.array([level], np.float64)
+            self.kept.keep_array(self.keys.captured_level, found)
+        return float(found[0])
+
+    def resolved(self, lighting: Lighting) -> Lighting:
+        """The lighting with a sun and a map in place of its sky model."""
+        from mirelight.lighting.sunsky import resolved
+
+        return resolved(lighting, self.job.render.variant)
+
+    def mixture(self, lighting: Lighting) -> Mixture:
+        """How a lighting is made of sets of unit lights."""
+        return self.keys.mixture(lighting)
+
+    def lighting_of(self, light_set: LightSet) -> Lighting:
+        """What to trace for a set: its lights, each with the name of its unit's layer."""
+        return light_set.as_lighting(self.resolved)
+
+    @cached_property
+    def compositor(self) -> Compositor:
+        """The splats on the compute device."""
+        from mirelight.compositor import Compositor
+
+        render = self.job.render
+        assert self.splats is not None
+        return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
+
+    @cached_property
+    def tracer(self) -> Tracer | EngineTracer:
+        """The proxy on the compute device, and what lights it."""
+        from mirelight.lighting import tracer
+
+        assert self.proxy is not None
+        job = self.job
+        return tracer(self.proxy, job.render, layers=job.output.layers, aovs=keys.wants_aovs(job))

@@ -1,0 +1,251 @@
+"""Frames in a folder: which are there, new ones, and what they are made from. Safe for several processes and machines.
+
+The frame files are the truth: each carries the key of what it was made from. Beside them `.mirelight/` holds the
+journal (what was written, so that ten thousand frames are known at once), claims (who works on which camera), and
+artefacts (traced unit lights, so that a changed colour or intensity traces nothing). It can be removed at any time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import keys
+from mirelight.errors import OutputError
+from mirelight.io import image, owner
+from mirelight.io.atomic import output_error, owner_of
+from mirelight.model import F32, Camera, DisplaySettings, Frame, Job, LightingBuffer, OutputSettings
+from mirelight.plan import FrameTask
+from mirelight.store.artefacts import Artefacts
+from mirelight.store.claims import Claims
+from mirelight.store.journal import FileRow, Journal, Row, sync_folder
+
+__all__ = ["Index", "Row", "Store", "write"]
+
+_ASIDE = ".mirelight"
+_STALE = 600.0  # seconds after which another machine's temporary file counts as left behind
+
+
+class Store:
+    """The output folder of a job; a `mirelight.scene.Kept`.
+
+    Args:
+        job: its output folder and the settings of its files are used.
+    """
+
+    def __init__(self, job: Job) -> None:
+        self.folder = job.output.directory
+        self._output, self._display = job.output, job.display
+        aside = self.folder / _ASIDE
+        self._aside = {name: aside / name for name in ("journal", "claims", "light", "scene")}
+        self._journal = Journal(self._aside["journal"])
+        self._claims = Claims(self._aside["claims"])
+        self._light, self._scene = Artefacts(self._aside["light"]), Artefacts(self._aside["scene"])
+        self._index: Index | None = None
+        self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
+
+    def open(self) -> None:
+        """Make the folder, see that files can be written there before hours of work, and clear away what killed
+        processes left.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        try:
+            for folder in (self.folder, *self._aside.values()):
+                folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.folder):
+                pass
+        except OSError as e:
+            raise output_error(self.folder, e) from None
+        for folder in (self.folder, *self._aside.values()):
+            _clear(folder)
+
+    def close(self) -> None:
+        """No more writing by this process."""
+        self._journal.close()
+        self._claims.close()
+
+    # --- frames ---
+
+    def index(self) -> Index:
+        """What is there now, from the journal and one look at the folder."""
+        self._index = Index(self.folder, self._journal.rows())
+        return self._index
+
+    def has(self, task: FrameTask) -> bool:
+        """Whether every file of the frame is there, whole, and made from the same inputs; each is looked at now."""
+        return not self.missing(task)
+
+    def missing(self, task: FrameTask) -> list[str]:
+        """Suffixes of the frame's files that are not there, or not made from these inputs; each is looked at now."""
+        index = self._index or self.index()
+        files = task.files.items()
+        return [suffix for suffix, key in files if not index.has_file(self.folder / f"{task.name}{suffix}", key)]
+
+    def put(self, task: FrameTask, frame: Frame, seconds: float = 0.0) -> None:
+        """Write those of the frame's files that are not there, each whole or not at all, then its row; remove those of
+        an interrupted try.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        rows: dict[str, FileRow] = {}
+        for suffix in self.missing(task):
+            path, key = self.folder / f"{task.name}{suffix}", task.files[suffix]
+            image.write(_stamped(frame, key), path, self._display, self._output)
+            rows[suffix] = _file_row(path, key)
+        sync_folder(self.folder)
+        self._journal.add(Row(task.name, rows, round(seconds, 3)))
+        for path in self._partial_paths(task):
+            if path.exists() and image.read_fingerprint(path) is None:
+                path.unlink()
+
+    def put_partial(self, task: FrameTask, frame: Frame) -> None:
+        """Write a frame that is not done to files of its own, which :meth:`has` never takes for the frame."""
+        for path in self._partial_paths(task):
+            image.write(frame, path, self._display, self._output)
+            self.partial = (*self.partial, path)
+
+    def rows(self) -> Iterator[Row]:
+        """The manifest: every frame that any process has written here, as often as it was written."""
+        return self._journal.rows()
+
+    def claim(self, name: str) -> AbstractContextManager[bool]:
+        """See :meth:`mirelight.store.claims.Claims.claim`."""
+        return self._claims.claim(name)
+
+    def _partial_paths(self, task: FrameTask) -> list[Path]:
+        return [self.folder / f"{task.name}.partial{suffix}" for suffix in task.files]
+
+    # --- what frames are made from ---
+
+    def array(self, key: str) -> F32 | None:
+        """See `mirelight.scene.Kept`."""
+        return self._scene.array(key)
+
+    def keep_array(self, key: str, values: NDArray[np.generic]) -> None:
+        """See `mirelight.scene.Kept`. Where there is no room, frames go on without."""
+        with suppress(OutputError):
+            self._scene.keep_array(key, values)
+
+    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
+        """See `mirelight.scene.Kept`."""
+        return self._light.light(key, camera)
+
+    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
+        """See `mirelight.scene.Kept`. Where there is no room, frames go on without."""
+        if self._output.store == "both":
+            with suppress(OutputError):
+                self._light.keep_light(key, buffer)
+
+    def tidy(self, used: Collection[str]) -> None:
+        """See :meth:`mirelight.store.artefacts.Artefacts.tidy`."""
+        self._light.tidy(used)
+
+
+class Index:
+    """What a folder held when it was looked at: files by name, size and time, and what the journal says of them."""
+
+    def __init__(self, folder: Path, rows: Iterator[Row]) -> None:
+        self._there: dict[str, tuple[int, int]] = {}
+        self._rows: dict[tuple[str, str], list[FileRow]] = {}
+        self._folder = folder
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    status = entry.stat()
+                    self._there[entry.name] = status.st_size, status.st_mtime_ns
+        except OSError:
+            pass
+        for row in rows:
+            for suffix, file in row.files.items():
+                self._rows.setdefault((row.frame + suffix, file.key), []).append(file)
+
+    def has(self, task: FrameTask) -> bool:
+        """Whether all files of a frame are there: as the journal knows them, else they are asked themselves."""
+        return all(self._known(task.name + suffix, key) for suffix, key in task.files.items()) or all(
+            self.has_file(self._folder / (task.name + suffix), key) for suffix, key in task.files.items()
+        )
+
+    def _known(self, name: str, key: str) -> bool:
+        seen = self._there.get(name)
+        return any((row.bytes, row.mtime_ns) == seen for row in self._rows.get((name, key), ()))
+
+    def has_file(self, path: Path, key: str) -> bool:
+        """Whether a file is there with that key and whole. A file whose size or time differ from what the journal says
+        is read, and must have the journal's digest; one that the journal does not know must carry the key."""
+        try:
+            status = path.stat()
+        except OSError:
+            return False
+        rows = self._rows.get((path.name, key), [])
+        if any((row.bytes, row.mtime_ns) == (status.st_size, status.st_mtime_ns) for row in rows):
+            return True
+        if image.read_fingerprint(path) != key:
+            return False
+        return not rows or _digest(path) in {row.sha256 for row in rows}
+
+
+def write(frame: Frame, path: str | Path, job: Job | None = None) -> None:
+    """Write a frame as OpenEXR or PNG, told apart by the suffix: the very file that `mirelight render` writes.
+
+    Args:
+        frame: from `mirelight.relight`.
+        path: a name ending in .exr or .png in an existing folder; appears whole or not at all.
+        job: whose display and output settings are followed; None: the defaults.
+
+    Raises:
+        OutputError: another suffix, or the file cannot be written.
+    """
+    if not isinstance(frame, Frame):
+        raise TypeError(f"write() takes a frame as mirelight.relight gives it, not {type(frame).__name__}")
+    if job is None:
+        image.write(frame, path, DisplaySettings(), OutputSettings())
+        return
+    made_by = frame.made_by
+    if made_by is not None and made_by.fingerprint:
+        lighting = next((x for x in job.lightings if x.name == made_by.lighting), None)
+        suffix = Path(path).suffix.lower()
+        frame = _stamped(frame, keys.Keys(job).file(made_by.fingerprint, frame.camera, lighting, suffix))
+    image.write(frame, path, job.display, job.output)
+
+
+def _stamped(frame: Frame, key: str) -> Frame:
+    """The frame with the key of the file that it goes to."""
+    return frame if frame.made_by is None else replace(frame, made_by=replace(frame.made_by, fingerprint=key))
+
+
+def _file_row(path: Path, key: str) -> FileRow:
+    status = path.stat()
+    return FileRow(key, status.st_size, status.st_mtime_ns, _digest(path))
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+def _clear(folder: Path) -> None:
+    """Remove temporary files whose process has ended; another machine's once they are old by the folder's own clock."""
+    with suppress(OSError), tempfile.TemporaryFile(dir=folder) as probe, os.scandir(folder) as entries:
+        now = os.fstat(probe.fileno()).st_mtime
+        for entry in entries:
+            holder = owner_of(entry.name)
+            if holder is None:
+                continue
+            running = owner.runs(holder)
+            with suppress(OSError):
+                if running is False or (running is None and now - entry.stat().st_mtime > _STALE):
+                    Path(entry.path).unlink()

@@ -1,0 +1,101 @@
+"""What was made, as rows: one file a process, a line a frame. Readers merge them all and skip a torn last line."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from mirelight.io import owner
+from mirelight.io.atomic import output_error
+
+
+@dataclass(frozen=True, slots=True)
+class FileRow:
+    """One file as it was when it was written."""
+
+    key: str  # digest of what it was made from
+    bytes: int
+    mtime_ns: int
+    sha256: str  # hex
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One finished frame."""
+
+    frame: str  # its name, "camera.lighting"
+    files: Mapping[str, FileRow]  # by suffix
+    seconds: float  # that it took to make, its share of what its camera's frames have in common included
+
+
+class Journal:
+    """The rows of a folder. This process adds to a file of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._own: int | None = None
+
+    def rows(self) -> Iterator[Row]:
+        """Every row of every process, in no order that matters; what cannot be read is skipped."""
+        try:
+            files = sorted(self._folder.glob("*.jsonl"))
+        except OSError:
+            return
+        for file in files:
+            try:
+                lines = file.read_bytes().splitlines()
+            except OSError:
+                continue
+            for line in lines:
+                row = _row(line)
+                if row is not None:
+                    yield row
+
+    def add(self, row: Row) -> None:
+        """Write a row and see it to the disk. The files that it names must be there already, and their folder synced.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        try:
+            if self._own is None:
+                path = self._folder / f"{owner.token()}-{secrets.token_hex(4)}.jsonl"
+                self._own = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+                sync_folder(self._folder)
+            os.write(self._own, json.dumps(asdict(row), sort_keys=True).encode() + b"\n")
+            os.fsync(self._own)
+        except OSError as e:
+            raise output_error(self._folder, e) from None
+
+    def close(self) -> None:
+        """No more rows from this process."""
+        if self._own is not None:
+            os.close(self._own)
+            self._own = None
+
+
+def sync_folder(folder: Path) -> None:
+    """See the names in a folder to the disk: without that, a row could outlive the file that it names."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return  # some systems cannot open folders; then there is nothing to do
+    try:
+        os.fsync(handle)
+    except OSError:
+        pass
+    finally:
+        os.close(handle)
+
+
+def _row(line: bytes) -> Row | None:
+    try:
+        values = json.loads(line)
+        files = {suffix: FileRow(**entry) for suffix, entry in values["files"].items()}
+        return Row(str(values["frame"]), files, float(values["seconds"]))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None

@@ -1,0 +1,187 @@
+"""Lightings as weights over unit lights.
+
+Light adds up, so a lamp is traced once, white and of intensity 1, and every lighting that holds it takes that layer
+times the lamp's own colour and intensity. Unit lights that first appear in one lighting are traced together as one set,
+for they share paths; later lightings add sets of what is new in them. A job that grows at its end changes no earlier
+set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mirelight.model import (
+    F64,
+    DirectionalLight,
+    Environment,
+    Light,
+    Lighting,
+    SkyModel,
+    SunLight,
+    digest,
+)
+from mirelight.model.lights import SKY, SUN
+
+_WHITE = np.ones(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """Light with a layer of its own, at unit strength: a lamp or sun, a group of them, an environment, a half of a sky
+    model. Lights of a group keep their strengths, which are part of what they are."""
+
+    lights: tuple[Light, ...] = ()
+    environment: Environment | None = None
+    sky: SkyModel | None = None
+    part: str = ""  # SUN or SKY: of the sky model
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256; equal ones give the same light."""
+        return digest(self.lights, self.environment, self.sky, self.part)
+
+    @property
+    def has_sun(self) -> bool:
+        """True where sun visibility counts it."""
+        return self.part == SUN or any(isinstance(x, DirectionalLight | SunLight) for x in self.lights)
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """What a lighting takes of a unit light."""
+
+    layer: str  # the layer's name in the lighting
+    unit: Unit
+    weight: F64  # (3,) linear: colour times intensity
+
+
+@dataclass(frozen=True, eq=False)
+class LightSet:
+    """Unit lights that are traced together, or a lighting that must be traced as it is; with neither, geometry."""
+
+    units: tuple[Unit, ...] = ()
+    whole: Lighting | None = None
+    glow: bool = False  # the light that the proxy's own surfaces send out, and nothing else
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over all of the light in it."""
+        return digest([u.digest for u in self.units], self.whole, self.glow)
+
+    def layer_of(self, unit: Unit) -> str | None:
+        """The name of a unit's layer in the traced buffer; None where it is not in this set."""
+        return next((str(i) for i, own in enumerate(self.units) if own.digest == unit.digest), None)
+
+    def as_lighting(self, resolved: Callable[[Lighting], Lighting]) -> Lighting:
+        """What to trace: the lights of each unit in a layer named by its index. `resolved` turns a sky model into a sun
+        and a map."""
+        if self.whole is not None:
+            return resolved(self.whole)
+        lights: list[Light] = []
+        around: Environment | None = None
+        for i, unit in enumerate(self.units):
+            own, environment = unit.lights, unit.environment
+            if unit.sky is not None:
+                sky = resolved(Lighting(sky=unit.sky))
+                own, environment = (sky.lights, None) if unit.part == SUN else ((), sky.environment)
+            if environment is not None:
+                around = replace(environment, name=str(i))
+            shared = str(i) if len(own) > 1 else None
+            lights += [replace(x, name=f"{i}.{k}" if shared else str(i), group=shared) for k, x in enumerate(own)]
+        return Lighting(name=self.digest[:12], lights=tuple(lights), environment=around)
+
+
+GLOW = LightSet(glow=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """How a lighting is made of traced sets."""
+
+    lighting: Lighting
+    sets: tuple[LightSet, ...]  # at least one; the first one gives geometry, too
+    terms: tuple[Term, ...] = ()  # none where its set is the whole lighting
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over sets and weights, not over names."""
+        return digest([s.digest for s in self.sets], [(t.unit.digest, t.weight) for t in self.terms])
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """Which lightings may be mixed, and how finely they are split."""
+
+    linear: bool  # light may be traced at unit strength: nothing in the pass depends on how strong it is
+    most_lights: int  # more of them are sampled by their strength, and so are not linear
+    most_layers: int
+    suns_apart: bool  # sun visibility is wanted: it is the mean over suns by strength, so each needs a set of its own
+
+
+class LightSets:
+    """The sets of a job, found once from its lightings in their order."""
+
+    def __init__(self, lightings: Iterable[Lighting], rules: Rules) -> None:
+        self._rules = rules
+        self._home: dict[str, LightSet] = {}  # set of each unit, by the unit's digest
+        self._known: dict[int, Mixture] = {}
+        self._lightings = tuple(lightings)  # keeps them alive: they are known by identity
+        for lighting in self._lightings:
+            self._known[id(lighting)] = self._mixture(lighting)
+
+    def mixture(self, lighting: Lighting) -> Mixture:
+        """How a lighting is made: one of the job's, or any other, whose new unit lights then form sets of their own."""
+        found = self._known.get(id(lighting))
+        return found if found is not None else LightSets((*self._lightings, lighting), self._rules)._known[id(lighting)]
+
+    def _mixture(self, lighting: Lighting) -> Mixture:
+        wanted = tuple(terms(lighting))
+        count = sum(len(t.unit.lights) for t in wanted)
+        rules = self._rules
+        if not rules.linear or count > rules.most_lights or len(wanted) > rules.most_layers:
+            return Mixture(lighting, (LightSet(whole=lighting),))
+        new = {t.unit.digest: t.unit for t in wanted if t.unit.digest not in self._home}
+        for units in _split(tuple(new.values()), rules.suns_apart):
+            made = LightSet(units)
+            self._home.update({unit.digest: made for unit in units})
+        sets = {self._home[t.unit.digest].digest: self._home[t.unit.digest] for t in wanted}
+        return Mixture(lighting, tuple(sets.values()) or (LightSet(),), wanted)
+
+
+def _split(units: tuple[Unit, ...], suns_apart: bool) -> Iterator[tuple[Unit, ...]]:
+    suns = [u for u in units if u.has_sun]
+    apart = suns[1:] if suns_apart else []
+    together = tuple(u for u in units if u not in apart)
+    if together:
+        yield together
+    yield from ((sun,) for sun in apart)
+
+
+def terms(lighting: Lighting) -> Iterator[Term]:
+    """A term for each layer that the lighting has, in the layers' order."""
+    for name, lights in _by_layer(lighting.lights).items():
+        if len(lights) == 1 and lights[0].group is None:
+            (lamp,) = lights
+            unit = replace(lamp, name="", color=_WHITE, intensity=1.0)
+            yield Term(name, Unit(lights=(unit,)), lamp.color * lamp.intensity)
+        else:
+            yield Term(name, Unit(lights=tuple(replace(x, name="", group=None) for x in lights)), _WHITE)
+    around, sky = lighting.environment, lighting.sky
+    if around is not None:
+        unit_sky = Unit(environment=replace(around, name="", intensity=1.0))
+        yield Term(around.name, unit_sky, _WHITE * around.intensity)
+    if sky is not None:
+        plain = replace(sky, intensity=1.0)
+        for part in (SUN, SKY):
+            yield Term(part, Unit(sky=plain, part=part), _WHITE * sky.intensity)
+
+
+def _by_layer(lights: Iterable[Light]) -> Mapping[str, list[Light]]:
+    found: dict[str, list[Light]] = {}
+    for light in lights:
+        found.setdefault(light.group or light.name, []).append(light)
+    return found

@@ -95,8 +95,9 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
         ),
         "coverage": Cause(
             "Hard silhouettes of the lighting",
-            "A pixel of the lighting texture is either covered by the proxy or not, and the proxy's back faces are "
-            "missing. This step averages over the pixel and shows both sides.",
+            "A pixel of the lighting texture is either covered by the proxy or not, the proxy's back faces are "
+            "missing, and splats that reach past it keep their captured light. This step averages over the pixel, shows "
+            "both sides and continues the light past the proxy.",
         ),
         "tint": Cause(
             "Tint of display values",

@@ -256,6 +256,7 @@ def test_the_last_rung_is_what_render_shows() -> None:
 
 
 OVER_SUN = SunLight(name="over", direction=OVER, intensity=2, angular_diameter=12)
+OVER_HARD = DirectionalLight(name="over", direction=OVER, intensity=2)
 
 ONE_CAUSE: dict[str, Job] = {
     "tint": make_job(wall(), sky=0.3, relight={"space": "linear"}),
@@ -263,9 +264,8 @@ ONE_CAUSE: dict[str, Job] = {
     "occlusion": make_job(wall(), SIDE, sky=1.0, render={"max_depth": 1}),
     "indirect": make_job(wall(), SIDE, lights=(LEFT,)),
     "size": make_job(wall(), LID, lights=(replace(OVER_SUN, angular_diameter=80),), render={"max_depth": 1}),
-    "scale": make_job(
-        wall(-5, 0.1), lights=(replace(FRONT, intensity=0.6),), relight={"texture_scale": 0.15}, render={"max_depth": 1}
-    ),
+    "scale": make_job(wall(), LID, lights=(OVER_HARD,), relight={"texture_scale": 0.15}, render={"max_depth": 1}),
+    "coverage": make_job(wall(-5, 0.1), lights=(replace(FRONT, intensity=0.6),), render={"max_depth": 1}),
     "kernel": make_job(wall(), lights=(replace(FRONT, intensity=math.pi),), splats=cloud(0.02, 0.2, shades=True)),
     "tone": make_job(
         wall(),

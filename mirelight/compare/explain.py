@@ -96,8 +96,8 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
         "coverage": Cause(
             "Hard silhouettes of the lighting",
             "A pixel of the lighting texture is either covered by the proxy or not, the proxy's back faces are "
-            "missing, and splats that reach past it keep their captured light. This step averages over the pixel, shows "
-            "both sides and continues the light past the proxy.",
+            "missing, and splats that reach past it keep their captured light. This step averages over the pixel, "
+            "shows both sides and continues the light past the proxy.",
         ),
         "tint": Cause(
             "Tint of display values",

@@ -57,7 +57,7 @@ class CameraFile:
     def read(
         self,
         *,
-        axes: Axes = "opengl",
+        axes: Axes | None = None,
         world: World = "capture",
         fps: float | None = None,
         frames: int | None = None,
@@ -65,7 +65,7 @@ class CameraFile:
         """The cameras.
 
         Args:
-            axes: transforms.json and CSV: the cameras' own axes.
+            axes: transforms.json and CSV: the cameras' own axes; None: OpenGL's.
             world: transforms.json and camera_path.json: nerfstudio: the world of a training, which its exported splats
                 are in; capture: that of the pictures' poses.
             fps: SuperSplat: pictures in a second of its film, instead of its keys.
@@ -94,7 +94,7 @@ class CameraFile:
             case "Record3D":
                 return phones.read_record3d(self.path, self.data)
             case "CSV":
-                return table.read(self.path, axes)
+                return table.read(self.path, axes or "opengl")
 
 
 def open_file(path: str | Path) -> CameraFile:

@@ -31,19 +31,21 @@ Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # 
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 _RADIAL = ("k1", "k2", "k3", "k4")
 _TANGENTIAL = ("p1", "p2")
+_SEVERAL = 4  # poses that tell which axes they have
+_FEW = 0.1  # share of them
 _ANGLES = ("camera_angle_x", "camera_angle_y")
 _FOCALS = ("fl_x", "fl_y")
 _OTHERS = ("distortion_params", "camera_model", "is_fisheye", "cx", "cy", "w", "h")
 _LENS = (*_FOCALS, *_ANGLES, *_RADIAL, *_TANGENTIAL, *_OTHERS)
 
 
-def read(path: Path, data: dict[str, Any], axes: Axes, dataparser: Path | None) -> tuple[FileCamera, ...]:
+def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path | None) -> tuple[FileCamera, ...]:
     """The cameras in the order of the file, in the capture's axes.
 
     Args:
         path: the file.
         data: what is in it.
-        axes: of its cameras.
+        axes: of its cameras; None: OpenGL's, unless they look as if they were OpenCV's.
         dataparser: nerfstudio's :data:`DATAPARSER` of a training, to have the cameras in that training's world, which
             its exported splats are in; None: the capture's.
 
@@ -56,8 +58,12 @@ def read(path: Path, data: dict[str, Any], axes: Axes, dataparser: Path | None) 
     undo = _applied(top)
     world = None if dataparser is None else trained_world(dataparser)
     out = []
-    for frame, name in zip(frames, names, strict=True):
-        pose = reading.rows(frame, "transform_matrix")
+    poses = [reading.rows(frame, "transform_matrix") for frame in frames]
+    if axes is None and _looks_like_opencv(poses):
+        found = "cameras that stand on their heads and look away from their middle"
+        remedy = 'say axes = "opencv" if they look along their +Z, or axes = "opengl" if they are right'
+        raise InputError(path, found, remedy, field="frames")
+    for frame, name, pose in zip(frames, names, poses, strict=True):
         fail = partial(_fail, frame, "transform_matrix")
         pose = reading.rigid(undo @ (pose @ reading.FLIP if axes == "opencv" else pose), fail)
         if world is not None:
@@ -87,6 +93,15 @@ def _frames(top: Fields) -> list[Fields]:
         named = [{"file_path": key, **x} if isinstance(x, dict) else x for key, x in value.items()]
         return reading.objects(top.file, "frames", named)
     return reading.objects(top.file, "frames", value)
+
+
+def _looks_like_opencv(poses: list[Matrix]) -> bool:
+    """True where OpenGL's axes make hardly any sense of several poses in a world with Z up."""
+    m = np.stack(poses)
+    inwards = m[:, :3, 3].mean(axis=0) - m[:, :3, 3]
+    looks_in = np.einsum("ni,ni->n", inwards, -m[:, :3, 2]) > 0
+    is_upright = m[:, 2, 1] > 0
+    return len(m) >= _SEVERAL and bool(max(looks_in.mean(), is_upright.mean()) < _FEW)
 
 
 def _picture(frame: Fields, number: int) -> str:

@@ -56,9 +56,10 @@ class CamerasFromTable(Table):
     distortion: Literal["error", "ignore"] = Field(
         default="error", description="What to do with lenses that bend lines: refuse them, or render plain pinholes."
     )
-    axes: Literal["opengl", "opencv"] = Field(
-        default="opengl",
-        description="transforms.json, CSV: the cameras look along their -Z with +Y up, or along +Z with +Y down.",
+    axes: Literal["opengl", "opencv"] | None = Field(
+        default=None,
+        description="transforms.json, CSV: opengl: cameras look along their -Z with +Y up; opencv: along +Z with +Y "
+        "down. Default: opengl.",
     )
     world: Literal["capture", "nerfstudio"] = Field(
         default="capture",

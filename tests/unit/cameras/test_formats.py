@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from mirelight import conventions
 from mirelight.errors import InputError
 from mirelight.io.cameras import FileCamera, open_file, spline
 from mirelight.io.cameras.inria import entry
@@ -128,6 +129,22 @@ def test_transforms_in_opencv_axes_by_name(tmp_path: Path) -> None:
     found = file.read(axes="opencv")
     check(found, seen)
     assert [c.name for c in found] == [v.name for v in seen]
+
+
+def test_opencv_poses_are_not_taken_for_opengl_s(tmp_path: Path) -> None:
+    """An object set with Z up, written with OpenCV's axes: refused until the job says which they are."""
+    frames = []
+    for i in range(8):
+        a = 2 * math.pi * i / 8
+        position = np.array([3 * math.cos(a), 3 * math.sin(a), 1.5])
+        frames.append({"transform_matrix": (conventions.look_at(position, (0, 0, 0), (0, 0, 1)) @ FLIP).tolist()})
+    path = write_json(tmp_path / "transforms_train.json", {"camera_angle_x": 0.7, "frames": frames})
+    with pytest.raises(InputError, match=r'stand on their heads and look away from their middle; say axes = "opencv"'):
+        open_file(path).read()
+    for camera in open_file(path).read(axes="opencv"):
+        ahead = -camera.world_from_camera[:3, 2]
+        np.testing.assert_allclose(ahead, -camera.world_from_camera[:3, 3] / math.hypot(3, 1.5), atol=1e-9)
+    assert len(open_file(path).read(axes="opengl")) == 8
 
 
 def test_blender_nerf(tmp_path: Path) -> None:

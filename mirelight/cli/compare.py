@@ -11,6 +11,7 @@ from pathlib import Path
 from mirelight.errors import InputError
 
 UNMET = 1  # exit code where a requirement does not hold
+_MOST_STOPS = 64  # as in the job file
 
 
 def add_compare(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -53,6 +54,8 @@ def add_compare(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run_compare(args: argparse.Namespace) -> int:
     """The command. The table goes to stdout; 0 where every requirement holds, else 1."""
+    import numpy as np
+
     from mirelight.compare import CompareSettings, compare, find_pairs, parse_requirement, summary
 
     if len(args.paths) % 2:
@@ -69,15 +72,16 @@ def run_compare(args: argparse.Namespace) -> int:
         band=_band(args.band),
     )
     requirements = [parse_requirement(text) for text in args.require]
-    outcome = compare(
-        find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None),
-        settings,
-        requirements=requirements,
-        html=Path(args.html) if args.html else None,
-        json=Path(args.json) if args.json else None,
-        csv=Path(args.csv) if args.csv else None,
-        progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # of light near float32's end: the figures say inf
+        outcome = compare(
+            find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None),
+            settings,
+            requirements=requirements,
+            html=Path(args.html) if args.html else None,
+            json=Path(args.json) if args.json else None,
+            csv=Path(args.csv) if args.csv else None,
+            progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
+        )
     if not args.quiet:
         print(summary(outcome))
     elif outcome.failures:
@@ -100,6 +104,8 @@ def _number(name: str, text: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise InputError(name, f"{text!r} is not a number", "write one such as 1.5")
+    if abs(value) > _MOST_STOPS:
+        raise InputError(name, repr(text), f"write a number from -{_MOST_STOPS} to {_MOST_STOPS}")
     return value
 
 

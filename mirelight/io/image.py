@@ -127,6 +127,8 @@ def read_fingerprint(path: str | Path) -> str | None:
     """
     path = Path(path)
     try:
+        if not path.is_file():  # a pipe would be waited for
+            return None
         if path.suffix.lower() == ".exr":
             found = read_header(path)[0].get(FINGERPRINT) if exr_bytes.is_whole(path) else None
         else:

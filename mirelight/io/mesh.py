@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -123,6 +124,7 @@ def _ply_header(path: Path) -> bytes:
 def _read_with_trimesh(path: Path, suffix: str, textures: bool) -> ProxyMesh:
     from trimesh.exchange import ply, stl
 
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints what it passes over, with tracebacks
     neighbours = _Neighbours(path)
     require_memory(path, path.stat().st_size * 4, "its triangles")
     if suffix == ".ply" and any(mark in _ply_header(path) for mark in _SPLAT_MARKS):

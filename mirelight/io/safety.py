@@ -12,6 +12,8 @@ from mirelight.machine import free_memory
 
 BRIGHTEST = 1e12  # no light, emission or pixel of a map is brighter; its square is still far from float32's end
 
+_LONGEST_NAME = 255  # bytes, of a file or folder
+
 
 def existing(path: str | Path) -> Path:
     """`path` as a Path that leads to a file or a folder.
@@ -36,14 +38,15 @@ def open_binary(path: Path) -> BufferedReader:
         InputError: it cannot be opened, or is a folder, a pipe or a device (those are not waited for).
     """
     try:
-        number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        if stat.S_ISREG(path.stat().st_mode):  # some devices act on being opened
+            number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+            if stat.S_ISREG(os.fstat(number).st_mode):
+                return os.fdopen(number, "rb")
+            os.close(number)
     except (OSError, ValueError) as e:
         reason = getattr(e, "strerror", None) or "bad path"
         raise InputError(path, f"cannot be read ({reason})", "check the path and its permissions") from None
-    if not stat.S_ISREG(os.fstat(number).st_mode):
-        os.close(number)
-        raise InputError(path, "not a file", "a folder, a pipe or a device cannot be read; name a file")
-    return os.fdopen(number, "rb")
+    raise InputError(path, "not a file", "a folder, a pipe or a device cannot be read; name a file")
 
 
 def read_whole(path: Path, what: str, times: float = 1.0) -> bytes:
@@ -84,12 +87,14 @@ def contained(folder: Path, name: str, file: Path, field: str) -> Path:
     Symbolic links are followed before the check.
 
     Raises:
-        InputError: `name` is empty, absolute, or leaves the folder.
+        InputError: `name` is empty, absolute, too long, or leaves the folder.
     """
     shown = _shown(name)
     relative = PurePosixPath(name)
     if "\0" in name or "\\" in name or relative.is_absolute() or not relative.parts or ":" in relative.parts[0]:
         raise InputError(file, f"{shown} is not a relative path", "put the file beside this one", field=field)
+    if any(len(os.fsencode(part)) > _LONGEST_NAME for part in relative.parts):
+        raise InputError(file, f"{shown} is too long for a file name", "the file is damaged", field=field)
     try:
         base = folder.resolve()
         target = (base / relative).resolve()

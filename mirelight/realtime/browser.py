@@ -6,19 +6,15 @@ alone. So Chromium needs no driver: nothing is scripted from outside, and no pac
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 import queue
 import shutil
 import subprocess
 import tempfile
-import threading
 import zipfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +27,7 @@ from mirelight.io.png import write_png
 from mirelight.io.safety import read_bytes
 from mirelight.model import F32, Camera, Job, Lighting
 from mirelight.realtime.bundle import Exported, export, page_file
+from mirelight.realtime.server import serve
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome")
 FLAGS = (
@@ -40,8 +37,20 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage",
     "--disable-extensions",
+    # It calls nobody: no updates, metrics, field trials or safe-browsing lists, and no name is looked up.
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+    "--no-proxy-server",
     "--disable-background-networking",
     "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-sync",
+    "--disable-breakpad",
+    "--disable-domain-reliability",
+    "--disable-client-side-phishing-detection",
+    "--disable-features=OptimizationHints,MediaRouter,Translate,AutofillServerCommunication",
+    "--metrics-recording-only",
+    "--no-pings",
+    "--no-default-browser-check",
     "--force-device-scale-factor=1",
     "--no-first-run",
     "--mute-audio",
@@ -52,6 +61,7 @@ _IMAGES = ("frame", "unlit")  # uint8
 _BUFFERS = ("relight", "frame_f32", "unlit_f32")  # float32
 _TEXTS = ("meta", "done", "failed")
 _TEXT_LIMIT = 1 << 20
+_BUFFER_LIMIT = 1 << 31  # bytes; 8192 x 8192 float pixels have half of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +126,9 @@ def _drive(folder: Path, browser: str, seconds: float) -> dict[str, bytes]:
     """Open the capture page and collect what it sends."""
     # Chromium's helpers may write a last file into the profile while it is being removed
     kept = tempfile.TemporaryDirectory(prefix="mirelight-", ignore_cleanup_errors=True)
-    with _serve(folder) as (address, inbox), kept as profile:
+    pages = {name: page_file(name) for name in _CAPTURE_PAGE}
+    limits = dict.fromkeys(_TEXTS, _TEXT_LIMIT) | dict.fromkeys((*_IMAGES, *_BUFFERS), _BUFFER_LIMIT)
+    with serve(folder, pages, limits) as (address, inbox), kept as profile:
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # Chromium refuses root
         command = [browser, *FLAGS, *sandbox, f"--user-data-dir={profile}", f"{address}/capture.html"]
         log = Path(profile) / "browser.log"
@@ -162,57 +174,6 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
     except ProcessLookupError:
         process.wait()
-
-
-@contextmanager
-def _serve(folder: Path) -> Iterator[tuple[str, queue.Queue[tuple[str, bytes]]]]:
-    """A server of `folder` and the capture page on the loopback address; yields its address and what is PUT to it."""
-    inbox: queue.Queue[tuple[str, bytes]] = queue.Queue()
-    handler = functools.partial(_Handler, inbox=inbox, directory=str(folder))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_address[1]}", inbox
-        finally:
-            server.shutdown()
-            thread.join()
-
-
-class _Handler(SimpleHTTPRequestHandler):
-    """Serves files; takes the captured buffers by PUT."""
-
-    extensions_map = {**SimpleHTTPRequestHandler.extensions_map, ".mjs": "text/javascript"}  # noqa: RUF012 - as in the base
-
-    def __init__(self, *args: Any, inbox: queue.Queue[tuple[str, bytes]], **named: Any) -> None:
-        self.inbox = inbox
-        super().__init__(*args, **named)
-
-    def do_GET(self) -> None:
-        name = self.path.lstrip("/")
-        if name not in _CAPTURE_PAGE:
-            super().do_GET()
-            return
-        body = page_file(name)
-        self.send_response(200)
-        self.send_header("Content-Type", self.guess_type(name))
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def do_PUT(self) -> None:
-        name = self.path.removeprefix("/captured/")
-        length = int(self.headers.get("Content-Length", 0))
-        known = name in _TEXTS and length <= _TEXT_LIMIT
-        if not known and name not in (*_IMAGES, *_BUFFERS):
-            self.send_error(404)
-            return
-        self.inbox.put((name, self.rfile.read(length)))  # before the answer, or "done" could overtake a buffer
-        self.send_response(204)
-        self.end_headers()
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Quiet: a missing file shows as the page's own error."""
 
 
 # --- the buffers -----------------------------------------------------------------------------------------------------

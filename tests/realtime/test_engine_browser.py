@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -199,6 +200,23 @@ def served(data: Path, tmp_path: Path) -> Iterator[str]:
         yield f"http://127.0.0.1:{server.server_address[1]}/"
         server.shutdown()
         thread.join()
+
+
+def test_the_browser_calls_nobody(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its own log of the network, it looks up no name and connects to the loopback address alone."""
+    log = tmp_path / "network.json"
+    monkeypatch.setattr(browser, "FLAGS", (*browser.FLAGS, f"--log-net-log={log}"))
+    realtime.render(make_job(data), CAMERA, LIGHTING, tmp_path / "page")
+    text = log.read_text(encoding="utf-8", errors="replace")
+    reached = set(re.findall(r'"remote_address":"([^"]*)"', text))
+    lists = re.findall(r'"address_list":\[([^\]]*)\]', text)
+    reached |= {address for found in lists for address in re.findall(r'"([^"]*)"', found)}
+    assert any(address.startswith("127.0.0.1:") for address in reached)
+    assert {address for address in reached if not address.startswith("127.0.0.1:")} == set()
+    constants, _, events = text.partition('"events"')
+    for kind in ("UDP_BYTES_SENT", "HOST_RESOLVER_DNS_TASK", "HOST_RESOLVER_SYSTEM_TASK"):
+        number = re.search(rf'"{kind}":(\d+)', constants)
+        assert number is not None and f'"type":{number[1]}}}' not in events, kind
 
 
 def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:

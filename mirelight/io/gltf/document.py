@@ -67,7 +67,7 @@ class Document:
     binary: Bytes | None  # the GLB's BIN chunk
     _buffers: dict[int, Bytes] = field(default_factory=dict, repr=False)
     _views: dict[int, Bytes] = field(default_factory=dict, repr=False)  # decompressed views only
-    _implicit: list[int] = field(default_factory=list, repr=False)  # bytes of zeros that stand for missing views
+    _implicit: list[int] = field(default_factory=lambda: [0], repr=False)  # bytes of zeros read for missing views
 
     def entry(self, kind: str, index: int, user: Fields | None = None, name: str = "") -> Fields:
         """The object ``kind[index]``, e.g. ``entry("accessors", 3)``; `user` and `name` say who asks, for messages."""
@@ -119,8 +119,8 @@ class Document:
 
         A few characters of JSON can ask for any number of zeros, as often as it likes.
         """
-        self._implicit.append(count)
-        return sum(self._implicit) <= most
+        self._implicit[0] += count
+        return self._implicit[0] <= most
 
     def slice(self, entry: Fields) -> Bytes:
         """The bytes that an object with `buffer`, `byteOffset` and `byteLength` points at."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -28,13 +28,13 @@ def read_node_lights(document: Document, nodes: Iterable[Node]) -> tuple[Light, 
         InputError: a value outside the specification, with its field.
     """
     carriers = [(node, user) for node in nodes if (user := node.fields.extension(_EXTENSION)) is not None]
-    found = [(node, _definition(document, user)) for node, user in carriers]
+    lights = document.top.child("extensions").child(_EXTENSION).children("lights") if carriers else []
+    found = [(node, _definition(lights, user)) for node, user in carriers]
     names = unique_names([(light.text("name", ""), node.name, light.text("type")) for node, light in found])
     return tuple(_light(light, node, name) for (node, light), name in zip(found, names, strict=True))
 
 
-def _definition(document: Document, user: Fields) -> Fields:
-    lights = document.top.child("extensions").child(_EXTENSION).children("lights")
+def _definition(lights: Sequence[Fields], user: Fields) -> Fields:
     index = user.integer("light")
     if index >= len(lights):
         raise user.fail("light", f"there is no light {index} ({len(lights)} in the file)")

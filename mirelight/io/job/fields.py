@@ -113,7 +113,15 @@ def _file_name(name: str) -> str:
 
 
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_file_name)]
-LightName: TypeAlias = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+def _printable(name: str) -> str:
+    if not name.isprintable():
+        raise wrong(f"{shown(name)} has characters that cannot be shown", "use letters, digits, spaces, '-' and '_'")
+    return name
+
+
+LightName: TypeAlias = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_printable)]
 
 
 def _existing(value: str, info: ValidationInfo) -> str:

@@ -27,6 +27,8 @@ from mirelight.io.job.fields import (
 from mirelight.io.job.sun_position import sun_position
 from mirelight.io.job.words import shown
 
+SMALLEST = 1e-6  # scale: below, float32 positions fall together
+
 
 class Transform(Table):
     """How a file's content is placed in the world: scaled, then rotated, then moved; or one matrix."""
@@ -37,7 +39,9 @@ class Transform(Table):
         description="[x, y, z] in degrees about the fixed axes, X first, then Y, then Z (PlayCanvas' eulerAngles).",
     )
     rotation_quaternion: Quaternion | None = Field(default=None, description="[w, x, y, z]; normalised when read.")
-    scale: Positive | None = Field(default=None, description="One factor for all axes. Default: 1.")
+    scale: Annotated[Positive, Field(ge=SMALLEST)] | None = Field(
+        default=None, description="One factor for all axes. Default: 1."
+    )
     matrix: Matrix | None = Field(
         default=None, description="4 rows of 4 numbers acting on column vectors; instead of the other keys."
     )
@@ -53,7 +57,7 @@ def is_similarity(matrix: list[list[float]]) -> bool:
     """True where the matrix only rotates, moves and scales all axes alike (no shear, no mirror)."""
     r = np.asarray(matrix, dtype=np.float64)[:3, :3]
     size = np.cbrt(np.linalg.det(r))
-    return bool(size > 0 and np.allclose(r @ r.T, size**2 * np.eye(3), atol=1e-4 * size**2))
+    return bool(size > SMALLEST and np.allclose(r @ r.T, size**2 * np.eye(3), atol=1e-4 * size**2))
 
 
 class SplatsTable(Table):

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from mirelight import model
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
-from mirelight.io.job.words import closest, shown
+from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import Compression, RelightMode, Space, ToneCurve, Variant
 from mirelight.model.planes import AOVS, EXACT
 
@@ -164,6 +164,13 @@ class OutputTable(Table):
         if rounded and self.compression == "dwaa":
             raise wrong(f"dwaa, which would round {rounded[0]}", 'use "zip", or leave that layer out', at="compression")
         return self
+
+    @field_validator("directory")
+    @classmethod
+    def _check_directory(cls, value: str) -> str:
+        if not value.isprintable():
+            raise wrong(f"{shown_path(value)} cannot be a folder's name", "use letters, digits and '/'")
+        return value
 
     @model_validator(mode="after")
     def _check(self) -> OutputTable:

@@ -169,9 +169,11 @@ def _byte_values(entry: Fields, version: int, channels: int) -> F32:
     """(channels, 256) what each byte of each channel stands for."""
     if version == 2:
         table = entry.vector("codebook", 256)
-        return np.broadcast_to(table.astype(np.float32), (channels, 256))
+        with np.errstate(over="ignore"):  # what becomes infinite is dropped splat by splat
+            return np.broadcast_to(table.astype(np.float32), (channels, 256))
     low, high = entry.vector("mins", channels), entry.vector("maxs", channels)
-    return (low[:, None] + (high - low)[:, None] * np.arange(256) / 255).astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (low[:, None] + (high - low)[:, None] * np.arange(256) / 255).astype(np.float32)
 
 
 def _read_palette(head: SogHead) -> F32:

@@ -1,0 +1,347 @@
+"""The cases: what lies in a folder, which command reads it. Nothing is random but the generator's seed."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from fuzzing import damage
+
+CANARY = b"secret"
+DATA = Path(__file__).parents[2] / "tests" / "data" / "splats"
+TINY = ("--set", "resolution=[16, 12]", "--set", "render.spp=1", "--set", "resolution_scale=1", "-o", "out", "-q")
+
+JOB = """\
+splats = "{splats}"
+proxy = {{ path = "{proxy}", albedo = "file" }}
+{more}
+[[cameras]]
+name = "front"
+position = [0, 1, 6]
+target = [0, 0, 0]
+
+[[lightings]]
+name = "day"
+environment = {{ path = "{sky}", intensity = 1.5, rotation = 10 }}
+lights = [{{ type = "spot", position = [0, 4, 0], direction = [0, -1, 0], intensity = 30, radius = 0.1 }}]
+"""
+WHOLE = """\
+splats = [{ path = "splats.ply", transform = { translation = [0, 0, 0], rotation_euler = [0, 0, 180], scale = 1.0 } }]
+proxy = { path = "proxy.glb", albedo = [0.5, 0.4, 0.3] }
+resolution = [64, 48]
+captured = "day"
+
+[[cameras]]
+name = "front"
+position = [0, 1, 6]
+target = [0, 0, 0]
+yfov = 40
+
+[[cameras]]
+type = "turntable"
+name = "orbit"
+radius = 6
+frames = 2
+
+[[lightings]]
+name = "day"
+environment = { sky = { latitude = 48.0, longitude = 11.0, time = 2026-06-21T15:30:00+02:00 } }
+
+[[lightings]]
+name = "night"
+lights_from = "proxy"
+
+[[lightings.lights]]
+type = "area"
+shape = "rectangle"
+position = [0, 3, 0]
+direction = [0, -1, 0]
+size = [1, 2]
+intensity = 5
+name = "panel"
+
+[relight]
+mode = "ratio"
+delta = 0.01
+
+[render]
+spp = 1
+max_depth = 3
+seed = 7
+
+[output]
+directory = "out"
+png = true
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A folder and a command."""
+
+    name: str
+    arguments: tuple[str, ...]
+    build: Callable[[Path], None]  # fills the folder
+    bright: bool = False  # a finished frame must not be black
+
+
+def of_files(
+    name: str,
+    arguments: tuple[str, ...],
+    files: dict[str, bytes],
+    *,
+    bright: bool = False,
+    setup: Callable[[Path], None] | None = None,
+) -> Case:
+    """A case of plain files; `setup` adds what is not."""
+
+    def build(folder: Path) -> None:
+        for path, data in files.items():
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_bytes(data)
+        if setup is not None:
+            setup(folder)
+
+    return Case(name, arguments, build, bright)
+
+
+@cache
+def base() -> dict[str, bytes]:
+    """Sound files of every format, by name."""
+    import tempfile
+
+    from PIL import Image
+
+    from mirelight.io import splats
+    from mirelight.io.environment import write_environment
+    from mirelight.io.gltf.write import write_glb
+    from mirelight.model import Camera, Material, PointLight, ProxyMesh
+
+    rng = np.random.default_rng(0)
+    out: dict[str, bytes] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        splats.write(splats.read(DATA / "small.splat"), folder / "splats.ply")
+        picture = rng.integers(0, 256, (4, 8, 3)).astype(np.uint8)
+        for suffix in ("png", "jpg", "webp"):
+            Image.fromarray(picture).save(folder / f"sky.{suffix}")
+        for suffix in ("hdr", "exr"):
+            write_environment(folder / f"sky.{suffix}", rng.random((8, 16, 3)).astype(np.float32))
+        corners = np.array([[-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]], dtype=np.float32)
+        mesh = ProxyMesh(
+            vertices=corners,
+            faces=np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32),
+            normals=np.tile(np.array([0, 1, 0], dtype=np.float32), (4, 1)),
+            uvs=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32),
+            vertex_colors=np.ones((4, 3), dtype=np.float32),
+            materials=(
+                Material(
+                    name="floor", base_color_texture=np.full((2, 2, 3), 0.5, dtype=np.float32), emissive=np.ones(3)
+                ),
+            ),
+        )
+        lamp = PointLight(name="lamp", position=np.array([1.0, 3.0, 1.0]), intensity=20.0)
+        write_glb(
+            folder / "proxy.glb", mesh, [lamp], [Camera.look_at((0, 1, 5), (0, 0, 0), 64, 48, yfov=40, name="cam")]
+        )
+        out |= {path.name: path.read_bytes() for path in folder.iterdir()}
+    out["skin.png"] = out["sky.png"]
+    lines = ["mtllib proxy.mtl", "usemtl floor", *(f"v {x} {y} {z} 0.5 0.5 0.5" for x, y, z in corners.tolist())]
+    lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vn 0 1 0", "f 1/1/1 3/3/1 2/2/1", "f -4/1/1 -1/3/1 -2/2/1"]
+    out["proxy.obj"] = "\n".join(lines).encode() + b"\n"
+    out["proxy.mtl"] = b"newmtl floor\nKd 0.5 0.4 0.3\nKe 1 1 1\nmap_Kd skin.png\nmap_Ke skin.png\n"
+    head = "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 4\n"
+    head += "".join(f"property float {x}\n" for x in ("x", "y", "z", "s", "t"))
+    head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    out["mesh.ply"] = head.encode() + b"-3 -1 -3 0 0\n3 -1 -3 1 0\n3 -1 3 1 1\n-3 -1 3 0 1\n3 0 2 1\n3 0 3 2\n"
+    triangle = np.zeros(2, dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    triangle["v"] = corners[[[0, 2, 1], [0, 3, 2]]]
+    out["proxy.stl"] = b"\0" * 80 + np.uint32(2).tobytes() + triangle.tobytes()
+    out |= {
+        path.name: path.read_bytes() for path in DATA.iterdir() if path.suffix in (".ply", ".spz", ".sog", ".splat")
+    }
+    out["small.glb"] = (DATA / "small.glb").read_bytes()
+    out |= {
+        f"streamed/{x.relative_to(DATA / 'streamed').as_posix()}": x.read_bytes()
+        for x in (DATA / "streamed").rglob("*.*")
+    }
+    with zipfile.ZipFile(DATA / "small.sog") as archive:
+        out |= {f"sog/{name}": archive.read(name) for name in archive.namelist()}
+    return out
+
+
+COMPANIONS = ("splats.ply", "proxy.glb", "sky.png", "skin.png", "proxy.mtl")
+
+
+def job(splats: str = "splats.ply", proxy: str = "proxy.glb", sky: str = "sky.png", more: str = "") -> bytes:
+    """A job of these files."""
+    return JOB.format(splats=splats, proxy=proxy, sky=sky, more=more).encode()
+
+
+def scene(**files: bytes) -> dict[str, bytes]:
+    """The files of a sound scene, with others laid over them."""
+    return {name: base()[name] for name in COMPANIONS} | files
+
+
+def cases(count: int, seed: int = 1) -> Iterator[Case]:
+    """`count` cases: the written ones first, then drawn ones."""
+    from fuzzing.written import written
+
+    fixed = written()
+    yield from fixed[:count]
+    kinds = (_job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare)
+    for number in range(max(count - len(fixed), 0)):
+        rng = random.Random(f"{seed} {number}")
+        yield kinds[number % len(kinds)](number, rng)
+
+
+def _job(number: int, rng: random.Random) -> Case:
+    text = damage.text_of(WHOLE.encode(), rng)
+    while rng.random() < 0.3:
+        text = damage.text_of(text, rng)
+    files = scene(**{"job.toml": text})
+    if rng.random() < 0.6:
+        return of_files(f"{number} job inspected", ("inspect", "job.toml", *rng.choice(((), ("--json",)))), files)
+    return of_files(f"{number} job rendered", ("render", "job.toml", *TINY, "--camera", "front"), files)
+
+
+def _override(number: int, rng: random.Random) -> Case:
+    keys = (
+        "render.spp",
+        "lightings[1].lights[0].intensity",
+        "cameras[0].yfov",
+        "output.half",
+        "splats",
+        "relight.max_ratio",
+        "x.y",
+    )
+    value = rng.choice(
+        (*map(repr, damage.NUMBERS), *map(json.dumps, damage.STRINGS), *damage.STRINGS, "nan", "[" * 300, "9" * 5000)
+    )
+    text = f"{rng.choice(keys)}={value}".replace("\0", "")
+    if rng.random() < 0.2:
+        text = text[: rng.randrange(len(text))]
+    files = scene(**{"job.toml": WHOLE.encode()})
+    small: tuple[str, ...] = (
+        "--camera",
+        "front",
+        "--lighting",
+        "night",
+        "--set",
+        text,
+        "--set",
+        "resolution=[16, 12]",
+        "-o",
+        "out",
+        "-q",
+    )
+    if "spp" in text:
+        small += ("--set", "render.spp=1")
+    return of_files(f"{number} override", ("render", "job.toml", *small), files)
+
+
+def _splats(number: int, rng: random.Random) -> Case:
+    names = [x for x in base() if x.endswith((".ply", ".spz", ".splat", "small.glb")) and x != "mesh.ply"]
+    name = rng.choice(names)
+    data = base()[name]
+    if name.endswith(".ply") and rng.random() < 0.4:
+        head, end, body = data.partition(b"end_header\n")
+        data = damage.text_of(head, rng) + end + body
+    elif name.endswith(".glb") and rng.random() < 0.7:
+        data = damage.glb_of(data, rng)
+    else:
+        data = damage.bytes_of(data, rng)
+    return _splats_case(f"{number} {name}", rng, name, {name: data})
+
+
+def _splats_case(title: str, rng: random.Random, head: str, files: dict[str, bytes]) -> Case:
+    if rng.random() < 0.7:
+        return of_files(title, ("inspect", head), files)
+    text = job(splats=head, more=rng.choice(("", "compositor.sort = 'radial'", "profile = 'playcanvas'")))
+    return of_files(f"{title} rendered", ("render", "job.toml", *TINY), {**scene(), **files, "job.toml": text})
+
+
+def _sog(number: int, rng: random.Random) -> Case:
+    files = {x: data for x, data in base().items() if x.startswith("sog/")}
+    if rng.random() < 0.6:
+        files["sog/meta.json"] = json.dumps(damage.json_of(json.loads(files["sog/meta.json"]), rng)).encode()
+    else:
+        name = rng.choice(sorted(files))
+        files[name] = damage.bytes_of(files[name], rng)
+    if rng.random() < 0.5:
+        return _splats_case(f"{number} SOG folder", rng, rng.choice(("sog", "sog/meta.json")), files)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name.removeprefix("sog/"), data)
+    whole = stream.getvalue() if rng.random() < 0.7 else damage.bytes_of(stream.getvalue(), rng)
+    return _splats_case(f"{number} SOG", rng, "a.sog", {"a.sog": whole})
+
+
+def _streamed(number: int, rng: random.Random) -> Case:
+    files = {x: data for x, data in base().items() if x.startswith("streamed/")}
+    name = (
+        "streamed/lod-meta.json" if rng.random() < 0.7 else rng.choice(sorted(x for x in files if x.endswith(".json")))
+    )
+    files[name] = json.dumps(damage.json_of(json.loads(files[name]), rng)).encode()
+    return _splats_case(f"{number} streamed SOG", rng, "streamed/lod-meta.json", files)
+
+
+def _mesh(number: int, rng: random.Random) -> Case:
+    name = rng.choice(("proxy.obj", "proxy.mtl", "mesh.ply", "proxy.stl"))
+    data = base()[name]
+    data = damage.bytes_of(data, rng) if name.endswith("stl") or rng.random() < 0.2 else damage.text_of(data, rng)
+    head = "proxy.obj" if name == "proxy.mtl" else name
+    files = scene(**{"proxy.obj": base()["proxy.obj"], name: data})
+    if rng.random() < 0.4:
+        return of_files(f"{number} {name}", ("inspect", head), files)
+    return of_files(f"{number} {name} rendered", ("render", "job.toml", *TINY), {**files, "job.toml": job(proxy=head)})
+
+
+def _gltf(number: int, rng: random.Random) -> Case:
+    data = damage.glb_of(base()["proxy.glb"], rng) if rng.random() < 0.8 else damage.bytes_of(base()["proxy.glb"], rng)
+    files = scene(**{"bad.glb": data})
+    role = rng.choice(("inspect", "proxy", "lights", "cameras", "animation"))
+    if role == "inspect":
+        return of_files(f"{number} glTF", ("inspect", "bad.glb", *rng.choice(((), ("--json",)))), files)
+    more = {
+        "cameras": 'cameras_from = "bad.glb"\n',
+        "animation": 'cameras_from = [{ path = "bad.glb", frames = 3 }]\n',
+        "lights": 'captured = { lights_from = "bad.glb" }\n',
+    }.get(role, "")
+    text = job(proxy="bad.glb" if role == "proxy" else "proxy.glb", more=more)
+    return of_files(
+        f"{number} glTF {role}", ("render", "job.toml", *TINY, "--camera", "*"), {**files, "job.toml": text}
+    )
+
+
+def _picture(number: int, rng: random.Random) -> Case:
+    name = f"sky.{rng.choice(('hdr', 'exr', 'png', 'jpg', 'webp'))}"
+    files = scene(**{name: damage.bytes_of(base()[name], rng)})
+    if rng.random() < 0.5:
+        return of_files(f"{number} {name}", ("inspect", name), files)
+    return of_files(f"{number} {name} rendered", ("render", "job.toml", *TINY), {**files, "job.toml": job(sky=name)})
+
+
+def _compare(number: int, rng: random.Random) -> Case:
+    suffix = rng.choice(("exr", "png", "jpg", "webp"))
+    files = {f"a.{suffix}": base()[f"sky.{suffix}"], f"b.{suffix}": damage.bytes_of(base()[f"sky.{suffix}"], rng)}
+    more = rng.choice(
+        (
+            (),
+            ("--fit-gain",),
+            ("--premultiplied",),
+            ("--json", "out.json"),
+            ("--exposure", "1e30"),
+            ("--require", "psnr>=nan"),
+        )
+    )
+    return of_files(f"{number} compare {suffix}", ("compare", f"a.{suffix}", f"b.{suffix}", *more), files)

@@ -1,0 +1,51 @@
+"""Part of the campaign of `scripts/hostile.py`: nothing is read but what it should be, and nothing ends but well."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+def test_hostile_input_is_read_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every case of the first five hundred that renders nothing."""
+    monkeypatch.syspath_prepend(SCRIPTS)
+    from fuzzing.campaign import BAD, run
+    from fuzzing.cases import cases
+
+    verdicts = list(run(case for case in cases(500) if case.arguments[0] in ("inspect", "schema")))
+    assert len(verdicts) > 200
+    assert [x for x in verdicts if x.kind in BAD] == []
+    assert any(x.kind == "ok" for x in verdicts)
+
+
+def test_the_judge_sees_what_it_looks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker that misbehaves in each way is found out."""
+    monkeypatch.syspath_prepend(SCRIPTS)
+    from fuzzing import campaign
+    from fuzzing.cases import of_files
+
+    def replies(answer: dict[str, object], out: bytes = b"", error: bytes = b"") -> str:
+        def run(self: object, case: object, folder: Path, said: Path) -> tuple[dict[str, object], str, float, int]:
+            (said / "stdout").write_bytes(out)
+            (said / "stderr").write_bytes(error)
+            return {"code": 0, "raised": "", "opened": [], **answer}, "", 0.0, 0
+
+        monkeypatch.setattr(campaign.Worker, "run", run)
+        (verdict,) = campaign.run([of_files("x", ("inspect", "a.ply"), {"a.ply": b"1"})])
+        return verdict.kind
+
+    assert replies({}) == "ok"
+    assert replies({"code": 2}, error=b"mirelight: a.ply: bad\n") == "refused"
+    assert replies({"code": 2}, error=b"mirelight: the system: bad\n") == "unclear"
+    assert replies({"code": 2}) == "unclear"
+    assert replies({"raised": "KeyError"}) == "traceback"
+    assert replies({"code": 1}) == "crash"
+    assert replies({}, error=b"Traceback (most recent call last)\n") == "traceback"
+    assert replies({}, error=b"x.py:1: RuntimeWarning: overflow\n") == "noisy"
+    assert replies({}, out=b"\x1b[2J") == "control"
+    assert replies({"opened": ["../outside/canary.png"]}) == "escape"
+    assert replies({"opened": ["/etc/passwd"]}) == "escape"
+    assert replies({"opened": ["a.ply", "/usr/lib/x.so"]}) == "ok"

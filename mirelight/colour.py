@@ -70,6 +70,7 @@ def shown(
     gain: float = 1.0,
     tone: ToneCurve = "none",
     background: ArrayLike = 0.0,
+    whole: bool = False,
 ) -> F32:
     """Display values of a premultiplied linear picture: the one way from light to what a screen or an 8-bit file shows.
 
@@ -83,10 +84,16 @@ def shown(
         gain: linear factor before the tone curve.
         tone: tone curve.
         background: display-encoded, broadcast to (..., 3).
+        whole: the splats were blended in linear light, as the engine's linear pipeline does: the background lies behind
+            them in linear light too, and what both make together is exposed, tone mapped and encoded.
 
     Returns:
         (..., 3), 0 to 1; what is no number is 0.
     """
+    if whole:
+        share = np.float32(1) - alpha[..., None]
+        light = (rgb + decode(background, profile) * share) * np.float32(gain)
+        return laid_over(encode(tone_map(light, tone), profile), np.ones_like(alpha), 0.0)
     own = straight(rgb, alpha)
     if gain != 1:
         own *= np.float32(gain)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mirelight import colour
-from mirelight.compare.pictures import shows_engine_colours
+from mirelight.compare.pictures import blended_in_light, shows_engine_colours
 from mirelight.compare.types import CompareSettings, Picture
 from mirelight.model import F32, Profile
 
@@ -34,14 +34,24 @@ class Display:
 
     def show(self, picture: Picture, gain: float = 1.0) -> F32:
         """(H, W, 3) display values 0..1 over the background; `gain` multiplies the picture's light."""
-        return self.show_light(picture.rgb, picture.alpha, picture.linear, gain)
+        return self.show_light(picture.rgb, picture.alpha, picture.linear, gain, blended_in_light(picture.settings))
 
-    def show_light(self, rgb: F32, alpha: F32, linear: bool, gain: float = 1.0) -> F32:
-        """As :meth:`show`, for premultiplied (..., 3) and (...,)."""
+    def show_light(self, rgb: F32, alpha: F32, linear: bool, gain: float = 1.0, whole: bool = False) -> F32:
+        """As :meth:`show`, for premultiplied (..., 3) and (...,); `whole`: blended in linear light."""
         settings, profile = self.settings, self.profile
         if linear:
-            exposed = gain * 2.0**settings.exposure
-            shown = colour.shown(rgb, alpha, profile, gain=exposed, tone=settings.tone, background=settings.background)
+            shown = colour.shown(
+                rgb,
+                alpha,
+                profile,
+                gain=gain * 2.0**settings.exposure,
+                tone=settings.tone,
+                background=settings.background,
+                whole=whole,
+            )
+        elif whole:
+            lit = rgb if gain == 1 else colour.encode(colour.decode(rgb, profile) * np.float32(gain), profile)
+            shown = np.clip(lit + np.asarray(settings.background, np.float32) * (1 - alpha[..., None]), 0, 1)
         else:
             own = colour.straight(rgb, alpha)
             if gain != 1:
@@ -59,8 +69,9 @@ class Display:
         if picture.noise is None:
             return None
         finer = Display(self.settings, self.profile, eight_bit=False)
-        up = finer.show_light(picture.rgb + picture.noise, picture.alpha, True, gain)
-        down = finer.show_light(np.maximum(picture.rgb - picture.noise, 0), picture.alpha, True, gain)
+        whole = blended_in_light(picture.settings)
+        up = finer.show_light(picture.rgb + picture.noise, picture.alpha, True, gain, whole)
+        down = finer.show_light(np.maximum(picture.rgb - picture.noise, 0), picture.alpha, True, gain, whole)
         deviation = (up - down) / 2
         rounding = (1 / 255**2 / 12) if self.eight_bit else 0.0
         return np.asarray(np.sqrt(deviation**2 + np.float32(rounding)), dtype=np.float32)
@@ -71,10 +82,13 @@ class Display:
         step = max(1, count // _GAIN_SAMPLES)
         rgb, alpha = reference.rgb.reshape(-1, 3)[::step], reference.alpha.reshape(-1)[::step]
         finer = Display(self.settings, self.profile, eight_bit=False)
-        target = finer.show_light(test.rgb.reshape(-1, 3)[::step], test.alpha.reshape(-1)[::step], test.linear)
+        whole = blended_in_light(test.settings)
+        rgb_test, alpha_test = test.rgb.reshape(-1, 3)[::step], test.alpha.reshape(-1)[::step]
+        target = finer.show_light(rgb_test, alpha_test, test.linear, whole=whole)
+        whole = blended_in_light(reference.settings)
 
         def error(stops: float) -> float:
-            return float(np.mean((finer.show_light(rgb, alpha, reference.linear, 2.0**stops) - target) ** 2))
+            return float(np.mean((finer.show_light(rgb, alpha, reference.linear, 2.0**stops, whole) - target) ** 2))
 
         coarse = np.linspace(-_GAIN_STOPS, _GAIN_STOPS, 49)
         best = coarse[int(np.argmin([error(s) for s in coarse]))]

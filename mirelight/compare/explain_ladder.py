@@ -372,12 +372,10 @@ class _Builder:
         """(H, W, 3) display values 0..1 of a recipe."""
         frame = relighting.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured, noise=False)
         rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display
-        if not recipe.engine_blending or not recipe.splats.linear:
-            gain = 2.0**display.exposure
-            return colour.shown(rgb, alpha, frame.profile, gain=gain, tone=display.tone, background=display.background)
-        behind = colour.power_decode(display.background)
-        shown = self._engine_tone(rgb + behind * (1 - alpha[..., None]))
-        return _f32(np.clip(np.nan_to_num(shown, nan=0.0, posinf=1.0, neginf=0.0), 0, 1))
+        tone, gain, whole = display.tone, 2.0**display.exposure, recipe.engine_blending and recipe.splats.linear
+        if whole:
+            tone, gain = engine_tone(self.job)
+        return colour.shown(rgb, alpha, frame.profile, gain=gain, tone=tone, background=display.background, whole=whole)
 
     def _engine_tone(self, linear: F32) -> F32:
         """Linear pipeline: what follows blending."""

@@ -137,6 +137,14 @@ def _is_back_buffer(path: Path, settings: Mapping[str, Any]) -> bool:
     return path.name in ENGINE_PICTURES and "engine" in settings
 
 
+def blended_in_light(settings: Mapping[str, Any]) -> bool:
+    """True where the settings say that splats were blended in linear light, as the engine's linear pipeline does."""
+    if "engine" in settings:
+        return settings.get("pipeline") == "linear"
+    compositor = settings.get("settings", {}).get("compositor", {})
+    return isinstance(compositor, dict) and compositor.get("linear") is True and compositor.get("profile") != "physical"
+
+
 def shows_engine_colours(picture: Picture) -> bool:
     """True where the picture says that it follows the real-time engine, whose display curve is a 2.2 power."""
     settings = picture.settings

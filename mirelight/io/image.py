@@ -73,7 +73,9 @@ def write(
             images |= _channels(name, plane, values)
         write_exr(path, images, attributes_of(frame, noise=noise), half if output.half else (), output.compression)
     elif suffix == ".png":
-        write_png(path, encode_display(frame.rgba, display, frame.profile), texts_of(frame, noise=False))
+        whole = frame.splats is not None and frame.splats.linear
+        pixels = encode_display(frame.rgba, display, frame.profile, whole=whole)
+        write_png(path, pixels, texts_of(frame, noise=False))
     else:
         raise OutputError(f"{path}: a frame is written as .exr or .png, not {path.suffix or 'without a suffix'}")
 

@@ -20,7 +20,9 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _END = b"\x00\x00\x00\x00IEND\xae\x42\x60\x82"  # the last chunk of every whole PNG file
 
 
-def encode_display(rgba: F32, display: DisplaySettings, profile: Profile = "physical") -> NDArray[np.uint8]:
+def encode_display(
+    rgba: F32, display: DisplaySettings, profile: Profile = "physical", *, whole: bool = False
+) -> NDArray[np.uint8]:
     """A premultiplied linear picture as display values over the display's background.
 
     See :func:`mirelight.colour.shown`.
@@ -29,6 +31,7 @@ def encode_display(rgba: F32, display: DisplaySettings, profile: Profile = "phys
         rgba: (H, W, 4) linear, premultiplied.
         display: exposure in stops, tone curve, background.
         profile: whose transfer curve: sRGB for physical, a 2.2 power for playcanvas.
+        whole: the splats were blended in linear light.
 
     Returns:
         (H, W, 3) uint8, rounded half to even.
@@ -40,6 +43,7 @@ def encode_display(rgba: F32, display: DisplaySettings, profile: Profile = "phys
         gain=2.0**display.exposure,
         tone=display.tone,
         background=display.background,
+        whole=whole,
     )
     shown *= np.float32(255)
     return np.rint(shown, out=shown).astype(np.uint8)

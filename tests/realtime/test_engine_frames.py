@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from mirelight import colour, realtime, stages
+from mirelight.compare import CompareSettings, Pair, evaluate
 from mirelight.io import job as jobs
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.scene import read_scene
@@ -170,3 +172,43 @@ def test_a_whole_capture(shared: Path, tmp_path: Path) -> None:
         both = (buffers["relight"][..., 3] > 0.5) & (frame.lighting.coverage > 0.5)
         error = np.abs(frame.lighting.beauty - buffers["relight"][..., :3])[both].max(axis=1)
         assert np.percentile(error, 99) < 0.01 * buffers["relight"].max()
+
+
+def test_the_linear_pipelines_picture_is_encoded_whole(data: Path, tmp_path: Path) -> None:
+    """Half-transparent silhouettes: blended in linear light over the background, then encoded, as the back buffer is.
+
+    The engine blends this case in floats, so that its picture is rounded once, as ours.
+    """
+    folder = data / "realtime" / "synth_stack_linear"
+    job, frame = rendered(folder / "job.toml")
+    write(frame, tmp_path / "frame.png", job.display, job.output)
+    write(frame, tmp_path / "frame.exr", job.display, job.output)
+    ours, theirs = (np.asarray(Image.open(x / "frame.png").convert("RGBA"), np.int16) for x in (tmp_path, folder))
+    edge = (theirs[..., 3] > 10) & (theirs[..., 3] < 245)
+    assert edge.sum() > 10_000
+    difference = np.abs(ours - theirs)[..., :3]
+    assert np.percentile(difference[edge], 99) <= 1
+    assert (difference.max(axis=-1) > 3).mean() < 2e-3  # single fragments at the clip, which dark light makes visible
+
+    for pair in (("frame.exr", folder / "frame.png"), ("frame.png", folder / "frame.png")):
+        reference, test = tmp_path / pair[0], Path(pair[1])
+        result, _ = evaluate(Pair(name="linear", reference=reference, test=test), CompareSettings())
+        assert result.overall.psnr > 57  # rounding alone: 59
+    over = replace(job.display, background=(0.8, 0.5, 0.2))
+    write(frame, tmp_path / "over.png", over, job.output)
+    with np.load(folder / "buffers.npz") as buffers:
+        light = buffers["frame_f32"]
+    behind = np.array(over.background) ** 2.2 * (1 - light[..., 3:])
+    expected = np.clip((light[..., :3] + behind) ** (1 / 2.2), 0, 1) * 255
+    picture = np.asarray(Image.open(tmp_path / "over.png"), np.float64)[..., :3]
+    assert np.percentile(np.abs(picture - expected), 99.9) < 1.5
+
+
+def test_a_gain_multiplies_the_light_of_a_linear_back_buffer(data: Path, tmp_path: Path) -> None:
+    folder = data / "realtime" / "synth_stack_linear"
+    job, frame = rendered(folder / "job.toml")
+    write(frame, tmp_path / "frame.exr", replace(job.display, exposure=1.0), job.output)
+    settings = CompareSettings(fit_gain=True, exposure=-0.5)
+    pair = Pair(name="linear", reference=folder / "frame.png", test=tmp_path / "frame.exr")
+    result, _ = evaluate(pair, settings)
+    assert abs(np.log2(result.gain) + 0.5) < 0.02

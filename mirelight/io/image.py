@@ -89,7 +89,8 @@ def read(path: str | Path) -> Frame:
     - `splats` is None unless all four planes of a SplatLayer are there;
     - `lighting` is None where the file has no layer `lighting`, as that holds the coverage;
     - `lighting.layers` are one, "beauty", with all light in `direct`, where the file has no layers of lights;
-    - depth, position, normals and albedo of `lighting` are 0, as where the proxy covers nothing.
+    - depth, position, normals and albedo of `lighting` are 0, as where the proxy covers nothing; mode `ratio`, which
+      divides by the albedo, refuses such light.
 
     So `read(path).lighting.reweighted({"key": 0.5})` works wherever `output.layers` was set.
 

@@ -172,8 +172,8 @@ class Lighting:
     sky: SkyModel | None = None  # instead of an environment; `lighting.sunsky.resolved` makes a sun and a map of it
 
     def __repr__(self) -> str:
-        count, named = len(self.lights), shown.names([x.name for x in self.lights])
-        lights = f"{count} light{'s' if count > 1 else ''} ({named})" if count else "no lights"
+        named = shown.names([x.name for x in self.lights])
+        lights = f"{shown.count(len(self.lights), 'light')} ({named})" if named else "no lights"
         around = self.environment or self.sky
         return f"Lighting({self.name!r}: {lights}{f', {around!r}' if around is not None else ''})"
 

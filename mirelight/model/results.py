@@ -104,7 +104,7 @@ class LightingBuffer(ArrayHolder):
 
     def __repr__(self) -> str:
         samples = f", {self.spp} samples a pixel" if self.spp else ""
-        made = f"{len(self.layers)} layers of light ({shown.names([x.name for x in self.layers])})"
+        made = f"{shown.count(len(self.layers), 'layer')} of light ({shown.names([x.name for x in self.layers])})"
         made += ", denoised" if self.noisy else ""
         values = f"coverage {shown.share(self.coverage)}, light {shown.span(self.beauty)}"
         return f"LightingBuffer({shown.view(self.camera)}{samples}: {values};\n    {made})"
@@ -251,7 +251,7 @@ class Frame(ArrayHolder):
         parts = {"unlit": self.unlit, "factor": self.factor, "noise": self.noise, "splats": self.splats}
         held = [name for name, part in parts.items() if part is not None]
         if self.lighting is not None:
-            held.append(f"lighting in {len(self.lighting.layers)} layers")
+            held.append(f"lighting in {shown.count(len(self.lighting.layers), 'layer')}")
         values = f"alpha {shown.share(self.rgba[..., 3])}, light {shown.span(self.rgba[..., :3])}"
         partial = ", interrupted" if self.made_by is not None and self.made_by.partial else ""
         return (

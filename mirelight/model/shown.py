@@ -19,6 +19,11 @@ def names(values: Sequence[str]) -> str:
     return ", ".join(values[:_MOST]) + (f" and {more} more" if more > 0 else "")
 
 
+def count(number: int, thing: str) -> str:
+    """So many things."""
+    return f"{number:,} {thing}{'' if number == 1 else 's'}"
+
+
 def view(camera: Any) -> str:
     """A camera by its name and size."""
     return f"{camera.name!r}, {camera.width} x {camera.height}"

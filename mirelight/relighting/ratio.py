@@ -37,6 +37,8 @@ def factor(task: Task) -> F32:
 
 def _light(lit: Lit, size: tuple[int, int]) -> tuple[F32, F32]:
     """(H, W, 3) radiance over albedo, 0 where nothing is covered or the albedo is 0; (H, W) coverage."""
+    if not lit.albedo.any() and (lit.beauty * lit.coverage[..., None]).any():
+        raise ValueError("mode 'ratio' divides by the albedo, and this light comes without (a file without 'albedo'?)")
     # both premultiplied; the albedo is an average over the covered part
     weight = np.empty_like(lit.albedo)
     multiply(lit.albedo, lit.coverage[..., None], weight)

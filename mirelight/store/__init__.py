@@ -182,7 +182,8 @@ class Index:
 
     def has_file(self, path: Path, key: str) -> bool:
         """Whether a file is there with that key and whole. A file whose size or time differ from what the journal says
-        is read, and must have the journal's digest; one that the journal does not know must carry the key."""
+        is read, and must have the journal's digest; one that the journal does not know must carry the key
+        and be what its own digest says."""
         try:
             status = path.stat()
         except OSError:
@@ -192,7 +193,7 @@ class Index:
             return True
         if image.read_fingerprint(path) != key:
             return False
-        return not rows or _digest(path) in {row.sha256 for row in rows}
+        return _digest(path) in {row.sha256 for row in rows} if rows else image.is_intact(path)
 
 
 def write(frame: Frame, path: str | Path, job: Job | None = None) -> None:

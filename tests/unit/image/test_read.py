@@ -13,7 +13,8 @@ import pytest
 from mirelight.errors import InputError
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import read, write
-from mirelight.model import Compression, Frame, LightLayer, OutputSettings
+from mirelight.model import Compression, Frame, LightLayer, OutputSettings, RelightSettings
+from mirelight.relighting import apply
 
 
 def same(a: Any, b: Any, where: str = "frame") -> None:
@@ -67,6 +68,19 @@ def test_layers_on_disk_are_reweighted_as_those_in_memory(frame: Frame, tmp_path
     same(here.noisy, there.noisy)
     same(here.beauty, there.beauty)
     assert not lighting.depth.any() and not lighting.albedo.any() and lighting.samples is None  # as documented
+
+
+def test_a_ratio_of_light_without_its_albedo_is_refused(frame: Frame, tmp_path: Path) -> None:
+    assert frame.splats is not None
+    settings = RelightSettings(mode="ratio")
+    for aovs, works in ((("albedo",), True), (("depth",), False)):
+        write(frame, tmp_path / "a.exr", output=OutputSettings(aovs=aovs))
+        light = read(tmp_path / "a.exr").lighting
+        if works:
+            assert apply(frame.splats, light, settings, captured=light).factor is not None
+        else:
+            with pytest.raises(ValueError, match="without 'albedo'"):
+                apply(frame.splats, light, settings, captured=light)
 
 
 def test_lights_named_as_the_files_own_layers_stay_apart(frame: Frame, tmp_path: Path) -> None:

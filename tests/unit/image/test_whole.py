@@ -16,6 +16,7 @@ from mirelight.io import exr_bytes
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import is_intact, read, read_fingerprint, write
 from mirelight.model import F32, Compression, Frame, OutputSettings
+from mirelight.store import Index
 
 COMPRESSIONS: tuple[Compression, ...] = ("zip", "dwaa", "none")
 
@@ -33,6 +34,17 @@ def test_any_changed_bit_is_found(frame: Frame, tmp_path: Path, suffix: str) -> 
         assert not is_intact(path), at
     path.write_bytes(data + b"\0")
     assert not is_intact(path)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_a_file_damaged_in_its_middle_does_not_count_as_done(frame: Frame, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    write(frame, path)
+    assert Index(tmp_path, iter(())).has_file(path, "f" * 64)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 16
+    path.write_bytes(data)
+    assert not Index(tmp_path, iter(())).has_file(path, "f" * 64)
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)

@@ -1,0 +1,178 @@
+"""Several processes in one folder, killed ones, damaged files: every frame once, none lost, nothing left over."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.io import owner
+from mirelight.io.atomic import atomic_path, owner_of
+from mirelight.io.exr import read_exr
+from mirelight.io.image import read_fingerprint
+from mirelight.store.claims import Claims
+from mirelight.store.journal import FileRow, Journal, Row
+
+from .conftest import COMMAND, Run
+
+TURN = ("--set", "cameras[1].frames=12", "--camera", "orbit")  # 12 cameras under 2 lightings
+
+
+def start(folder: Path, *more: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*COMMAND, "render", "job.toml", *TURN, *more],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def rows(out: Path) -> list[str]:
+    """Names of the frames that processes have written, as often as they have."""
+    journals = (out / ".mirelight" / "journal").glob("*.jsonl")
+    return [json.loads(line)["frame"] for file in journals for line in file.read_text().splitlines()]
+
+
+def left_over(out: Path) -> list[str]:
+    """Temporary files and claims."""
+    hidden = [x.name for x in out.rglob(".*") if x.is_file()]
+    return hidden + [x.name for x in (out / ".mirelight" / "claims").iterdir()]
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_processes_share_a_folder(folder: Path, count: int) -> None:
+    processes = [start(folder) for _ in range(count)]
+    said = [process.communicate(timeout=300) for process in processes]
+    assert [process.returncode for process in processes] == [0] * count, said
+    out = folder / "out"
+    made = rows(out)
+    assert len(made) == len(set(made)) == 24  # each frame once
+    assert all(stdout.startswith("24 frames in out") for stdout, _ in said)
+    assert len(list(out.glob("*.exr"))) == len(list(out.glob("*.png"))) == 24
+    assert not left_over(out)
+    assert not any("Traceback" in stderr for _, stderr in said)
+
+
+def test_killed_processes_lose_nothing(folder: Path, run: Run) -> None:
+    """Killed again and again at random moments, some beside another that lives on: the same bits as undisturbed."""
+    whole = run("render", "job.toml", *TURN, "--out", "whole")
+    assert whole.returncode == 0, whole.stderr
+    chance = random.Random(7)
+    for _ in range(4):
+        doomed, other = start(folder, "--out", "parts"), start(folder, "--out", "parts")
+        time.sleep(chance.uniform(0.5, 3.0))
+        doomed.send_signal(signal.SIGKILL)
+        time.sleep(chance.uniform(0, 0.5))
+        other.send_signal(signal.SIGKILL)
+        for process in (doomed, other):
+            process.communicate()
+    done = run("render", "job.toml", *TURN, "--out", "parts")
+    assert done.returncode == 0 and done.stdout.startswith("24 frames in parts"), done.stderr
+    assert not left_over(folder / "parts")
+    for path in sorted((folder / "whole").glob("[!.]*")):
+        if path.suffix == ".png":
+            assert path.read_bytes() == (folder / "parts" / path.name).read_bytes()
+        else:
+            ours, theirs = (read_exr(folder / name / path.name).channels for name in ("whole", "parts"))
+            assert all(np.array_equal(ours[x], theirs[x]) for x in ours)
+    again = run("render", "job.toml", *TURN, "--out", "parts")
+    assert "24 of them already there" in again.stdout
+
+
+def test_a_file_damaged_in_its_middle_is_made_again(folder: Path, run: Run) -> None:
+    job = ("render", "job.toml", "--camera", "front", "--lighting", "day")
+    assert run(*job).returncode == 0
+    path = folder / "out" / "front.day.exr"
+    good = path.read_bytes()
+    middle = len(good) // 2
+    path.write_bytes(good[:middle] + bytes(64) + good[middle + 64 :])
+    assert run(*job).stdout.startswith("1 frame in out; ")
+    assert path.read_bytes() == good
+
+
+def test_a_moved_folder_is_known_by_its_files(folder: Path, run: Run) -> None:
+    """Copied without its journal, or with files of another time: headers and digests tell."""
+    job = ("render", "job.toml", "--camera", "front")
+    assert run(*job).returncode == 0
+    for path in (folder / "out").glob("front.*"):
+        path.touch()
+    assert "2 of them already there" in run(*job).stdout
+    for path in (folder / "out" / ".mirelight" / "journal").iterdir():
+        path.unlink()
+    assert "2 of them already there" in run(*job).stdout
+
+
+def test_a_changed_exposure_writes_pictures_alone(folder: Path, run: Run) -> None:
+    job = ("render", "job.toml", "--camera", "front")
+    assert run(*job).returncode == 0
+    out = folder / "out"
+    exr, light = (out / "front.night.exr").stat(), sorted((out / ".mirelight" / "light").iterdir())
+    png = read_fingerprint(out / "front.night.png")
+    assert run(*job, "--set", "display.exposure=1").returncode == 0
+    assert (out / "front.night.exr").stat().st_mtime_ns == exr.st_mtime_ns
+    assert read_fingerprint(out / "front.night.png") != png
+    assert sorted((out / ".mirelight" / "light").iterdir()) == light
+
+
+# --- parts -----------------------------------------------------------------------------------------------------------
+
+
+def ended_process() -> str:
+    """The token of a process that has ended."""
+    process = subprocess.Popen(["true"])
+    process.wait()
+    return f"{owner.machine()}-{process.pid}"
+
+
+def test_tokens_tell_who_runs() -> None:
+    assert owner.runs(owner.token()) is True
+    assert owner.runs(ended_process()) is False
+    assert owner.runs("0123456789-1") is None and owner.runs("nonsense") is None
+
+
+def test_temporary_files_name_their_process(tmp_path: Path) -> None:
+    with atomic_path(tmp_path / "a.b~c.exr") as temporary:
+        assert owner_of(temporary.name) == owner.token()
+    assert owner_of("a.b~c.exr") is None and owner_of(".bashrc") is None
+
+
+def test_a_claim_is_one_process_alone(tmp_path: Path) -> None:
+    here, there = Claims(tmp_path), Claims(tmp_path)
+    with here.claim("front") as mine, there.claim("front") as also, there.claim("side") as other:
+        assert (mine, also, other) == (True, False, True)
+    with there.claim("front") as now:
+        assert now
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("holder", "taken"), [("ended", True), ("elsewhere", False), ("elsewhere, long ago", True)])
+def test_a_claim_of_a_process_that_is_gone_is_taken_over(tmp_path: Path, holder: str, taken: bool) -> None:
+    import os
+
+    claims = Claims(tmp_path)
+    with claims.claim("front"):
+        (path,) = tmp_path.iterdir()
+    path.write_text(ended_process() if holder == "ended" else "0123456789-12")
+    if "long ago" in holder:
+        old = time.time() - 3600
+        os.utime(path, (old, old))
+    with claims.claim("front") as mine:
+        assert mine is taken
+
+
+def test_a_journal_outlives_a_torn_line(tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    row = Row("front.day", {".exr": FileRow("key", 5, 7, "ab")}, 1.5)
+    journal.add(row)
+    journal.close()
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes() + b'{"frame": "front.ni')
+    (tmp_path / "other.jsonl").write_bytes(b"[1]\n\xff\xfe\n{}\n")
+    assert list(Journal(tmp_path).rows()) == [row]

@@ -10,5 +10,6 @@ from mirelight.dataset.layouts.colmap import write_colmap
 from mirelight.dataset.layouts.nerf import write_nerf
 from mirelight.dataset.layouts.pictures import Picture, straight_rgba
 from mirelight.dataset.layouts.points import points_of
+from mirelight.dataset.layouts.world import world_of
 
-__all__ = ["Picture", "points_of", "straight_rgba", "write_colmap", "write_nerf"]
+__all__ = ["Picture", "points_of", "straight_rgba", "world_of", "write_colmap", "write_nerf"]

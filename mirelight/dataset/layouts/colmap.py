@@ -29,7 +29,7 @@ def write_colmap(
         folder: made where it is missing.
         pictures: taken one by one, so that they need not be in memory together. Depth and mask have no place here.
         points: in mirelight's world; INRIA's trainer needs some (:func:`mirelight.dataset.layouts.points_of`).
-        world: rotation and position (4, 4) from mirelight's world (Y up) to the data set's (Z up).
+        world: from mirelight's world (Y up) to the data set's, see :func:`mirelight.dataset.layouts.world_of`.
 
     Raises:
         InputError: an orthographic camera.

@@ -26,6 +26,7 @@ from mirelight.dataset.layouts.pictures import (
     write_pixels,
 )
 from mirelight.dataset.layouts.points import moved, ply_bytes
+from mirelight.dataset.layouts.world import scale_of
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.cameras.colmap_write import Points
@@ -64,7 +65,7 @@ def write_nerf(
         folder: made where it is missing.
         pictures: taken one by one, so that they need not be in memory together.
         points: in mirelight's world, for methods that start from some.
-        world: rotation and position (4, 4) from mirelight's world (Y up) to the data set's (Z up).
+        world: from mirelight's world (Y up) to the data set's, see :func:`mirelight.dataset.layouts.world_of`.
         blender: write transforms_SPLIT.json, too.
 
     Raises:
@@ -72,6 +73,7 @@ def write_nerf(
         OutputError: a file cannot be written.
     """
     folder_for(folder / "images")
+    scale = scale_of(world)
     written: list[_Written] = []
     for name, picture in named(pictures, folder):
         if blender:
@@ -80,7 +82,7 @@ def write_nerf(
         write_pixels(folder / one.image, picture.rgba)
         if picture.depth is not None:
             folder_for(folder / "depth")
-            write_pixels(folder / "depth" / f"{name}.png", millimetres(picture.depth))
+            write_pixels(folder / "depth" / f"{name}.png", millimetres(picture.depth * scale))
         if picture.mask is not None:
             folder_for(folder / "masks")
             write_pixels(folder / "masks" / f"{name}.png", picture.mask.astype("uint8") * 255)
@@ -99,7 +101,10 @@ def _transforms(written: list[_Written], world: Matrix, has_points: bool) -> dic
     lenses = [_lens(one.camera) for one in written]
     shared = len(lenses) > 0 and all(lens == lenses[0] for lens in lenses)
     out: dict[str, Any] = {"camera_model": "PINHOLE", **(lenses[0] if shared else {})}
-    out |= {"applied_transform": world[:3].tolist(), "orientation_override": "none"}
+    scale = scale_of(world)
+    out |= {"applied_transform": (world[:3] / scale).tolist(), "orientation_override": "none"}
+    if abs(scale - 1) > _SAME:
+        out["applied_scale"] = scale
     if has_points:
         out["ply_file_path"] = "points.ply"
     if any(one.has_depth for one in written):

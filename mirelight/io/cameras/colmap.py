@@ -78,8 +78,8 @@ class _Image:
 
 
 def find(folder: Path) -> tuple[Path, Path] | None:
-    """The files of cameras and images of a model in the folder, its sparse/0, sparse or colmap/sparse/0."""
-    for inside in (".", "sparse/0", "sparse", "colmap/sparse/0"):
+    """The files of cameras and images of a model in the folder, its 0, sparse/0, sparse or colmap/sparse/0."""
+    for inside in (".", "0", "sparse/0", "sparse", "colmap/sparse/0"):
         for suffix in (".bin", ".txt"):
             pair = folder / inside / f"cameras{suffix}", folder / inside / f"images{suffix}"
             if all(file.is_file() for file in pair):

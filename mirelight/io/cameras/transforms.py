@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mirelight import conventions
 from mirelight.conventions import Matrix
 from mirelight.errors import InputError
 from mirelight.io.cameras import reading
@@ -197,9 +198,9 @@ def matrix_entry(camera: Camera, world: Matrix = Z_UP, axes: Axes = "opengl") ->
 
     Args:
         camera: in mirelight's world.
-        world: from mirelight's world (Y up) to the file's (Z up, as these files have it).
+        world: from mirelight's world (Y up) to the file's (Z up, as these files have it); it may scale.
         axes: of the file's cameras.
     """
-    pose = np.asarray(world) @ camera.world_from_camera
+    pose = conventions.rigid_part(np.asarray(world) @ camera.world_from_camera)
     rows: list[list[float]] = (pose @ reading.FLIP if axes == "opencv" else pose).tolist()
     return rows

@@ -15,7 +15,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from mirelight.dataset.layouts import Picture, points_of, straight_rgba, write_colmap, write_nerf
+from mirelight.dataset.layouts import Picture, points_of, straight_rgba, world_of, write_colmap, write_nerf
 from mirelight.errors import InputError
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP
@@ -161,6 +161,31 @@ def test_colmap(tmp_path: Path) -> None:
         shown = np.array([image.camera.img_from_cam(point) for point in image.cam_from_world() * turned])
         np.testing.assert_allclose(shown, pixels_of(camera, POINTS), rtol=0, atol=1e-6)
     assert len(model.points3D) == 84  # every third of 250
+
+
+def test_a_normalised_world(tmp_path: Path) -> None:
+    """A set moved and scaled: its own pixels show the scaled points, depths shrink, and the capture is found again."""
+    seen = cameras()
+    world = world_of(center=(0.5, 1.0, -2.0), scale=0.25)
+    np.testing.assert_allclose(world @ [0.5, 1.0, -2.0, 1], [0, 0, 0, 1], atol=1e-15)
+    np.testing.assert_allclose(world @ [0.5, 5.0, -2.0, 1], [0, 0, 1, 1], atol=1e-15)  # 4 up are 1 along Z
+    frames = pictures(seen, depth=lambda c: np.full((c.height, c.width), 3.0, dtype=np.float32))
+    write_nerf(tmp_path, frames, world=world, points=points_of(cloud(20)))
+    write_colmap(tmp_path, frames, world=world, points=points_of(cloud(20)))
+    moved = POINTS @ world[:3, :3].T + world[:3, 3]
+    for camera, again in zip(seen, open_file(tmp_path / "transforms.json").read(), strict=True):
+        np.testing.assert_allclose(pixels_of(again.to_camera((32, 24)), POINTS), pixels_of(camera, POINTS), atol=1e-6)
+    blender = open_file(tmp_path / "transforms_train.json").read()
+    for camera, again in zip(seen[:3], blender, strict=True):
+        np.testing.assert_allclose(pixels_of(again.to_camera((32, 24)), moved), pixels_of(camera, POINTS), atol=1e-6)
+    by_name = {c.name: c for c in open_file(tmp_path / "sparse").read()}
+    shown = pixels_of(by_name["orbit_0002"].to_camera((32, 24)), moved)
+    np.testing.assert_allclose(shown, pixels_of(seen[1], POINTS), atol=1e-6)
+    data = json.loads((tmp_path / "transforms.json").read_text())
+    assert data["applied_scale"] == pytest.approx(0.25)
+    assert (np.asarray(Image.open(tmp_path / data["frames"][0]["depth_file_path"])) == 750).all()
+    expected = cloud(20).means @ world[:3, :3].T + world[:3, 3]
+    np.testing.assert_allclose(trimesh.load(tmp_path / "points.ply").vertices, expected, atol=1e-6)
 
 
 def test_what_has_no_place(tmp_path: Path) -> None:

@@ -107,6 +107,7 @@ class _Recipe:
     display: DisplaySettings
     engine_blending: bool = True  # linear pipeline: tone curve and encoding follow the blending over the background
     captured: LightingBuffer | None = None
+    captured_level: float | None = None
 
 
 @dataclass(eq=False)
@@ -350,17 +351,14 @@ class _Builder:
         if not mode.needs_captured or captured is None:
             self.absent.append(("ratio", f"the job's mode is {mode.name}"))
             return
-        if keys.colors_proxy(self.job):
-            tracer = Tracer(self._colored(), tracer.settings)
+        scene = prepare(replace(self.job, render=replace(self.job.render, profile="physical")))
+        if keys.colors_proxy(self.job) and scene.proxy is not None:
+            tracer = Tracer(scene.proxy, tracer.settings)
             traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
         old = finished(tracer.trace(captured, self.camera), tracer.settings)
         settings = replace(recipe.settings, mode=mode.name)
-        self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old))
-
-    def _colored(self) -> ProxyMesh:
-        mesh = prepare(self.job).proxy
-        assert mesh is not None
-        return mesh
+        level = scene.captured_level
+        self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old, captured_level=level))
 
     # --- frames ---
 
@@ -370,7 +368,14 @@ class _Builder:
 
     def _shown(self, recipe: _Recipe) -> F32:
         """(H, W, 3) display values 0..1 of a recipe."""
-        frame = relighting.apply(recipe.splats, recipe.light, recipe.settings, captured=recipe.captured, noise=False)
+        frame = relighting.apply(
+            recipe.splats,
+            recipe.light,
+            recipe.settings,
+            captured=recipe.captured,
+            captured_level=recipe.captured_level,
+            noise=False,
+        )
         rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display
         tone, gain, whole = display.tone, 2.0**display.exposure, recipe.engine_blending and recipe.splats.linear
         if whole:

@@ -12,7 +12,7 @@ from mirelight import colour
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import EngineDrawing, engine_rank
 from mirelight.compositor.source import uploaded
-from mirelight.model import Camera, CompositorSettings, Job, SplatCloud, SplatLayer
+from mirelight.model import Camera, CompositorSettings, Job, SplatCloud, SplatLayer, rules_of
 
 
 class SplatPictures:
@@ -20,7 +20,7 @@ class SplatPictures:
 
     def __init__(self, job: Job, splats: SplatCloud, camera: Camera) -> None:
         self._render = job.render
-        self._radial = job.compositor.sort == "radial" and job.compositor.profile == "playcanvas"
+        self._radial = job.compositor.sort == "radial" and rules_of(job.compositor.profile).splats.pipelines
         self._splats = splats
         self._camera = camera
         self._made: dict[CompositorSettings, SplatLayer] = {}
@@ -55,7 +55,8 @@ class SplatPictures:
         """A composite. A bare exposure of the engine is applied here: the compositor has it within curves only."""
         compositor = Compositor(splats, settings, variant=self._render.variant, threads=self._render.threads)
         layer = compositor.composite(self._camera, depth=False, drawing=drawing)
-        if settings.profile != "playcanvas" or settings.linear or settings.tone != "none" or settings.exposure == 1:
+        exposes = rules_of(settings.profile).splats.pipelines and settings.exposure != 1
+        if not exposes or settings.linear or settings.tone != "none":
             return layer
         gain = np.float32(settings.exposure ** (1 / colour.ENGINE_GAMMA))
         return replace(layer, color=layer.color * gain)

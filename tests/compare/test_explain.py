@@ -255,6 +255,17 @@ def test_the_last_rung_is_what_render_shows() -> None:
     assert named == {"engine", *CAUSES}
 
 
+def test_the_last_rung_of_a_ratio_has_the_scene_s_own_level() -> None:
+    """A floor as strong as here shows in the picture, and the view is not the scene: a level of its own would show."""
+    then = Lighting(name="then", lights=(replace(LEFT, name="then", intensity=1.0),))
+    job = make_job(wall(), SIDE, lights=(LEFT,), relight={"mode": "ratio", "delta": 0.5})
+    job = replace(job, captured=then)
+    last = ladder_of(job).rungs[-1]
+    frame = stages.frame(prepare(job), job.cameras[0], job.lightings[0])
+    assert last.name == "ratio"
+    np.testing.assert_array_equal(np.rint(last.frame * 255), encode_display(frame.rgba, job.display))
+
+
 OVER_SUN = SunLight(name="over", direction=OVER, intensity=2, angular_diameter=12)
 OVER_HARD = DirectionalLight(name="over", direction=OVER, intensity=2)
 

@@ -10,6 +10,7 @@ import numpy as np
 from mirelight.errors import InputError
 from mirelight.model import ProxyMesh, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.cells import cells_of
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.judge import judged
@@ -54,8 +55,11 @@ def make(
     told("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)
     maps = DepthMaps(capture, settings)
-    method: Method = "depth"
-    soup = _fused(capture, maps, part(told, 0.05, 0.9), source)
+    method: Method = settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
+    if method == "cells":
+        soup = cells_of(capture, part(told, 0.05, 0.9))
+    else:
+        soup = _fused(capture, maps, part(told, 0.05, 0.9), source)
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     local = _mesh(soup)

@@ -47,6 +47,7 @@ def test_an_unmet_requirement_is_exit_code_1(files: Any, capsys: pytest.CaptureF
     [
         ("--exposure", "bright"),
         ("--exposure", "nan"),
+        ("--exposure", "1e30"),
         ("--background", "1,2"),
         ("--band", "0"),
         ("--band", "2.5"),

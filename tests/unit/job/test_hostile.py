@@ -102,6 +102,22 @@ def test_messages_hold_nothing_that_a_terminal_obeys(write_job: WriteJob) -> Non
     assert unique_names([("a\x1b]0;x\x07", "", "point")]) == [r"a\x1b]0;x\x07"]
 
 
+def test_names_that_a_terminal_obeys_are_refused(complaints: Complaints) -> None:
+    lamp = '[[lights]]\ntype = "point"\nposition = [0, 1, 0]\n'
+    (line,) = complaints(f'{SCENE}{lamp}name = "\\u001b[2J"')
+    assert line.startswith(r"job.toml:6:8: lights[0].name: '\x1b[2J' has characters that cannot be shown")
+    for name in (r"\u0000", r"\u001b[2J"):
+        (line,) = complaints(f'{SCENE}[output]\ndirectory = "{name}"')
+        assert line.startswith("job.toml:4:13: output.directory: ") and "cannot be a folder's name" in line
+
+
+def test_a_scale_that_leaves_nothing(complaints: Complaints) -> None:
+    rows = "[1e-300, 0, 0, 0], [0, 1e-300, 0, 0], [0, 0, 1e-300, 0], [0, 0, 0, 1]"
+    for transform in ("scale = 1e-300", f"matrix = [{rows}]"):
+        (line,) = complaints(f'splats = {{ path = "splats.ply", transform = {{ {transform} }} }}')
+        assert line.startswith("job.toml:1:") and ": splats" in line
+
+
 def test_output_does_not_take_the_place_of_a_device(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="a pipe or a device"), atomic_path("/dev/null"):
         pass

@@ -45,12 +45,18 @@ def run_realtime(args: argparse.Namespace) -> int:
         cameras=named(args.camera, [x.name for x in work.cameras]),
         lightings=named(args.lighting, [x.name for x in work.lightings]),
     ).tasks
-    for task in tasks:
+    first: Path | None = None  # its files serve the other frames
+    for k, task in enumerate(tasks, start=1):
         if task.lighting is None:
             raise InputError(work.source, "no light", "name lights or an environment to relight by", field="lights")
         folder = Path(args.out) / task.name
+        if sys.stderr.isatty() and not args.quiet:
+            print(f"frame {k} of {len(tasks)}: {task.name}", end="\r", file=sys.stderr, flush=True)
         make = realtime.export if args.export_only else realtime.render
-        made = make(work, task.camera, task.lighting, folder)
+        made = make(work, task.camera, task.lighting, folder, like=first)
+        first = first or folder
+        if sys.stderr.isatty() and not args.quiet:
+            print("\033[K", end="", file=sys.stderr, flush=True)
         for warning in made.warnings:
             print(f"mirelight: {task.name}: {warning}", file=sys.stderr)
         if not args.quiet:

@@ -93,7 +93,13 @@ def find_browser() -> str:
 
 
 def render(
-    job: Job, camera: Camera, lighting: Lighting, directory: str | Path, *, shadows: bool = True
+    job: Job,
+    camera: Camera,
+    lighting: Lighting,
+    directory: str | Path,
+    *,
+    shadows: bool = True,
+    like: Path | None = None,
 ) -> EngineFrames:
     """Export the job's scene, render it with the real engine, and keep what it rendered beside the page.
 
@@ -106,7 +112,7 @@ def render(
         RenderError: the engine failed or did not finish.
     """
     browser = find_browser()
-    exported = export(job, camera, lighting, directory, shadows=shadows)
+    exported = export(job, camera, lighting, directory, shadows=shadows, like=like)
     return run_page(exported, browser)
 
 

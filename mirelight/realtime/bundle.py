@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from mirelight.engine_lights import (
     engine_rotation,
     to_engine,
 )
-from mirelight.errors import InputError
+from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
@@ -59,7 +60,15 @@ class Exported:
     warnings: tuple[str, ...]
 
 
-def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, *, shadows: bool = True) -> Exported:
+def export(
+    job: Job,
+    camera: Camera,
+    lighting: Lighting,
+    directory: str | Path,
+    *,
+    shadows: bool = True,
+    like: Path | None = None,
+) -> Exported:
     """Write a page that shows the job's scene live in PlayCanvas, as its own GsplatRelighting relights it.
 
     The folder can be served by any static server, ``python3 -m http.server`` for one, and adapted by hand.
@@ -70,6 +79,8 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
         lighting: physical units.
         directory: made where it is missing; files of earlier exports are replaced.
         shadows: whether the lights cast shadow maps.
+        like: the folder of another export of the same job; engine, splats and proxy are hard links to its files where
+            the disk can, so that they take room and time once.
 
     Raises:
         InputError: the scene has nothing to show, or the camera is orthographic.
@@ -92,10 +103,10 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
     views = (f"camera {x}" for x in camera_warnings(camera))
     warnings = (*views, *_settings_warnings(job), *(f"proxy: {x}" for x in behind), *light_warnings)
     description = _describe(job, camera, engine_lighting)
-    copy_page(folder, engine.install())
-    if scene.splats is not None:
+    copy_page(folder, engine.install() if like is None else like / "engine", linked=like is not None)
+    if scene.splats is not None and not _linked(like, "splats.ply", folder):
         ply.write(scene.splats, folder / "splats.ply")
-    if scene.proxy is not None:
+    if scene.proxy is not None and not _linked(like, "proxy.glb", folder):
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
     if engine_lighting.environment is not None:
         write_hdr(folder / "environment.hdr", engine_lighting.environment.pixels)
@@ -104,18 +115,36 @@ def export(job: Job, camera: Camera, lighting: Lighting, directory: str | Path, 
     return Exported(folder=folder, description=description, warnings=warnings)
 
 
-def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE) -> None:
-    """Put the page and the engine's files into a folder, which is made where it is missing."""
+def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE, *, linked: bool = False) -> None:
+    """Put the page and the engine's files (as hard links, if so asked) into a folder, made where it is missing."""
     try:
         (folder / "engine").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise output_error(folder, error) from None
     for name in engine.FILES.values():
+        if linked and _linked(engine_folder, name, folder / "engine"):
+            continue
         with atomic_path(folder / "engine" / name) as temporary:
             shutil.copyfile(engine_folder / name, temporary)
     for name in page:
         with atomic_path(folder / name) as temporary:
             temporary.write_bytes(page_file(name))
+
+
+def _linked(source: Path | None, name: str, folder: Path) -> bool:
+    """Make a hard link to a file of another folder; False where there is none, or the disk knows no links."""
+    if source is None or not (source / name).is_file():
+        return False
+    target = folder / name
+    try:
+        if target.exists() and target.samefile(source / name):
+            return True
+        with atomic_path(target) as temporary:
+            temporary.unlink(missing_ok=True)
+            os.link(source / name, temporary)
+    except (OSError, OutputError):
+        return False
+    return True
 
 
 def page_file(name: str) -> bytes:

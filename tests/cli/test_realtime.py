@@ -17,6 +17,10 @@ def test_export_writes_a_page_for_each_frame(run: Run, folder: Path) -> None:
         scene = json.loads((folder / page.parent / "scene.json").read_text(encoding="utf-8"))
         assert [light["type"] for light in scene["lights"]] == ["omni"]
         assert (folder / page).is_file()
+    for name in ("splats.ply", "proxy.glb", "engine/playcanvas.mjs"):  # on the disk once
+        assert len({(folder / page.parent / name).stat().st_ino for page in pages}) == 1
+    again = run("realtime", "job.toml", "-o", "live", "--export-only", "--lighting", "night")
+    assert again.returncode == 0, again.stderr
     assert done.stderr.count("the engine tints in display space") == len(pages)
 
 

@@ -236,6 +236,19 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
         page.locator("[name=brightness]").fill("5")
         page.wait_for_timeout(2000)
         assert page.screenshot() != before
+
+        lit = page.screenshot()
+        assert page.locator("#lights label").all_inner_texts() == ["sun", "lamp", "torch"]
+        page.locator("#lights input[name=sun]").uncheck()
+        page.wait_for_timeout(2000)
+        dark = page.screenshot()
+        assert dark != lit
+        for width, height in ((1280, 720), (390, 844)):
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(1000)
+            box = page.locator("#view").bounding_box()
+            assert box == {"x": 0, "y": 0, "width": width, "height": height}
+            assert page.evaluate("document.documentElement.scrollWidth") == width
         assert failures == []
         chromium.close()
 

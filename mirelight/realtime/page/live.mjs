@@ -8,15 +8,32 @@ const message = document.getElementById('message');
 try {
     const description = await (await fetch('scene.json')).json();
     const view = await build(document.getElementById('view'), description);
-    view.app.setCanvasFillMode(pc.FILLMODE_KEEP_ASPECT, description.width, description.height);
+    view.app.setCanvasFillMode(pc.FILLMODE_FILL_WINDOW);
+    view.app.setCanvasResolution(pc.RESOLUTION_AUTO);
+    // on a screen that is narrower than the frame, the view opens until the whole frame is seen
+    const { width, height, camera: { fov } } = description;
+    const fit = () => {
+        view.app.resizeCanvas();
+        const narrower = Math.max(1, (width / height) / (innerWidth / innerHeight));
+        view.camera.camera.fov = 2 * Math.atan(Math.tan(fov * Math.PI / 360) * narrower) * 180 / Math.PI;
+    };
+    addEventListener('resize', fit);
+    fit();
 
     const controls = view.camera.script.create(CameraControls);
     controls.reset(new pc.Vec3(description.camera.target), new pc.Vec3(description.camera.position));
 
     const form = document.getElementById('controls');
     form.hidden = false;
+    for (const light of view.lights) {
+        const label = document.createElement('label');
+        const box = Object.assign(document.createElement('input'), { type: 'checkbox', checked: true, name: light.name });
+        box.addEventListener('change', () => { light.enabled = box.checked; });
+        label.append(light.name, box);
+        document.getElementById('lights').append(label);
+    }
     message.hidden = true;
-    for (const input of form.querySelectorAll('input')) {
+    for (const input of form.querySelectorAll('input[type=range]')) {
         const show = () => { input.nextElementSibling.value = Number(input.value).toFixed(2); };
         input.value = view.relighting[input.name];
         input.addEventListener('input', () => { view.relighting[input.name] = Number(input.value); show(); });

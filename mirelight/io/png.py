@@ -17,6 +17,7 @@ from mirelight.io.atomic import atomic_path
 from mirelight.model import F32, DisplaySettings, Profile
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_COLOR_TYPES = {3: 2, 4: 6}  # channels -> the specification's code
 _END = b"\x00\x00\x00\x00IEND\xae\x42\x60\x82"  # the last chunk of every whole PNG file
 
 
@@ -55,11 +56,11 @@ def display_png(rgba: F32, profile: Profile = "physical") -> bytes:
 
 
 def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> None:
-    """Write an 8-bit RGB picture with text chunks.
+    """Write an 8-bit picture with text chunks.
 
     Args:
         path: the file to write.
-        pixels: (H, W, 3) uint8.
+        pixels: (H, W, 3) RGB or (H, W, 4) RGBA uint8.
         texts: keyword -> ASCII text, stored before the pixels.
 
     Raises:
@@ -70,20 +71,20 @@ def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, s
 
 
 def png_bytes(pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> bytes:
-    """The PNG file (PNG specification, third edition) of an 8-bit RGB picture (H, W, 3) with text chunks.
+    """The PNG file (PNG specification, third edition) of an 8-bit picture (H, W, 3) or (H, W, 4) with text chunks.
 
     Rows are predicted by the mean of the pixels to the left and above (filter 3), and the rest is coded by runs and
     Huffman codes alone: a rendered picture's noise leaves nothing else to find, so this is as small as zlib's default
     at a fifth of its time.
     """
-    height, width, _ = pixels.shape
-    raw = np.ascontiguousarray(pixels).reshape(height, width * 3)
+    height, width, channels = pixels.shape
+    raw = np.ascontiguousarray(pixels).reshape(height, width * channels)
     left, above = np.zeros_like(raw), np.zeros_like(raw)
-    left[:, 3:], above[1:] = raw[:, :-3], raw[:-1]
-    rows = np.full((height, 1 + width * 3), 3, np.uint8)
+    left[:, channels:], above[1:] = raw[:, :-channels], raw[:-1]
+    rows = np.full((height, 1 + width * channels), 3, np.uint8)
     np.subtract(raw, (left & above) + ((left ^ above) >> 1), out=rows[:, 1:])  # the mean of bytes, rounded down
     packed = zlib.compressobj(level=6, memLevel=9, strategy=zlib.Z_RLE)
-    parts = [_SIGNATURE, _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))]
+    parts = [_SIGNATURE, _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0))]
     parts += [_chunk(b"tEXt", f"{key}\0{text}".encode("latin-1", "replace")) for key, text in texts.items()]
     parts += [_chunk(b"IDAT", packed.compress(rows.data) + packed.flush()), _END]
     return b"".join(parts)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from mirelight import colour, relighting
 from mirelight.io.image import write
-from mirelight.io.png import encode_display, read_png_text
+from mirelight.io.png import encode_display, read_png_text, write_png
 from mirelight.model import DisplaySettings, Frame, Profile, RelightSettings, ToneCurve
 
 
@@ -81,3 +81,12 @@ def test_texts_travel_with_the_picture(frame: Frame, tmp_path: Path) -> None:
     texts = read_png_text(tmp_path / "a.png")
     assert texts["mirelight/fingerprint"] == "f" * 64
     assert '"night"' in texts["mirelight/provenance"] and '"front"' in texts["mirelight/camera"]
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_another_reader_reads_what_was_written(tmp_path: Path, channels: int) -> None:
+    """RGB, and RGBA as the engine's back buffers are."""
+    pixels = np.random.default_rng(2).integers(0, 256, (7, 11, channels), dtype=np.uint8)
+    write_png(tmp_path / "p.png", pixels, {"key": "value"})
+    with Image.open(tmp_path / "p.png") as image:
+        np.testing.assert_array_equal(np.asarray(image), pixels)

@@ -137,7 +137,7 @@ def _judged(case: Case, root: Path, answer: dict[str, Any], names: frozenset[str
     stderr = said[1].decode("utf-8", "backslashreplace")
     if answer["raised"] or "Traceback (most recent" in stderr:
         return "traceback", answer["raised"] or stderr
-    touched = _escapes(root, answer["opened"])
+    touched = [x for x in _escapes(root, answer["opened"]) if not _of_the_job(root / "case", case, x)]
     if touched:
         return "escape", ", ".join(touched)
     for text in said:
@@ -175,6 +175,14 @@ def _escapes(root: Path, opened: list[str]) -> list[str]:
     if (root / "outside" / "canary.png").read_bytes() != CANARY or len(list((root / "outside").iterdir())) != 1:
         out.append("outside was written to")
     return out
+
+
+def _of_the_job(folder: Path, case: Case, name: str) -> bool:
+    """Whether the job, or the command itself, names what was opened: those may lead anywhere."""
+    job = folder / "job.toml"
+    text = job.read_bytes() if job.is_file() and job.stat().st_size < 1 << 24 else b""
+    asked = " ".join(case.arguments) + text.decode("utf-8", "replace")
+    return name.removeprefix(f"{folder}/") in asked
 
 
 def _silent(folder: Path, bright: bool) -> str:

@@ -197,7 +197,7 @@ def cases(count: int, seed: int = 1) -> Iterator[Case]:
 
     fixed = written()
     yield from fixed[:count]
-    kinds = (_job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare)
+    kinds = (_job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare, _cameras)
     for number in range(max(count - len(fixed), 0)):
         rng = random.Random(f"{seed} {number}")
         yield kinds[number % len(kinds)](number, rng)
@@ -321,6 +321,34 @@ def _gltf(number: int, rng: random.Random) -> Case:
     return of_files(
         f"{number} glTF {role}", ("render", "job.toml", *TINY, "--camera", "*"), {**files, "job.toml": text}
     )
+
+
+CAMERA_FILES = {
+    "transforms.json": b'{"camera_angle_x": 0.7, "w": 16, "h": 12, "frames": [{"file_path": "a.png", '
+    b'"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 1], [0, 0, 1, 6], [0, 0, 0, 1]]}]}',
+    "cameras.json": b'[{"id": 0, "img_name": "a", "width": 16, "height": 12, "position": [0, 1, 6], "rotation": '
+    b'[[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 20, "fy": 20}]',
+    "sparse/cameras.txt": b"1 PINHOLE 16 12 20 20 8 6\n",
+    "sparse/images.txt": b"1 1 0 0 0 0 1 6 1 a.png\n\n2 1 0 0 0 0 1 7 1 b.png\n\n",
+    "sparse/points3D.txt": b"",
+}
+
+
+def _cameras(number: int, rng: random.Random) -> Case:
+    name = rng.choice(sorted(x for x in CAMERA_FILES if "points3D" not in x))
+    data = CAMERA_FILES[name]
+    if name.endswith(".json") and rng.random() < 0.5:
+        data = json.dumps(damage.json_of(json.loads(data), rng)).encode()
+    elif rng.random() < 0.8:
+        data = damage.text_of(data, rng)
+    else:
+        data = damage.bytes_of(data, rng)
+    head = "sparse" if name.startswith("sparse") else name
+    text = job(more=f'cameras_from = "{head}"\n')
+    files = {**scene(), **CAMERA_FILES, name: data, "job.toml": text}
+    if rng.random() < 0.5:
+        return of_files(f"{number} {name}", ("inspect", "job.toml"), files)
+    return of_files(f"{number} {name} rendered", ("render", "job.toml", *TINY, "--camera", "*"), files)
 
 
 def _picture(number: int, rng: random.Random) -> Case:

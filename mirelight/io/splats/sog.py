@@ -89,8 +89,9 @@ class SogImages:
         self._head, meta = head, head.meta
         self._means = (self._image("means", 0), self._image("means", 1))
         means = meta.child("means")
-        self._low = means.vector("mins", 3).astype(np.float32)
-        self._high = means.vector("maxs", 3).astype(np.float32)
+        with np.errstate(over="ignore"):  # what becomes infinite is dropped splat by splat
+            self._low = means.vector("mins", 3).astype(np.float32)
+            self._high = means.vector("maxs", 3).astype(np.float32)
         self._quats, self._scales, self._sh0 = (self._image(name, 0) for name in ("quats", "scales", "sh0"))
         self._scale_table = _byte_values(meta.child("scales"), head.version, 3)
         self._colour_table = _byte_values(meta.child("sh0"), head.version, 4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from mirelight.errors import OutputError
 
 if TYPE_CHECKING:
+    from mirelight.model import ProxyMesh, SplatCloud
     from mirelight.proxy import ProxyQuality
     from mirelight.proxy.types import Progress
 
@@ -26,6 +27,9 @@ def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     )
     parser.add_argument("splats", metavar="SPLATS", help="the capture: any splat file")
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the mesh to write (.glb)")
+    parser.add_argument(
+        "--fit", metavar="MESH", help="move this mesh onto the splats (turned, scaled, then bent) instead of making one"
+    )
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
 
 
@@ -34,7 +38,6 @@ def run_proxy(args: argparse.Namespace) -> int:
     from mirelight.io import splats
     from mirelight.io.gltf.write import write_glb
     from mirelight.io.png import write_png
-    from mirelight.proxy import make
 
     out = Path(args.out)
     if out.suffix.lower() != ".glb":
@@ -44,30 +47,54 @@ def run_proxy(args: argparse.Namespace) -> int:
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as told:
         cloud = splats.read(args.splats)
-        made = make(cloud, progress=told, source=args.splats)
-        write_glb(out, made.mesh)
-        write_png(heat, made.quality.heat, {})
+        how, mesh, quality, before = _made(cloud, args, told)
+        write_glb(out, mesh)
+        write_png(heat, quality.heat, {})
     if not args.quiet:
-        print(f"{out}: by {_METHODS[made.method]}, in {made.seconds:.0f} s")
-        for line in table(made.quality):
+        print(f"{out}: {how}")
+        for line in table(quality, before):
             print(line)
         print(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
     return 0
 
 
+def _made(
+    cloud: SplatCloud, args: argparse.Namespace, told: Progress | None
+) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
+    """How it was made, the mesh, its quality, and what the quality was before a fit."""
+    from mirelight.io.mesh import read_mesh
+    from mirelight.proxy import judge, make, register
+
+    if args.fit is None:
+        made = make(cloud, progress=told, source=args.splats)
+        return f"by {_METHODS[made.method]}, in {made.seconds:.0f} s", made.mesh, made.quality, None
+    mesh = read_mesh(args.fit)
+    before = judge(cloud, mesh, source=args.splats)
+    fitted = register(cloud, mesh, told, source=args.fit)
+    return f"{args.fit} fitted to the splats", fitted, judge(cloud, fitted, source=args.splats), before
+
+
 _METHODS = {"cells": "cells of the splats' planes", "depth": "depth maps"}
 
 
-def table(quality: ProxyQuality) -> Iterator[str]:
+def table(quality: ProxyQuality, before: ProxyQuality | None = None) -> Iterator[str]:
     """The figures, a line each, and the advice."""
     size = quality.size
+
+    def was(share: Callable[[ProxyQuality], float]) -> str:
+        return "" if before is None else f", {share(before):.1%} before"
+
     yield f"  triangles    {quality.triangles:,}"
-    yield f"  uncovered    {quality.uncovered:.1%} of the splats' pixels (right proxies leave 3 to 13 %)"
+    yield (
+        f"  uncovered    {quality.uncovered:.1%} of the splats' pixels{was(lambda x: x.uncovered)} "
+        "(right proxies leave 3 to 13 %)"
+    )
     yield (
         f"  depth gap    {quality.gap_median:.3g} units median, {quality.gap_95:.3g} at 95 % "
-        f"({quality.gap_median / size:.2%} and {quality.gap_95 / size:.2%} of the size)"
+        f"({quality.gap_median / size:.2%} and {quality.gap_95 / size:.2%} of the size"
+        f"{was(lambda x: x.gap_median / x.size)})"
     )
-    yield f"  leaks        {quality.leaks:.1%} of the proxy's pixels show no splats"
+    yield f"  leaks        {quality.leaks:.1%} of the proxy's pixels show no splats{was(lambda x: x.leaks)}"
     for line in quality.advice:
         yield f"  ! {line}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mirelight.proxy.judge import judge
 from mirelight.proxy.make import make
+from mirelight.proxy.register import register
 from mirelight.proxy.types import MadeProxy, ProxyQuality, ProxySettings
 
-__all__ = ["MadeProxy", "ProxyQuality", "ProxySettings", "judge", "make"]
+__all__ = ["MadeProxy", "ProxyQuality", "ProxySettings", "judge", "make", "register"]

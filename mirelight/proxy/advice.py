@@ -11,6 +11,7 @@ from mirelight import conventions
 from mirelight.model import F64, ProxyMesh
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.sampling import spread
+from mirelight.proxy.types import Int
 from mirelight.proxy.views import turned
 
 MOST_UNCOVERED = 0.18  # share of splat pixels that a right proxy may leave off (right ones 3-13 %, wrong ones 24 % up)
@@ -25,7 +26,7 @@ _QUARTER = ((90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0), (0, 0, 90), (0, 0,
 @dataclass(frozen=True, slots=True, eq=False)
 class _Guess:
     said: str
-    points: F64  # (N, 3) of the mesh, if it were so
+    pose: F64  # (4, 4) what would undo it, in the capture's space
     cost: float  # how much better it must be than a simpler one
 
 
@@ -49,14 +50,23 @@ def advice_on(capture: Capture, mesh: ProxyMesh, uncovered: float, gap: float, l
 
 def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:
     """What would make the mesh fit, of the things that usually are wrong."""
+    found = _best(capture, mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)) if len(mesh.faces) else None
+    return None if found is None else found.said
+
+
+def best_guess(capture: Capture, vertices: F64, faces: Int) -> F64:
+    """The matrix (4, 4), in the capture's space, that undoes what is usually wrong with a mesh, else the identity."""
+    found = _best(capture, vertices, faces)
+    return np.eye(4) if found is None else found.pose
+
+
+def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     from scipy.spatial import cKDTree
 
-    if not len(mesh.faces):
-        return None
     means = capture.splats.means
     own = means[:: max(len(means) // _POINTS, 1)].astype(np.float64)
     tree = cKDTree(own)
-    on_mesh = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), _POINTS)
+    on_mesh = spread(vertices, faces, _POINTS)
 
     def distance(points: F64) -> float:
         there, back = cKDTree(points).query(own)[0], tree.query(points)[0]
@@ -64,33 +74,33 @@ def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:
 
     now = distance(on_mesh)
     floor = distance(own[::2]) + 0.01 * capture.radius  # points of the same surface lie that far apart anyway
-    best: tuple[float, str] | None = None
+    best: tuple[float, _Guess] | None = None
     for guess in _guesses(on_mesh, capture.middle, own):
-        found = distance(guess.points) * guess.cost
+        found = distance(turned(on_mesh, guess.pose[:3, :3]) + guess.pose[:3, 3]) * guess.cost
         if found < _BETTER * now and found < 3 * floor and (best is None or found < best[0]):
-            best = found, guess.said
+            best = found, guess
     return None if best is None else best[1]
 
 
 def _guesses(points: F64, middle: F64, splats: F64) -> Iterator[_Guess]:
     """The mesh turned about the world's origin, moved, scaled, or several of these."""
-    world = points + middle
     centre, extent = _box(splats)
+    back, out = conventions.compose(-middle), conventions.compose(middle)
     for turn in ((0, 0, 0), *_HALF, *_QUARTER):
-        about = turned(world, conventions.rotation_from_euler(turn)) - middle
+        pose = back @ conventions.compose(rotation=conventions.rotation_from_euler(turn)) @ out
         text = f"transform.rotation_euler = [{turn[0]}, {turn[1]}, {turn[2]}]"
         if any(turn):
-            yield _Guess(f"it looks turned: try {text} on the proxy", about, 1.0)
-        own_centre, own_extent = _box(about)
+            yield _Guess(f"it looks turned: try {text} on the proxy", pose, 1.0)
+        own_centre, own_extent = _box(turned(points, pose[:3, :3]) + pose[:3, 3])
         by = centre - own_centre
         said = f"translation = [{by[0]:.4g}, {by[1]:.4g}, {by[2]:.4g}]"
-        yield _Guess(_together(turn, text, f"moved: try transform.{said}"), about + by, 1.15)
+        yield _Guess(_together(turn, text, f"moved: try transform.{said}"), conventions.compose(by) @ pose, 1.15)
         factor = float(np.exp(np.median(np.log(np.maximum(extent, 1e-12) / np.maximum(own_extent, 1e-12)))))
         if not 0.8 < factor < 1.25:
             neat = _neat(factor)
             said = _together(turn, text, f"scaled: try transform.scale = {neat:.4g}")
-            yield _Guess(said, (about + middle) * neat - middle, 1.1)
-            scaled = (about - own_centre) * factor + centre
+            yield _Guess(said, back @ conventions.compose(scale=neat) @ out @ pose, 1.1)
+            scaled = conventions.compose(centre) @ conventions.compose(-own_centre * factor, scale=factor) @ pose
             yield _Guess(_together(turn, text, f"scaled by about {1 / factor:.4g} and moved"), scaled, 1.25)
 
 

@@ -15,9 +15,11 @@ from mirelight.proxy.types import Int
 SOLID = 0.02  # opacity below which splats show too little to be part of a surface
 FEWEST = 50  # splats that a surface takes
 SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08, captures 0.2-0.4)
+FLAT = 0.5  # smallest over middle axis, below which a splat has a normal of its own
 STRAY = 0.002  # share of the splats at either end of an axis that may be strays
 MARGIN = 0.25  # of the box that holds the rest: how far the capture reaches beyond it
 MOST_SPLATS = 1_200_000  # beyond, neighbours are joined
+_MIXED = 16  # a splat and its neighbours
 _SAMPLE = 20_000  # splats whose neighbours tell the density
 
 
@@ -105,6 +107,24 @@ def axes_of(splats: SplatCloud) -> tuple[F64, F64]:
     return axes, np.take_along_axis(splats.scales, order, axis=1).astype(np.float64)
 
 
-def thinnest(splats: SplatCloud) -> F64:
-    """(N, 3) unit normals: the axes along which splats are thinnest, either sign."""
-    return np.ascontiguousarray(axes_of(splats)[0][:, :, 0])
+def normals_of(capture: Capture) -> F64:
+    """(N, 3) unit normals of the surface at splats, either sign.
+
+    Of flat ones their thinnest axis; of blobs that of the mixture of a splat and its neighbours.
+    """
+    axes, scales = axes_of(capture.splats)
+    out = np.ascontiguousarray(axes[:, :, 0])
+    blob = np.flatnonzero(scales[:, 0] > FLAT * scales[:, 1])
+    if not len(blob):
+        return out
+    from scipy.spatial import cKDTree
+
+    means = capture.splats.means.astype(np.float64)
+    _, near = cKDTree(means).query(means[blob], k=min(_MIXED, len(means)), workers=-1)
+    own = np.einsum("nik,nk,njk->nij", axes, scales**2, axes)
+    total, weight = np.zeros((len(blob), 3, 3)), capture.splats.opacities.astype(np.float64)
+    for k in range(near.shape[1]):
+        step = means[near[:, k]] - means[blob]
+        total += weight[near[:, k], None, None] * (own[near[:, k]] + step[:, :, None] * step[:, None, :])
+    out[blob] = np.linalg.eigh(total)[1][:, :, 0]
+    return out

@@ -16,11 +16,17 @@ def areas_of(vertices: F64, faces: Int) -> F64:
 
 def spread(vertices: F64, faces: Int, count: int) -> F64:
     """(count, 3) points on triangles, by area, the same ones every time; corners where the mesh has no area."""
+    return spread_on(vertices, faces, count)[0]
+
+
+def spread_on(vertices: F64, faces: Int, count: int) -> tuple[F64, Int]:
+    """As :func:`spread`, and (count,) the triangle that each lies on."""
     area = np.cumsum(areas_of(vertices, faces))
     if not len(faces) or not area[-1] > 0:
-        return vertices[faces.ravel()][:count] if len(faces) else np.zeros((0, 3))
+        corners = faces.ravel()[:count]
+        return vertices[corners], np.arange(len(corners)) // 3
     k = np.arange(count) + 0.5
     face = np.minimum(np.searchsorted(area, k / count * area[-1]), len(faces) - 1)
     u, v = np.sqrt(k * 0.7548776662 % 1), k * 0.5698402910 % 1  # Roberts' R2 sequence
     a, b, c = (vertices[faces[face, i]] for i in range(3))
-    return np.asarray(a * (1 - u)[:, None] + b * (u * (1 - v))[:, None] + c * (u * v)[:, None])
+    return a * (1 - u)[:, None] + b * (u * (1 - v))[:, None] + c * (u * v)[:, None], face

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from mirelight.io import splats
+from mirelight.io.gltf.write import write_glb
 from mirelight.io.mesh import read_mesh
 from mirelight.model import SplatCloud
 
@@ -36,6 +38,19 @@ def test_a_proxy_is_made_and_its_fit_is_said(run: Run, tmp_path: Path) -> None:
     for word in (f"{len(mesh.faces):,}", "uncovered", "depth gap", "leaks", "ball.heat.png"):
         assert word in done.stdout
     assert (tmp_path / "ball.heat.png").stat().st_size > 1000
+
+
+def test_a_mesh_that_misfits_is_fitted(run: Run, tmp_path: Path) -> None:
+    splats.write(ball(1000), tmp_path / "ball.ply")
+    assert run("proxy", "ball.ply", "-o", "own.glb", "-q").stdout == ""
+    own = read_mesh(tmp_path / "own.glb")
+    write_glb(tmp_path / "off.glb", replace(own, vertices=own.vertices + np.float32(0.1)))
+    done = run("proxy", "ball.ply", "--fit", "off.glb", "-o", "fitted.glb")
+    assert done.returncode == 0, done.stderr
+    assert "off.glb fitted to the splats" in done.stdout
+    assert "before" in done.stdout
+    low, high = read_mesh(tmp_path / "fitted.glb").bounds
+    np.testing.assert_allclose(low + high, 0, atol=0.05)
 
 
 def test_bad_input_is_one_line_and_writes_nothing(run: Run, tmp_path: Path) -> None:

@@ -1,0 +1,162 @@
+"""A mesh that misfits moved onto its splats: turned, moved and scaled as a whole, then vertex by vertex."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.errors import InputError
+from mirelight.model import F32, F64, ProxyMesh, SplatCloud
+from mirelight.proxy.advice import best_guess
+from mirelight.proxy.capture import Capture, look_at_capture, normals_of
+from mirelight.proxy.sampling import areas_of, spread_on
+from mirelight.proxy.types import Int, Progress, part, quiet
+from mirelight.proxy.views import turned
+
+ROUNDS = 5  # of moving vertices
+WIDEST, NARROWEST = 6.0, 1.2  # how far around a vertex splats count in the first and the last round, in spacings
+STEPS = 40  # of the alignment as a whole, at most
+_SPLATS = 30_000  # that the whole is aligned by
+_POINTS = 60_000  # of the mesh that they are compared with
+_PLANES = 24  # nearest splats that move a vertex
+_STAY = 0.02  # how much vertices resist, relative to the planes: keeps them from sliding where only one plane pulls
+_SPREAD = 30  # rounds in which vertices without splats take their neighbours' way
+
+
+def register(
+    splats: SplatCloud, mesh: ProxyMesh, progress: Progress | None = None, *, source: str | Path = "mesh"
+) -> ProxyMesh:
+    """The mesh moved onto the splats; its faces, texture coordinates and colours stay as they are.
+
+    First the best of the usual mistakes is undone (turned, moved, scaled), then the whole is aligned by the iterated
+    closest point method with planes and a scale, where that brings it nearer; then vertices move onto the planes of the
+    splats around them whose normal agrees, in rounds that look ever closer.
+
+    Args:
+        splats: the capture, in world space.
+        mesh: the proxy to be fitted.
+        progress: told what is being done.
+        source: whom to name in an error, usually the mesh's file.
+
+    Raises:
+        InputError: splats or a mesh without a surface.
+    """
+    told = progress or quiet
+    told("looking at the splats", 0.0)
+    capture = look_at_capture(splats, "splats")
+    faces = mesh.faces.astype(np.int64)
+    at = mesh.vertices.astype(np.float64) - capture.middle
+    if not areas_of(at, faces).sum() > 0:
+        raise InputError(source, "a mesh without area", "give a mesh with triangles")
+    normals = normals_of(capture)
+    told("aligning the mesh", 0.1)
+    pose = _aligned(capture, normals, at, faces, best_guess(capture, at, faces))
+    at = turned(at, pose[:3, :3]) + pose[:3, 3]
+    at = _settled(capture, normals, at, faces, part(told, 0.5, 1.0))
+    moved = (at + capture.middle).astype(np.float32)
+    return replace(mesh, vertices=moved, normals=None if mesh.normals is None else _turned_normals(mesh.normals, pose))
+
+
+def _turned_normals(normals: F32, pose: F64) -> F32:
+    return turned(normals, (pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))).astype(np.float32))
+
+
+def _aligned(capture: Capture, normals: F64, at: F64, faces: Int, start: F64) -> F64:
+    """The similarity (4, 4) that brings a mesh nearest to splats, from a first guess; the guess where that is best."""
+    from scipy.spatial import cKDTree
+
+    step = max(len(normals) // _SPLATS, 1)
+    q, n = capture.splats.means[::step].astype(np.float64), normals[::step]
+    points, _ = spread_on(at, faces, _POINTS)
+
+    def apart(pose: F64) -> tuple[F64, F64, float]:
+        p = turned(points, pose[:3, :3]) + pose[:3, 3]
+        distance, index = cKDTree(p).query(q, workers=-1)
+        return p[index], distance, float(np.mean(np.minimum(distance, 0.1 * capture.radius)))
+
+    best = now = start
+    p, distance, error = apart(now)
+    least = error
+    for _ in range(STEPS):
+        reach = max(2 * float(np.median(distance)), 2 * capture.spacing)
+        weight = 1 / (1 + (distance / reach) ** 2) ** 2
+        now = _step(p, q, n, weight) @ now
+        p, distance, error = apart(now)
+        if error > least * 0.999:
+            break
+        best, least = now, error
+    return best
+
+
+def _step(p: F64, q: F64, n: F64, weight: F64) -> F64:
+    """The small similarity that brings points nearest to planes through q, by least squares."""
+    centre = (weight[:, None] * q).sum(axis=0) / weight.sum()
+    own = p - centre
+    size = np.sqrt((weight * (own**2).sum(axis=1)).sum() / weight.sum())
+    own = own / size  # all seven unknowns of one magnitude
+    rows = np.concatenate([np.cross(own, n), n, (own * n).sum(axis=1)[:, None]], axis=1)
+    rest = ((q - p) * n).sum(axis=1) / size
+    matrix = np.einsum("n,ni,nj->ij", weight, rows, rows)
+    found = np.linalg.solve(
+        matrix + 1e-4 * np.trace(matrix) / 7 * np.eye(7), np.einsum("n,ni,n->i", weight, rows, rest)
+    )
+    angle = float(np.linalg.norm(found[:3]))
+    axis = found[:3] / max(angle, 1e-30)
+    half = min(angle, 0.3) / 2
+    rotation = conventions.rotation_from_quaternion([np.cos(half), *(axis * np.sin(half))])
+    scaled = rotation * float(np.exp(np.clip(found[6], -0.2, 0.2)))
+    return conventions.compose(centre + found[3:6] * size - scaled @ centre) @ conventions.compose(rotation=scaled)
+
+
+def _settled(capture: Capture, normals: F64, at: F64, faces: Int, told: Progress) -> F64:
+    """Vertices moved onto the planes of splats."""
+    from scipy.spatial import cKDTree
+
+    # Vertices in one place move as one, so that seams of textures and of normals do not tear.
+    _, first, place = np.unique(at.astype(np.float32), axis=0, return_index=True, return_inverse=True)
+    place = place.ravel()
+    v, f = at[first].copy(), place[faces]
+    q = capture.splats.means.astype(np.float64)
+    tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
+    for k, reach in enumerate(np.geomspace(WIDEST, NARROWEST, ROUNDS) * capture.spacing):
+        told("moving vertices onto the splats", k / ROUNDS)
+        own = _normals_of(v, f)
+        distance, index = tree.query(v, k=min(_PLANES, len(q)), workers=-1)
+        n, step = normals[index], q[index] - v[:, None]
+        agree = np.abs(np.einsum("vki,vi->vk", n, own)) ** 4
+        w = weight[index] * agree * np.exp(-0.5 * (distance / reach) ** 2)
+        total = w.sum(axis=1)
+        height = (n * step).sum(axis=2)
+        matrix = np.einsum("vk,vki,vkj->vij", w, n, n) + (_STAY * total + 1e-9)[:, None, None] * np.eye(3)
+        move = np.linalg.solve(matrix, np.einsum("vk,vki,vk->vi", w, n, height)[..., None])[..., 0]
+        length = np.linalg.norm(move, axis=1)
+        move *= np.minimum(1, 2 * reach / np.maximum(length, 1e-30))[:, None]
+        v = v + _shared(move, total / (total + 0.5), f)
+    return v[place]
+
+
+def _normals_of(v: F64, f: Int) -> F64:
+    """(V, 3) unit normals of vertices, by area."""
+    a, b, c = (v[f[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    out = np.stack([sum(np.bincount(f[:, j], across[:, k], len(v)) for j in range(3)) for k in range(3)], axis=1)
+    return np.asarray(out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300))
+
+
+def _shared(move: F64, sure: F64, f: Int) -> F64:
+    """Moves smoothed over the mesh; a vertex that is not sure of its own follows its neighbours."""
+    from scipy.sparse import coo_matrix
+
+    edges = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]])
+    edges = np.concatenate([edges, edges[:, ::-1]])
+    n = len(move)
+    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n)).tocsr()
+    degree = np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)
+    own = 4 * sure + 1e-6  # against the neighbours' mean
+    out = move * sure[:, None]
+    for _ in range(_SPREAD):
+        out = (own[:, None] * move + (graph @ out) / degree[:, None]) / (own + 1)[:, None]
+    return out

@@ -1,0 +1,89 @@
+"""A mesh that misfits is moved onto its splats."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mirelight import conventions
+from mirelight.errors import InputError
+from mirelight.io.mesh import transform
+from mirelight.model import ProxyMesh
+from mirelight.proxy import register
+
+from .clouds import on_surface, sphere_points
+from .test_judge import mesh, splats
+
+
+def split(coarse: ProxyMesh, rounds: int) -> ProxyMesh:
+    """Each triangle in four, again and again, no vertex shared."""
+    soup = coarse.vertices[coarse.faces].astype(np.float64)
+    for _ in range(rounds):
+        a, b, c = soup[:, 0], soup[:, 1], soup[:, 2]
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        soup = np.concatenate([np.stack(x, axis=1) for x in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    vertices = soup.reshape(-1, 3).astype(np.float32)
+    return ProxyMesh(vertices=vertices, faces=np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
+
+
+def off(found: ProxyMesh, right: ProxyMesh) -> float:
+    return float(np.linalg.norm(found.vertices.astype(np.float64) - right.vertices, axis=1).max())
+
+
+POSES: dict[str, NDArray[np.float64]] = {
+    "one percent to the side": conventions.compose((0.02, 0.015, -0.01)),
+    "half a turn": conventions.compose(rotation=conventions.rotation_from_euler((180, 0, 0))),
+    "centimetres": conventions.compose(scale=100),
+    "three degrees and two percent": conventions.compose(
+        (0.03, 0, 0.02), rotation=conventions.rotation_from_euler((2, 3, -1)), scale=1.02
+    ),
+}
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_a_mesh_in_the_wrong_place_comes_back(pose: str) -> None:
+    right = split(mesh(), 3)
+    found = register(splats(), transform(right, POSES[pose]))
+    assert off(transform(right, POSES[pose]), right) > 0.02
+    assert off(found, right) < 0.006  # a sixth of the splats' spacing
+
+
+def test_a_mesh_in_its_place_stays() -> None:
+    right = split(mesh(), 2)
+    assert off(register(splats(), right), right) < 0.003
+
+
+def test_a_dented_ball_becomes_round() -> None:
+    n = sphere_points(6000)
+    cloud = on_surface(n, n, 0.03, thin=0.1)
+    from scipy.spatial import ConvexHull
+
+    v = sphere_points(1500)
+    faces = ConvexHull(v).simplices.astype(np.int32)
+    dented = v * (1 + 0.04 * np.sin(5 * v[:, :1]) * np.cos(4 * v[:, 1:2]))
+    found = register(cloud, ProxyMesh(vertices=dented.astype(np.float32), faces=faces))
+    radius = np.linalg.norm(found.vertices, axis=1)
+    assert np.abs(np.linalg.norm(dented, axis=1) - 1).max() > 0.03
+    assert np.abs(radius - 1).max() < 0.01  # a fifth of the splats' spacing
+
+
+def test_seams_do_not_tear_and_attributes_stay() -> None:
+    right = split(mesh(), 2)
+    uvs = np.random.default_rng(0).random((len(right.vertices), 2)).astype(np.float32)
+    moved = transform(replace(right, uvs=uvs), POSES["one percent to the side"])
+    found = register(splats(), moved)
+    np.testing.assert_array_equal(found.faces, moved.faces)
+    np.testing.assert_array_equal(found.uvs, uvs)
+    _, before = np.unique(moved.vertices, axis=0, return_inverse=True)
+    for place in range(0, int(before.max()), 37):
+        own = found.vertices[before.ravel() == place]
+        assert (own == own[0]).all()
+
+
+def test_a_mesh_without_area_is_refused() -> None:
+    flat = ProxyMesh(vertices=np.zeros((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32))
+    with pytest.raises(InputError, match="without area"):
+        register(splats(), flat)

@@ -26,6 +26,7 @@ class Sums:
     squares: F32  # K, and 1 for the beauty where layers are separate: of the radiance summed over each batch
     surface: F32  # H * W * SURFACE
     parts: F32 | None = None  # K * 2: radiance over batches 0, 2, 4 … and over 1, 5, 9 …; None: not kept
+    doubt: F32 | None = None  # K: half the difference of two fills of what was read; None: nothing was
 
 
 def develop(
@@ -63,6 +64,8 @@ def develop(
         squares /= batch * n
         for mean, spread in zip(chain((x.total for x in means), [beauty]), squares, strict=False):
             _variance(spread, mean, batches)
+        if sums.doubt is not None:
+            _add_doubt(squares, sums.doubt.reshape(-1, h, w, 3) / n)
 
     surface = sums.surface.reshape(h, w, SURFACE)
     hits = surface[..., 0].copy()
@@ -113,6 +116,16 @@ def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:
     squares -= mean * mean
     np.maximum(squares, np.float32(0), out=squares)
     squares /= batches - 1
+
+
+def _add_doubt(squares: F32, doubt: F32) -> None:
+    """Add to the variance of each layer, and of the beauty behind them, that of the cells that were read, in place.
+
+    Half the difference of two independent fills has the variance of their mean; its square is all that is known of it.
+    """
+    squares[: len(doubt)] += doubt * doubt
+    if len(squares) > len(doubt):
+        squares[-1] += np.square(doubt.sum(axis=0))
 
 
 def dark(camera: Camera, layers: Layers, spp: int) -> LightingBuffer:

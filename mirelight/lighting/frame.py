@@ -17,6 +17,7 @@ from mirelight.machine import uninterrupted
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
 if TYPE_CHECKING:
+    from mirelight.lighting.kernel.cells import CellPoints, DeviceCells
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.rays import CameraRays
@@ -41,19 +42,28 @@ class FrameInProgress:
         *,
         aovs: bool,
         emission: bool = True,  # False: surfaces that glow do not
-        view: CameraRays | PointRays | None = None,  # None: the camera's
+        view: CameraRays | PointRays | CellPoints | None = None,  # None: the camera's
+        cells: DeviceCells | None = None,  # light that is read in place of being traced
+        irradiance: bool = False,  # of first hits, over pi, instead of their radiance
     ) -> None:
         import drjit as dr
         import mitsuba as mi
 
         from mirelight.lighting.kernel.film import Film
-        from mirelight.lighting.kernel.paths import LightSet
+        from mirelight.lighting.kernel.lights import LightSet
         from mirelight.lighting.kernel.rays import CameraRays
 
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
         self._surface, self._sky, self._view = surface, sky, view or CameraRays(camera)
-        self._film = Film(len(self.samples), layers, aovs=aovs, parts=settings.denoise)
+        self._film = Film(
+            len(self.samples),
+            layers,
+            aovs=aovs,
+            parts=settings.denoise,
+            doubt=cells is not None and cells.doubtful,
+        )
+        self._cells, self._irradiance = cells, irradiance
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
         self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
         self._sun = bool(shares.any())
@@ -96,10 +106,11 @@ class FrameInProgress:
                 max_depth=self._max_depth,
                 ao_distance=self._ao_distance,
                 emission=self._emission,
+                irradiance=self._irradiance,
             )
             with uninterrupted():  # samples in the film that are not counted would be light twice
                 self._film.open(len(some), batches)
-                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job)
+                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
                 self._film.close(places, before, len(some), batches)
                 self.samples[some] += count
             yield int(self.samples.sum())

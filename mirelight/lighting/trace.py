@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -15,11 +15,26 @@ from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
 from mirelight.lighting.sunsky import resolved
-from mirelight.model import F32, F64, I32, Camera, Environment, Lighting, LightingBuffer, ProxyMesh, RenderSettings
+from mirelight.model import (
+    F32,
+    F64,
+    I32,
+    Camera,
+    Environment,
+    Lighting,
+    LightingBuffer,
+    ProxyMesh,
+    RenderSettings,
+    SurfaceCache,
+    SurfaceCells,
+)
 
 if TYPE_CHECKING:
+    from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.sky import Sky
+
+CELL_SAMPLES = 256  # of each cell of a surface cache
 
 Progress: TypeAlias = Callable[[int, int], None]
 
@@ -56,7 +71,13 @@ class Tracer:
             self._surface = DeviceProxy(proxy)
 
     def trace(
-        self, lighting: Lighting, camera: Camera, *, emission: bool = True, progress: Progress | None = None
+        self,
+        lighting: Lighting,
+        camera: Camera,
+        *,
+        emission: bool = True,
+        cache: SurfaceCache | None = None,
+        progress: Progress | None = None,
     ) -> LightingBuffer:
         """Trace one frame. What a pixel's samples see of the surface does not depend on the lights.
 
@@ -67,6 +88,8 @@ class Tracer:
             lighting: lights, environment, sky model.
             camera: the splat camera; pixels coincide with its own.
             emission: False: surfaces that glow do not, for a part of a lighting; another part brings it.
+            cache: light on the surface from `fill`, of the same lights and emission; needed and read unless
+                `settings.indirect` is "traced" or paths end at their first hit.
             progress: called with (paths done, paths in all) after every launch; under a noise target the second number
                 is a forecast.
 
@@ -78,6 +101,8 @@ class Tracer:
         Raises:
             Interrupted: Ctrl-C; holds what there was.
             RenderError: the frame's film does not fit in memory.
+            BackendError: indirect light is to be read from a cache, in the variant `scalar_rgb`.
+            ValueError: it is to be read, and there is no cache or it lacks a light.
         """
         lighting = resolved(lighting, self.settings.variant)
         emission = emission and self._emissive
@@ -86,18 +111,86 @@ class Tracer:
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
         if self._surface is None:
+            if self.settings.indirect != "traced":
+                raise BackendError(
+                    f'indirect = "{self.settings.indirect}" needs the variant llvm_ad_rgb or cuda_ad_rgb'
+                )
             from mirelight.lighting.scalar import trace_scalar
 
             return trace_scalar(self._proxy, lighting, camera, self.settings, layers, emission=emission)
         settings, sky = _with_pilot(self.settings), self._sky_of(lighting.environment)
         frame = FrameInProgress(
-            self._surface, sky, lighting, camera, layers, settings, aovs=self._aovs, emission=emission
+            self._surface,
+            sky,
+            lighting,
+            camera,
+            layers,
+            settings,
+            aovs=self._aovs,
+            emission=emission,
+            cells=self._cells(cache, lighting, layers, emission),
         )
         try:
             _sample(frame, settings, progress or _ignore)
         except KeyboardInterrupt:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
         return frame.develop()
+
+    def cells(self, cameras: Sequence[Camera], size: float | None = None) -> SurfaceCells:
+        """The pieces of the proxy that light is kept on for a scene.
+
+        Args:
+            cameras: all of the scene, whatever is rendered of it: paths from them say which pieces are of use.
+            size: edge of a cell, world units; None: from the proxy (`mirelight.lighting.thickness`).
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+        """
+        from mirelight.lighting import cells, thickness
+
+        surface = self._on_device()
+        return cells.make(surface, cameras, thickness.cell_size(surface, self._proxy) if size is None else size)
+
+    def fill(
+        self,
+        cells: SurfaceCells,
+        lighting: Lighting,
+        *,
+        samples: int = CELL_SAMPLES,
+        emission: bool = True,
+        progress: Progress | None = None,
+    ) -> SurfaceCache:
+        """Light of a lighting on the surface, for every camera; light is additive, so parts may be filled apart.
+
+        Args:
+            cells: from `cells`.
+            lighting: lights, environment, sky model.
+            samples: of each cell; four times as many halve the cache's error.
+            emission: False: surfaces that glow do not.
+            progress: called with samples done and in all after every launch.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+        """
+        from mirelight.lighting.fill import fill
+
+        surface, lighting = self._on_device(), resolved(lighting, self.settings.variant)
+        sky = self._sky_of(lighting.environment)
+        glow = emission and self._emissive
+        return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
+
+    def _cells(
+        self, cache: SurfaceCache | None, lighting: Lighting, layers: Layers, emission: bool
+    ) -> DeviceCells | None:
+        """The cache as this frame reads it; None where it is traced."""
+        if self.settings.indirect == "traced" or self.settings.max_depth == 1:
+            return None
+        if cache is None:
+            raise ValueError(f'indirect = "{self.settings.indirect}" reads a surface cache, and none is given')
+        from mirelight.lighting.fill import bound
+
+        names = Layers.of(lighting, emissive=emission).names
+        return bound(cache, layers, names, first=self.settings.indirect == "surface")
 
     def irradiance(self, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
         """Light that falls on points of the proxy from the side that their normals point to, direct and indirect.

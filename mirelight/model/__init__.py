@@ -36,6 +36,7 @@ from mirelight.model.settings import (
     ToneCurve,
     Variant,
 )
+from mirelight.model.surface_cache import CellLight, SurfaceCache, SurfaceCells
 
 __all__ = [
     "F32",
@@ -44,6 +45,7 @@ __all__ = [
     "PROFILES",
     "AreaLight",
     "Camera",
+    "CellLight",
     "CompositorSettings",
     "Compression",
     "Deferred",
@@ -74,6 +76,8 @@ __all__ = [
     "SplatRules",
     "SpotLight",
     "SunLight",
+    "SurfaceCache",
+    "SurfaceCells",
     "ToneCurve",
     "Variant",
     "Wrap",

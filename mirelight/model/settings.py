@@ -27,6 +27,7 @@ class RenderSettings:
     spp: int = 64  # samples per pixel; under a noise target at least
     noise: float | None = None  # relative error to reach over the frame; None: exactly spp samples everywhere
     max_depth: int = 8  # vertices of a path from the eye's first hit on; 1: direct light only
+    indirect: Literal["traced", "surface", "near"] = "traced"  # surface: read at the first hit; near: at later ones
     seed: int = 0
     variant: Variant = "llvm_ad_rgb"
     denoise: bool = False

@@ -19,11 +19,12 @@ class Film:
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
     parts: (layer, 2, pixel, rgb) over every second batch and over one in four; only where they are asked for.
+    doubt: (layer, pixel, rgb) half the difference of two fills of the cells that were read; only where some are.
 
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
     """
 
-    def __init__(self, pixels: int, layers: Layers, *, aovs: bool, parts: bool) -> None:
+    def __init__(self, pixels: int, layers: Layers, *, aovs: bool, parts: bool, doubt: bool = False) -> None:
         count = max(len(layers.names), 1)
         self.aovs, self.in_parts = aovs, parts
         self.separate, self._layer_count = layers.separate, count
@@ -31,13 +32,16 @@ class Film:
         self._layers = dr.opaque(mi.UInt32, count)
         self.sky_layer = dr.opaque(mi.UInt32, layers.environment)
         self.glow_layer = dr.opaque(mi.UInt32, layers.emission)
+        met_sky, met_glow = layers.met or (layers.environment, layers.emission)
+        self.met_sky_layer, self.met_glow_layer = dr.opaque(mi.UInt32, met_sky), dr.opaque(mi.UInt32, met_glow)
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
         self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
         self._surface = dr.zeros(mi.Float, pixels * SURFACE)
         self._parts = dr.zeros(mi.Float, count * 2 * pixels * 3 if parts else 1)
+        self._doubt = dr.zeros(mi.Float, count * pixels * 3) if doubt else None
         self._launch = mi.Float(0)
         self._stride = mi.UInt32(0)
-        dr.eval(self._light, self._squares, self._surface, self._parts)
+        dr.eval(self._light, self._squares, self._surface, self._parts, self._doubt)
 
     # --- in the kernel ---
 
@@ -56,6 +60,10 @@ class Film:
     def add_openness(self, pixel: UInt32, sunlit: Float, unoccluded: Float, active: Bool) -> None:
         """How much of the suns' light and of the hemisphere one sample's surface point sees, 0 to 1 each."""
         _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active)
+
+    def add_doubt(self, pixel: UInt32, layer: UInt32, value: Vector3f, active: Bool) -> None:
+        """By how much one sample would be darker in one of two fills, and brighter in the other; with its sign."""
+        _add(self._doubt, value, layer * self._pixels + pixel, active)
 
     def add_light(
         self,
@@ -103,7 +111,7 @@ class Film:
             count: pixels of the launch.
             batches: of each pixel in the launch.
         """
-        dr.eval(self._launch, self._surface)
+        dr.eval(self._launch, self._surface, self._doubt)
         n, b = dr.opaque(mi.UInt32, count * 3), dr.opaque(mi.UInt32, batches)
         lane = dr.arange(mi.UInt32, self._layer_count * count * 3)
         layer = lane // n
@@ -141,7 +149,8 @@ class Film:
     def sums(self) -> Sums:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""
         parts = self._parts.numpy() if self.in_parts else None
-        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts)
+        doubt = None if self._doubt is None else self._doubt.numpy()
+        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts, doubt)
 
 
 @dr.syntax

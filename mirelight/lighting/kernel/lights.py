@@ -4,14 +4,47 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
+from mirelight.lighting.grid import LightGrid
+from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.rays import vector
 from mirelight.lighting.kernel.samples import pair
-from mirelight.lighting.kernel.types import Float, LightSample, Point2f, UInt32, Vector3f
+from mirelight.lighting.kernel.types import Bool, Float, LightSample, Point2f, Point3f, UInt32, Vector3f
 from mirelight.lighting.lights import Kind
+from mirelight.model import F32
 
 SHADOW_END = (
     1.0 - 2.0**-10
 )  # how far a shadow ray goes to its light, so that a lamp on a wall is not in the wall's shadow
+
+
+class LightSet:
+    """The light table and the lists of who reaches where (`mirelight.lighting.lights`, `grid`) in device memory."""
+
+    def __init__(self, table: F32, grid: LightGrid, layer_of_light: NDArray[np.uint32], sun_shares: F32) -> None:
+        self.table = floats(table)
+        self.layer_of_light = integers(layer_of_light)
+        self.sun_shares = floats(sun_shares)
+        self.starts = integers(grid.starts)
+        self.items = integers(np.append(grid.lights, np.zeros(2, np.uint32)))
+        self.low, self.cells_per_unit = vector(grid.low), vector(grid.cells_per_unit)
+        self.resolution = [dr.opaque(mi.UInt32, n) for n in grid.resolution]
+        self._picks = [dr.opaque(mi.UInt32, n) for n in grid.picks]
+
+    def picks(self, depth: UInt32) -> UInt32:
+        """Most lights that are sampled at a hit: at the first, the second, and each later one."""
+        first, second, later = self._picks
+        return dr.select(depth == 0, first, dr.select(depth == 1, second, later))
+
+    def list_at(self, p: Point3f, active: Bool) -> tuple[UInt32, UInt32]:
+        """(start, count) of the list for a point: entries of `items`."""
+        place = (mi.Vector3f(p) - self.low) * self.cells_per_unit
+        x, y, z = (dr.minimum(mi.UInt32(dr.maximum(q, 0)), n - 1) for q, n in zip(place, self.resolution, strict=True))
+        cell = (x * self.resolution[1] + y) * self.resolution[2] + z
+        start = dr.gather(mi.UInt32, self.starts, cell, active)
+        return start, dr.gather(mi.UInt32, self.starts, cell + 1, active) - start
 
 
 def _group(table: Float, row: UInt32, group: int) -> tuple[Vector3f, Float]:

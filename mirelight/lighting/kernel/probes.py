@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mirelight.lighting.kernel.memory import floats
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
-from mirelight.lighting.kernel.types import Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, UInt32, Vector3f
 from mirelight.model import F32, F64, I32
 
 LIFT = 2.0**-14  # of the largest coordinate: how far before its point a probe's ray starts
@@ -26,10 +26,15 @@ class PointRays:
         self._points = floats(_in_fours(points + normals * self.lift))
         self._ways = floats(_in_fours(-normals))
 
-    def ray(self, pixel: UInt32, jitter: Point2f) -> Ray3f:
-        """Mitsuba's Ray3f at the point; `jitter` changes nothing."""
+    def first_hit(
+        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
+        """(whether there is one, face, barycentric coordinates, unit way there) of a point, whatever the sample."""
         o, d = (dr.gather(mi.Vector4f, buffer, pixel) for buffer in (self._points, self._ways))
-        return bounded_ray(mi.Point3f(o.x, o.y, o.z), mi.Vector3f(d.x, d.y, d.z), mi.Float(2 * self.lift))
+        way = mi.Vector3f(d.x, d.y, d.z)
+        ray = bounded_ray(mi.Point3f(o.x, o.y, o.z), way, mi.Float(2 * self.lift))
+        found = surface.nearest(ray, mi.Bool(True), coherent=True)
+        return mi.Bool(found.is_valid()), mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(way)
 
     def depth(self, p: Point3f) -> Float:
         """Means nothing here."""

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
 
-from mirelight.lighting.kernel.types import Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.lighting.kernel.samples import pair
+from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.model import F64, Camera
+
+if TYPE_CHECKING:
+    from mirelight.lighting.kernel.proxy import DeviceProxy
 
 
 def bounded_ray(origin: Point3f, d: Vector3f, length: Float) -> Ray3f:
@@ -30,6 +35,15 @@ class CameraRays:
         reach = camera.far - camera.near
         self.reach = _number(min(reach, float(2.0**126)))
         self.perspective = _number(1.0 if camera.projection == "perspective" else 0.0)
+
+    def first_hit(
+        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
+        """(whether there is one, face, barycentric coordinates, unit way there) of a pixel's sample."""
+        primary = self.ray(pixel, pair(sample, stream))
+        found = surface.nearest(primary, mi.Bool(True), coherent=True)
+        hit = mi.Bool(found.is_valid())
+        return hit, mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(primary.d)
 
     def ray(self, pixel: UInt32, jitter: Point2f) -> Ray3f:
         """Mitsuba's Ray3f through a pixel (row-major index) at `jitter` in [0, 1)² from its corner."""

@@ -1,0 +1,263 @@
+"""Light on the surface, on the device: which cell a point lies in, what that cell holds, and paths that find cells."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mirelight.lighting.kernel.film import Film
+from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.proxy import DeviceProxy, Point
+from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
+from mirelight.lighting.kernel.samples import mix, pair
+from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.model import F32, F64, SurfaceCells
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LIFT = 0.05  # of a cell's edge: how far above the surface points of a cell look for each other
+
+
+class Grid:
+    """The voxels: which key a point of the surface has."""
+
+    def __init__(self, origin: F64, size: float) -> None:
+        self.origin, self.size = vector(origin), dr.opaque(mi.Float, size)
+
+    def key(self, p: Vector3f, facing: Vector3f) -> tuple[UInt32, UInt32]:
+        """(y << 16 | x, direction << 16 | z) of a point whose surface faces that way; p within 2^16 voxels."""
+        x, y, z = (mi.UInt32(dr.clip(q, 0, 65535)) for q in (p - self.origin) / self.size)
+        a = abs(facing)
+        axis = dr.select((a.x >= a.y) & (a.x >= a.z), mi.UInt32(0), dr.select(a.y >= a.z, mi.UInt32(1), mi.UInt32(2)))
+        along = dr.select(axis == 0, facing.x, dr.select(axis == 1, facing.y, facing.z))
+        direction = 2 * axis + dr.select(along < 0, mi.UInt32(1), mi.UInt32(0))
+        return (y << 16) | x, (direction << 16) | z
+
+    def above(self, surface: DeviceProxy, at: Point, active: Bool) -> Point3f:
+        """The place from which a point looks at its cell's anchor: a little above it, below whatever is there."""
+        lift = LIFT * self.size
+        found = surface.nearest(bounded_ray(at.start, at.geometric_normal, lift), active)
+        return at.start + at.geometric_normal * dr.select(found.is_valid(), 0.5 * found.t, lift)
+
+
+def between(start: Point3f, end: Vector3f) -> Ray3f:
+    """The ray from one place to another, without its ends."""
+    return bounded_ray(start, end - mi.Vector3f(start), mi.Float(1 - 2.0**-10))
+
+
+class DeviceCells:
+    """Cells with light, to be read in place of tracing on.
+
+    Args:
+        cells: C of them.
+        whole: (K, C, 3) irradiance / pi of each of a film's layers, direct and indirect.
+        indirect: (K, C, 3) after one reflection and more.
+        met: (2, C, 3) what a reflected ray meets at once: of the environment, of surfaces that glow.
+        doubt: (K, C, 3) half the difference of two fills, of what is read.
+        first: read at a path's first hit what is not sampled there; else at later hits all of it.
+        nearest: later hits nearer than this to the one before are not read.
+    """
+
+    def __init__(
+        self,
+        cells: SurfaceCells,
+        whole: F32,
+        indirect: F32,
+        met: F32,
+        doubt: F32 | None,
+        *,
+        first: bool,
+        nearest: float,
+    ) -> None:
+        self.grid = Grid(cells.origin, cells.size)
+        self.first, self.doubtful = first, doubt is not None
+        self.nearest = dr.opaque(mi.Float, nearest)
+        self.keys = integers(np.append(cells.keys.ravel(), np.zeros(2, np.uint32)))
+        self.anchors = _in_fours(cells.anchors)
+        self.starts = integers(np.append(cells.starts, np.zeros(2, np.uint32)))
+        self.mask = dr.opaque(mi.UInt32, len(cells.starts) - 2)
+        self.count = dr.opaque(mi.UInt32, len(cells))
+        self.layers = dr.opaque(mi.UInt32, len(whole))
+        self.whole, self.indirect = _in_fours(whole), _in_fours(indirect)
+        self.met = _in_fours(met)
+        self.doubt = _in_fours(doubt if doubt is not None else np.zeros((1, 1, 3), np.float32))
+
+    @dr.syntax
+    def find(self, surface: DeviceProxy, at: Point, u: Point2f, active: Bool) -> tuple[UInt32, Bool]:
+        """(cell, whether there is one): of a point near by in the tangent plane, else of the point itself.
+
+        The shift by up to half a cell blends neighbouring cells; a wall between ends it.
+        """
+        s, t = mi.coordinate_system(at.geometric_normal)
+        shifted = mi.Vector3f(at.p) + (s * (u.x - 0.5) + t * (u.y - 0.5)) * self.grid.size
+        cell, found = mi.UInt32(0), mi.Bool(False)
+        tries = mi.UInt32(0)
+        place = mi.Vector3f(shifted)
+        eye = self.grid.above(surface, at, active)
+        while active & ~found & (tries < 2):
+            a, b = self.grid.key(place, at.geometric_normal)
+            bucket = mix(a, b) & self.mask
+            entry, end = dr.gather(mi.UInt32, self.starts, bucket), dr.gather(mi.UInt32, self.starts, bucket + 1)
+            while ~found & (entry < end):
+                same = (dr.gather(mi.UInt32, self.keys, entry * 2) == a) & (
+                    dr.gather(mi.UInt32, self.keys, entry * 2 + 1) == b
+                )
+                if same:
+                    q = dr.gather(mi.Vector4f, self.anchors, entry)
+                    found = ~surface.blocked(between(eye, mi.Vector3f(q.x, q.y, q.z)), mi.Bool(True))
+                    cell = dr.select(found, entry, cell)
+                entry += 1
+            place = mi.Vector3f(at.p)
+            tries += 1
+        return cell, found & active
+
+    @dr.syntax
+    def add_whole(
+        self,
+        film: Film,
+        sums: tuple[Vector3f, Vector3f],
+        place: UInt32,
+        pixel: UInt32,
+        cell: UInt32,
+        scale: Vector3f,
+        read: Bool,
+    ) -> tuple[Vector3f, Vector3f]:
+        """All light of a later hit's cell, to every layer."""
+        layer = mi.UInt32(0)
+        while read & (layer < self.layers):
+            value = scale * _rgb(self.whole, layer * self.count + cell, read)
+            sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
+            if dr.hint(self.doubtful, mode="scalar"):
+                film.add_doubt(pixel, layer, scale * _rgb(self.doubt, layer * self.count + cell, read), read)
+            layer += 1
+        return sums
+
+    @dr.syntax
+    def add_rest(
+        self,
+        film: Film,
+        sums: tuple[Vector3f, Vector3f],
+        place: UInt32,
+        pixel: UInt32,
+        cell: UInt32,
+        scale: Vector3f,
+        read: Bool,
+    ) -> tuple[Vector3f, Vector3f]:
+        """The indirect light of a first hit's cell, to every layer, and what its reflected ray would have met."""
+        layer = mi.UInt32(0)
+        while read & (layer < self.layers):
+            value = scale * _rgb(self.indirect, layer * self.count + cell, read)
+            sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
+            if dr.hint(self.doubtful, mode="scalar"):
+                film.add_doubt(pixel, layer, scale * _rgb(self.doubt, layer * self.count + cell, read), read)
+            layer += 1
+        sky = scale * _rgb(self.met, cell, read)
+        sums = film.add_light(sums, place, film.sky_layer, mi.Bool(False), sky, read)
+        glow = scale * _rgb(self.met, self.count + cell, read)
+        return film.add_light(sums, place, film.glow_layer, mi.Bool(False), glow, read)
+
+
+class CellPoints:
+    """Stands in for a camera: pixel k is cell k, its samples go round the cell's points."""
+
+    def __init__(self, cells: SurfaceCells) -> None:
+        self.points = dr.opaque(mi.UInt32, cells.faces.shape[1])
+        self.faces = integers(np.append(cells.faces.ravel(), np.zeros(2, np.int32)))
+        self.corners = floats(np.append(cells.corners.ravel(), np.zeros(4, np.float32)))
+        self.normals = _in_fours(cells.normals)
+
+    def first_hit(
+        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
+        """(True, face, barycentric coordinates, the way there)."""
+        point = pixel * self.points + (sample + mix(stream, 11)) % self.points
+        face = dr.gather(mi.UInt32, self.faces, point)
+        return mi.Bool(face == face), face, dr.gather(mi.Point2f, self.corners, point), -_rgb(self.normals, point, True)
+
+    def depth(self, p: Point3f) -> Float:
+        """Means nothing here."""
+        return mi.Float(p.x * 0)
+
+
+@dr.syntax
+def visit(
+    surface: DeviceProxy,
+    view: CameraRays,
+    grid: Grid,
+    lanes: int,
+    pixels: int,
+    vertices: int,
+    seed: int,
+) -> tuple[NDArray[np.uint32], F32]:
+    """Where paths of a camera go: `lanes` of them, drawn evenly over its pixels, up to `vertices` hits each.
+
+    Returns:
+        (n, 3) key and face of every hit; (n, 8) its barycentric coordinates, its normal and the place above it.
+    """
+    size = lanes * vertices
+    keys, values = dr.full(mi.UInt32, 0xFFFFFFFF, size * 3), dr.zeros(mi.Float, size * 8)
+    dr.eval(keys, values)
+    lane = dr.arange(mi.UInt32, lanes)
+    stream = mix(mi.UInt32(dr.opaque(mi.UInt32, seed)), 77)
+    pixel = mi.UInt32((mi.Float(lane) + 0.5) * (pixels / lanes))
+    pixel = dr.minimum(pixel, pixels - 1)
+    active, face, uv, d = view.first_hit(surface, pixel, lane, stream)
+    depth = mi.UInt32(0)
+    count = dr.opaque(mi.UInt32, vertices)
+    while active & (depth < count):
+        at = surface.at(face, uv, d, active)
+        a, b = grid.key(mi.Vector3f(at.p), at.geometric_normal)
+        above, n = grid.above(surface, at, active), at.geometric_normal
+        entry = lane * count + depth
+        for k, number in enumerate((a, b, face)):
+            dr.scatter(keys, number, entry * 3 + k, active)
+        dr.scatter(values, mi.Vector4f(uv.x, uv.y, n.x, n.y), entry * 2, active)
+        dr.scatter(values, mi.Vector4f(n.z, above.x, above.y, above.z), entry * 2 + 1, active)
+        depth += 1
+        salt = mix(mix(stream, lane), depth)
+        d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(lane, salt)))
+        found = surface.nearest(mi.Ray3f(at.start, d), active & (depth < count))
+        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
+        active &= found.is_valid() & (depth < count)
+    dr.eval(keys, values)
+    flat = keys.numpy().reshape(-1, 3)
+    hit = flat[:, 2] != 0xFFFFFFFF
+    return flat[hit], values.numpy().reshape(-1, 8)[hit]
+
+
+def hidden(surface: DeviceProxy, starts: F32, ends: F32) -> NDArray[np.bool_]:
+    """(n,) whether something lies between places (n, 3) and others (n, 3)."""
+    a, b = (mi.Point3f(*(floats(x[:, k]) for k in range(3))) for x in (starts, ends))
+    return np.asarray(surface.blocked(between(a, mi.Vector3f(b)), mi.Bool(True)).numpy(), dtype=bool)
+
+
+def free_distance(surface: DeviceProxy, points: F64, ways: F64) -> F64:
+    """(n,) how far it is from points (n, 3) of the surface along unit ways (n, 3) to the next face; infinity: none."""
+    start = points + ways * (np.abs(points).max(axis=1, keepdims=True) * 2.0**-16)
+    a, b = (mi.Point3f(*(floats(x[:, k]) for k in range(3))) for x in (start, ways))
+    found = surface.nearest(bounded_ray(a, mi.Vector3f(b), mi.Float(dr.inf)), mi.Bool(True))
+    return np.where(found.is_valid().numpy(), found.t.numpy(), np.inf).astype(np.float64)
+
+
+def buckets(keys: NDArray[np.uint32], mask: int) -> NDArray[np.uint32]:
+    """(n,) bucket of each key (n, 2) in a hash table of mask + 1 of them."""
+    padded = np.append(keys, np.zeros((2, 2), np.uint32), axis=0)
+    found = mix(integers(padded[:, 0]), integers(padded[:, 1])) & dr.opaque(mi.UInt32, mask)
+    return np.asarray(found.numpy()[: len(keys)], np.uint32)
+
+
+def _rgb(buffer: Float, index: UInt32, active: Bool) -> Vector3f:
+    q = dr.gather(mi.Vector4f, buffer, index, active)
+    return mi.Vector3f(q.x, q.y, q.z)
+
+
+def _in_fours(rows: F32) -> Float:
+    """(..., 3) as a flat buffer of groups of four, two more than there are."""
+    flat = rows.reshape(-1, 3)
+    padded = np.zeros((len(flat) + 2, 4), np.float32)
+    padded[: len(flat), :3] = flat
+    return floats(padded)

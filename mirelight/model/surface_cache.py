@@ -1,0 +1,90 @@
+"""Light that is kept on the surface: cells of the proxy, and what falls on them from each light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SurfaceCells(ArrayHolder):
+    """Pieces of the proxy's two sides, C of them: one voxel, one of six facing directions, one connected surface.
+
+    Two points of a cell see each other just above the surface, so a cell never lies on both sides of a wall. Cells are
+    in the order of a hash table: those of bucket b are starts[b] to starts[b + 1].
+    """
+
+    size: float  # edge of a voxel, world units
+    origin: F64  # (3,) corner of voxel 0, 0, 0
+    keys: NDArray[np.uint32]  # (C, 2) y << 16 | x, and direction << 16 | z
+    starts: NDArray[np.uint32]  # (B + 1,) B a power of two
+    anchors: F32  # (C, 3) a point above each cell, from which all of it is seen
+    faces: I32  # (C, P) triangles of some points of each, drawn evenly from those that paths have visited
+    corners: F32  # (C, P, 2) their barycentric coordinates
+    normals: F32  # (C, P, 3) of those triangles, on the cell's side
+
+    def __post_init__(self) -> None:
+        cells, points = self.faces.shape
+        freeze(self, "origin", (3,), np.float64)
+        freeze(self, "keys", (cells, 2), np.uint32)
+        freeze(self, "starts", (None,), np.uint32)
+        freeze(self, "anchors", (cells, 3))
+        freeze(self, "faces", (cells, points), np.int32)
+        freeze(self, "corners", (cells, points, 2))
+        freeze(self, "normals", (cells, points, 3))
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CellLight(ArrayHolder):
+    """One light's irradiance / pi on every cell, from two independent fills: (2, C, 3) each, linear."""
+
+    name: str  # of the layer that it belongs to
+    kind: Literal["lights", "environment", "emission"]
+    direct: F32  # at once, as far as it is sampled towards the light
+    met: F32 | None  # at once, as far as a reflected ray meets it; None for lights, which no ray meets
+    indirect: F32  # after one reflection and more
+
+    def __post_init__(self) -> None:
+        for name in ("direct", "met", "indirect"):
+            freeze(self, name, (2, None, 3))
+
+    def scaled(self, factor: F64 | float) -> CellLight:
+        """With the light's intensity or colour multiplied, a number or linear [r, g, b]."""
+        by = np.asarray(factor, np.float32)
+        met = None if self.met is None else self.met * by
+        return replace(self, direct=self.direct * by, met=met, indirect=self.indirect * by)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SurfaceCache(ArrayHolder):
+    """Light on the surface for every view of a scene: what `Tracer` reads in place of tracing on."""
+
+    cells: SurfaceCells
+    lights: tuple[CellLight, ...]
+
+    def __post_init__(self) -> None:
+        for light in self.lights:
+            if light.direct.shape[1] != len(self.cells):
+                raise ValueError(f"light {light.name!r}: {light.direct.shape[1]} cells, expected {len(self.cells)}")
+
+    def joined(self, other: SurfaceCache) -> SurfaceCache:
+        """With the lights of another cache of the same cells.
+
+        Raises:
+            ValueError: other cells; two lights of one name.
+        """
+        if other.cells is not self.cells and not np.array_equal(other.cells.keys, self.cells.keys):
+            raise ValueError("two caches of different cells")
+        names = [x.name for x in self.lights]
+        for light in other.lights:
+            if light.name in names:
+                raise ValueError(f"two lights named {light.name!r}")
+        return replace(self, lights=(*self.lights, *other.lights))

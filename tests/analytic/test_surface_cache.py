@@ -1,0 +1,201 @@
+"""Light on the surface: closed forms, walls of any thickness, and the same bits on any number of threads."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mirelight.lighting import Tracer
+from mirelight.model import (
+    Camera,
+    Environment,
+    Lighting,
+    LightingBuffer,
+    Material,
+    PointLight,
+    ProxyMesh,
+    RenderSettings,
+    SunLight,
+)
+
+from .lighting_scenes import Array, constant_sky, join, quad, sphere
+
+SURFACE = RenderSettings(spp=16, indirect="surface", max_depth=8)
+
+
+def room(low: tuple[float, float, float], high: tuple[float, float, float]) -> ProxyMesh:
+    """A closed box."""
+    a, b = np.array(low), np.array(high)
+    centre, half = (a + b) / 2, (b - a) / 2
+    x, y, z = np.diag(half)
+    return join(*(quad(centre + s * n, u, v) for n, u, v in ((x, y, z), (y, z, x), (z, x, y)) for s in (-1, 1)))
+
+
+def lamp(position: tuple[float, float, float], intensity: float = 5.0) -> PointLight:
+    return PointLight(name="lamp", position=np.array(position), intensity=intensity)
+
+
+def read(tracer: Tracer, lighting: Lighting, cameras: list[Camera], size: float | None = None) -> list[LightingBuffer]:
+    """Every camera's frame from one cache."""
+    cache = tracer.fill(tracer.cells(cameras, size), lighting, samples=64)
+    return [tracer.trace(lighting, x, cache=cache) for x in cameras]
+
+
+@pytest.mark.parametrize("indirect", ["surface", "near"])
+def test_a_glowing_gray_furnace_is_its_series(indirect: str) -> None:
+    """Inside a closed box whose walls shine e and reflect a it is e / (1 - a) everywhere."""
+    walls = room((-1, -1, -1), (1, 1, 1))
+    glow, albedo = np.array([0.5, 1.0, 2.0]), np.array([0.5, 0.6, 0.7])
+    glowing = replace(walls, materials=(Material(emissive=glow),), albedo=albedo)
+    settings = replace(SURFACE, indirect=indirect, spp=64)  # type: ignore[arg-type]
+    view = Camera.look_at([0.3, 0.1, -0.6], [0, -0.3, 1], 24, 18, yfov=80)
+    (buffer,) = read(Tracer(glowing, settings), Lighting(), [view], 0.2)
+    truth = glow / (1 - albedo)
+    np.testing.assert_allclose(buffer.beauty.mean(axis=(0, 1)), truth, rtol=0.008)  # 14 bounces: 0.7^14 is 0.7 %
+    np.testing.assert_allclose(buffer.beauty, np.broadcast_to(truth, buffer.beauty.shape), rtol=0.25)
+
+
+def test_a_white_sky_on_a_ball_is_white_and_none_of_it_is_indirect() -> None:
+    ball = replace(sphere(smooth=True), albedo=np.ones(3))
+    view = Camera.look_at([0, 0.5, 3], [0, 0, 0], 32, 24)
+    lighting = Lighting(environment=constant_sky(0.7))
+    (buffer,) = read(Tracer(ball, replace(SURFACE, spp=64)), lighting, [view], 0.2)
+    inside = buffer.coverage == 1
+    np.testing.assert_allclose(buffer.beauty[inside], 0.7, rtol=0.02)
+    assert buffer.layers[0].indirect.max() < 1e-6
+
+
+THICK = (0.001, 0.004, 0.015, 0.06, 0.25, 1.0)
+
+
+@pytest.mark.parametrize("thick", THICK)
+def test_a_wall_of_any_thickness_on_a_continuous_floor_does_not_leak(thick: float) -> None:
+    """Two rooms under one box, a wall between, a lamp in one of them: the other is black to the bit."""
+    whole, wall = room((-3, 0, -2), (3, 2.5, 2)), room((-thick / 2, -0.1, -2.1), (thick / 2, 2.6, 2.1))
+    lit = Camera.look_at([-2.8, 1.8, 1.5], [-0.5, 0, -1], 32, 24, yfov=75)
+    dark = Camera.look_at([2.8, 1.8, 1.5], [0.5, 0, -1], 32, 24, yfov=75)
+    tracer = Tracer(join(whole, wall), SURFACE)
+    lighting = Lighting(lights=(lamp((-1.5, 1.5, 0)),))
+    for size in (0.3, 0.11):
+        bright, black = read(tracer, lighting, [lit, dark], size)
+        assert bright.beauty[bright.coverage > 0].min() > 0
+        assert not black.beauty.any()
+
+
+@pytest.mark.parametrize("gap", [0.0005, 0.01, 0.2])
+def test_a_box_in_a_box_keeps_its_light(gap: float) -> None:
+    """Sheets without thickness that face the same way, closer than a cell: light of the inner box stays in it."""
+    inner, outer = room((-1, -1, -1), (1, 1, 1)), room((-1 - gap, -1 - gap, -1 - gap), (1 + gap,) * 3)
+    inside = Camera.look_at([0.5, 0.2, -0.7], [0, -0.2, 1], 32, 24, yfov=80)
+    between = Camera.look_at([-1 - gap / 2, -0.5, -0.6], [-1 - gap / 2, 0.2, 0.6], 32, 24, yfov=80, near=1e-5)
+    lighting = Lighting(lights=(lamp((0, 0.5, 0)),))
+    bright, black = read(Tracer(join(inner, outer), SURFACE), lighting, [inside, between], 0.15)
+    assert bright.beauty[bright.coverage > 0].min() > 0
+    assert black.coverage.min() > 0 and not black.beauty.any()
+
+
+def stage() -> tuple[ProxyMesh, Lighting, Camera]:
+    """A ball between a floor and two walls under three kinds of light."""
+    proxy = join(
+        quad([0, 0, 0], [2, 0, 0], [0, 0, 2]),
+        quad([0, 1, -2], [2, 0, 0], [0, 1, 0]),
+        quad([-2, 1, 0], [0, 1, 0], [0, 0, 2]),
+        sphere(0.5, rings=16, centre=(0.2, 0.6, 0.1)),
+    )
+    sun = SunLight(name="sun", direction=np.array([-0.4, -1, -0.5]), intensity=2.0, angular_diameter=3.0)
+    gradient = np.linspace(0.1, 1.0, 8)[:, None, None] * np.array([1.0, 0.8, 0.6])
+    sky = Environment(radiance=np.broadcast_to(gradient, (8, 16, 3)).astype(np.float32))
+    lighting = Lighting(lights=(lamp((-1.2, 1.4, 1.0), 2.0), sun), environment=sky)
+    return replace(proxy, albedo=np.array([0.7, 0.6, 0.5])), lighting, Camera.look_at([2.5, 2, 3], [0, 0.5, 0], 40, 30)
+
+
+def means(buffer: LightingBuffer) -> Array:
+    return np.array([(x.direct.mean(), x.indirect.mean()) for x in buffer.layers])
+
+
+@pytest.mark.parametrize("indirect", ["surface", "near"])
+def test_layers_are_those_of_a_traced_frame(indirect: str) -> None:
+    proxy, lighting, view = stage()
+    settings = replace(SURFACE, spp=256, max_depth=24)
+    traced = Tracer(proxy, replace(settings, indirect="traced")).trace(lighting, view)
+    tracer = Tracer(proxy, replace(settings, indirect=indirect))  # type: ignore[arg-type]
+    (buffer,) = read(tracer, lighting, [view])
+    assert [x.name for x in buffer.layers] == [x.name for x in traced.layers]
+    np.testing.assert_allclose(means(buffer), means(traced), rtol=0.03)
+    together = Tracer(proxy, tracer.settings, layers=False)
+    (summed,) = read(together, lighting, [view])
+    np.testing.assert_allclose(summed.beauty.mean(axis=(0, 1)), traced.beauty.mean(axis=(0, 1)), rtol=0.02)
+
+
+def test_lights_filled_apart_are_those_filled_together() -> None:
+    proxy, lighting, view = stage()
+    tracer = Tracer(proxy, SURFACE)
+    cells = tracer.cells([view])
+    together = tracer.fill(cells, lighting, samples=128)
+    parts = [Lighting(lights=(x,)) for x in lighting.lights] + [Lighting(environment=lighting.environment)]
+    apart = [tracer.fill(cells, x, samples=128) for x in parts]
+    joined = apart[0].joined(apart[1]).joined(apart[2])
+    assert [x.name for x in joined.lights] == [x.name for x in together.lights]
+    for one, other in zip(joined.lights, together.lights, strict=True):
+        assert one.direct.mean() == pytest.approx(other.direct.mean(), rel=0.02)
+        assert one.indirect.mean() == pytest.approx(other.indirect.mean(), rel=0.03)
+    assert tracer.trace(lighting, view, cache=joined).beauty.mean() > 0
+    with pytest.raises(ValueError, match="two lights named 'lamp'"):
+        joined.joined(apart[0])
+    with pytest.raises(ValueError, match="no light 'sun'"):
+        tracer.trace(lighting, view, cache=apart[0])
+    with pytest.raises(ValueError, match="none is given"):
+        tracer.trace(lighting, view)
+
+
+def test_where_no_cell_is_paths_go_on() -> None:
+    """Cells of a camera that sees nothing: the frame is the traced one."""
+    proxy, lighting, view = stage()
+    away = Camera.look_at([0, 5, 0], [0, 10, 0.1], 16, 12)
+    traced = Tracer(proxy, replace(SURFACE, indirect="traced")).trace(lighting, view)
+    tracer = Tracer(proxy, SURFACE)
+    cells = tracer.cells([away])
+    assert len(cells) == 0
+    buffer = tracer.trace(lighting, view, cache=tracer.fill(cells, lighting))
+    np.testing.assert_allclose(buffer.beauty, traced.beauty, rtol=1e-4, atol=1e-6)
+
+
+_IN_THREADS = """
+import hashlib, sys
+from dataclasses import replace
+import numpy as np
+from mirelight.lighting import Tracer
+from tests.analytic.test_surface_cache import SURFACE, stage
+proxy, lighting, view = stage()
+digest = hashlib.sha256()
+for indirect in ("surface", "near"):
+    tracer = Tracer(proxy, replace(SURFACE, indirect=indirect, threads=int(sys.argv[1])))
+    cells = tracer.cells([view, view.resized(20, 30)], 0.1)
+    cache = tracer.fill(cells, lighting, samples=64)
+    buffer = tracer.trace(lighting, view, cache=cache)
+    arrays = [cells.keys, cells.starts, cells.anchors, cells.faces, cells.corners, buffer.beauty, buffer.variance]
+    arrays += [y for x in cache.lights for y in (x.direct, x.met, x.indirect) if y is not None]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
+    digests = set()
+    for threads in ("1", "2", "3"):
+        run = subprocess.run(
+            [sys.executable, "-c", _IN_THREADS, threads],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+        assert run.returncode == 0, run.stderr
+        digests.add(run.stdout.strip())
+    assert len(digests) == 1

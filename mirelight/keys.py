@@ -74,7 +74,15 @@ class Keys:
     @cached_property
     def _traced(self) -> str:
         settings = (_read(self.job.render, _light_reads(self.job)), self.job.output.layers, wants_aovs(self.job))
-        return digest("light", self.proxy, settings, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+        surface = self.surface_cells if reads_surface(self.job) else ""
+        return digest("light", self.proxy, settings, surface, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+
+    @cached_property
+    def surface_cells(self) -> str:
+        """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
+        job = self.job
+        views = [_view(x) for x in lighting_cameras(job)]
+        return digest("cells", self.proxy, views, self._versions("mitsuba", "drjit", "llvm", "numpy"))
 
     def lights(self) -> Iterator[str]:
         """Every traced buffer of the job: each camera's sets."""
@@ -156,6 +164,16 @@ def follows_engine(job: Job) -> bool:
     return not rules_of(job.render.profile).path_traced
 
 
+def lighting_cameras(job: Job) -> list[Camera]:
+    """Every camera of the job as light is traced for it."""
+    return [relighting.lighting_camera(x, job.relight) for x in job.cameras]
+
+
+def reads_surface(job: Job) -> bool:
+    """True where light that has been reflected is kept on the surface and read there."""
+    return job.render.indirect != "traced" and not follows_engine(job)
+
+
 def wants_noise(job: Job) -> bool:
     """True where a file holds the frame's own noise."""
     return job.output.wants("noise")
@@ -224,7 +242,7 @@ def _light_reads(job: Job) -> set[str]:
     names = {"profile", "variant"}
     if follows_engine(job):
         return names
-    names |= {"spp", "noise", "max_depth", "seed", "denoise"}
+    names |= {"spp", "noise", "max_depth", "indirect", "seed", "denoise"}
     return names | {"ao_distance"} if wants_aovs(job) else names
 
 

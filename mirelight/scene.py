@@ -6,6 +6,7 @@ them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -13,7 +14,17 @@ import numpy as np
 
 from mirelight import keys
 from mirelight.errors import InputError
-from mirelight.model import F32, Camera, Job, Lighting, LightingBuffer, ProxyMesh, SplatCloud
+from mirelight.model import (
+    F32,
+    Camera,
+    Job,
+    Lighting,
+    LightingBuffer,
+    ProxyMesh,
+    SplatCloud,
+    SurfaceCache,
+    SurfaceCells,
+)
 from mirelight.units import LightSet, Mixture
 
 if TYPE_CHECKING:
@@ -93,6 +104,7 @@ class Scene:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
+        self._surface_caches: dict[str, SurfaceCache] = {}
 
     def __repr__(self) -> str:
         ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
@@ -153,6 +165,29 @@ class Scene:
     def lighting_of(self, light_set: LightSet) -> Lighting:
         """What to trace for a set: its lights, each with the name of its unit's layer."""
         return light_set.as_lighting(self.resolved)
+
+    @cached_property
+    def surface_cells(self) -> SurfaceCells:
+        """The pieces of the proxy that light is kept on, for all of the job's cameras."""
+        from mirelight.lighting import Tracer
+
+        assert isinstance(self.tracer, Tracer)
+        return self.tracer.cells(keys.lighting_cameras(self.job))
+
+    def surface_cache(
+        self, light_set: LightSet, *, emission: bool, progress: Callable[[int, int], None] | None = None
+    ) -> SurfaceCache | None:
+        """A set's light on the surface, gathered once; None where the job traces it."""
+        from mirelight.lighting import Tracer
+
+        if not keys.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
+            return None
+        found = self._surface_caches.get(light_set.digest)
+        if found is None:
+            lighting = self.lighting_of(light_set)
+            found = self.tracer.fill(self.surface_cells, lighting, emission=emission, progress=progress)
+            self._surface_caches[light_set.digest] = found
+        return found
 
     @cached_property
     def compositor(self) -> Compositor:

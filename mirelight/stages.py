@@ -147,13 +147,26 @@ class _Tracing:
         report = partial(self._report, self._due.index(one.digest)) if self._progress else None
         emission = one.glow or one.whole is not None
         try:
-            buffer = scene.tracer.trace(scene.lighting_of(one), self._seen, emission=emission, progress=report)
+            buffer = self._buffer(one, emission, report)
         except Interrupted as stopped:
             if stopped.buffer is not None:
                 self._there[one.digest] = stopped.buffer
             raise Stopped(None) from None
         scene.kept.keep_light(scene.keys.light(one, self._seen), buffer)
         return buffer
+
+    def _buffer(self, one: LightSet, emission: bool, report: Progress | None) -> LightingBuffer:
+        from mirelight.lighting import Tracer
+
+        scene, lighting = self._scene, self._scene.lighting_of(one)
+        if not isinstance(scene.tracer, Tracer):
+            return scene.tracer.trace(lighting, self._seen, emission=emission, progress=report)
+        waiting = partial(_waiting, report) if report else None
+        try:
+            cache = scene.surface_cache(one, emission=emission, progress=waiting)
+        except KeyboardInterrupt:
+            raise Stopped(None) from None
+        return scene.tracer.trace(lighting, self._seen, emission=emission, cache=cache, progress=report)
 
     def _report(self, index: int, done: int, total: int) -> None:
         assert self._progress is not None
@@ -180,6 +193,11 @@ def _sun_strengths(scene: Scene, mixture: Mixture) -> Mapping[str, float]:
         own = sum(x.intensity * float(x.color.mean()) for x in suns) * float(term.weight.mean())
         strengths[home.digest] = strengths.get(home.digest, 0.0) + own
     return strengths
+
+
+def _waiting(report: Progress, done: int, total: int) -> None:
+    """No sample of the picture yet: light is being gathered on the surface."""
+    report(0, 1)
 
 
 # --- relight ---------------------------------------------------------------------------------------------------------

@@ -27,7 +27,12 @@ def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: Render
         BackendError: the variant cannot be used on this machine, or the denoiser is asked for and not installed.
         RenderError: the frame's film does not fit in memory.
     """
-    return finished(tracer(proxy, settings).trace(lighting, camera), settings)
+    made = tracer(proxy, settings)
+    cache = None
+    if isinstance(made, Tracer) and settings.indirect != "traced":
+        cache = made.fill(made.cells([camera]), lighting)
+    buffer = made.trace(lighting, camera, cache=cache) if isinstance(made, Tracer) else made.trace(lighting, camera)
+    return finished(buffer, settings)
 
 
 def finished(buffer: LightingBuffer, settings: RenderSettings, *, layers: bool = True) -> LightingBuffer:

@@ -88,8 +88,8 @@ class Tracer:
             lighting: lights, environment, sky model.
             camera: the splat camera; pixels coincide with its own.
             emission: False: surfaces that glow do not, for a part of a lighting; another part brings it.
-            cache: light on the surface from `fill`, of the same lights and emission; needed and read unless
-                `settings.indirect` is "traced" or paths end at their first hit.
+            cache: light on the surface from `fill`, of the same lights and emission, read as `settings.indirect` says
+                unless that is "traced" or paths end at their first hit. None: everything is traced.
             progress: called with (paths done, paths in all) after every launch; under a noise target the second number
                 is a forecast.
 
@@ -101,8 +101,8 @@ class Tracer:
         Raises:
             Interrupted: Ctrl-C; holds what there was.
             RenderError: the frame's film does not fit in memory.
-            BackendError: indirect light is to be read from a cache, in the variant `scalar_rgb`.
-            ValueError: it is to be read, and there is no cache or it lacks a light.
+            BackendError: a cache is to be read in the variant `scalar_rgb`.
+            ValueError: it lacks a light.
         """
         lighting = resolved(lighting, self.settings.variant)
         emission = emission and self._emissive
@@ -111,7 +111,7 @@ class Tracer:
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
         if self._surface is None:
-            if self.settings.indirect != "traced":
+            if cache is not None and self.settings.indirect != "traced":
                 raise BackendError(
                     f'indirect = "{self.settings.indirect}" needs the variant llvm_ad_rgb or cuda_ad_rgb'
                 )
@@ -183,10 +183,8 @@ class Tracer:
         self, cache: SurfaceCache | None, lighting: Lighting, layers: Layers, emission: bool
     ) -> DeviceCells | None:
         """The cache as this frame reads it; None where it is traced."""
-        if self.settings.indirect == "traced" or self.settings.max_depth == 1:
+        if cache is None or self.settings.indirect == "traced" or self.settings.max_depth == 1:
             return None
-        if cache is None:
-            raise ValueError(f'indirect = "{self.settings.indirect}" reads a surface cache, and none is given')
         from mirelight.lighting.fill import bound
 
         names = Layers.of(lighting, emissive=emission).names

@@ -15,6 +15,7 @@ from mirelight.model.profiles import Profile, RelightMode, Space, rules_of
 from mirelight.model.scene import ProxyMesh, SplatCloud
 
 Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
+Indirect: TypeAlias = Literal["traced", "surface", "near"]
 ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
 
@@ -27,7 +28,7 @@ class RenderSettings:
     spp: int = 64  # samples per pixel; under a noise target at least
     noise: float | None = None  # relative error to reach over the frame; None: exactly spp samples everywhere
     max_depth: int = 8  # vertices of a path from the eye's first hit on; 1: direct light only
-    indirect: Literal["traced", "surface", "near"] = "traced"  # surface: read at the first hit; near: at later ones
+    indirect: Indirect = "traced"  # surface: read at a path's first hit; near: at its second
     seed: int = 0
     variant: Variant = "llvm_ad_rgb"
     denoise: bool = False

@@ -149,8 +149,6 @@ def test_lights_filled_apart_are_those_filled_together() -> None:
         joined.joined(apart[0])
     with pytest.raises(ValueError, match="no light 'sun'"):
         tracer.trace(lighting, view, cache=apart[0])
-    with pytest.raises(ValueError, match="none is given"):
-        tracer.trace(lighting, view)
 
 
 def test_where_no_cell_is_paths_go_on() -> None:

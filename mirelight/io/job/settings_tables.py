@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from mirelight import model
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
-from mirelight.model import Compression, RelightMode, Space, ToneCurve, Variant
+from mirelight.model import Compression, Indirect, RelightMode, Space, ToneCurve, Variant
 from mirelight.model.planes import AOVS, EXACT
 
 _RENDER = model.RenderSettings()
@@ -35,6 +35,11 @@ class RenderTable(Table):
         ge=1,
         le=1000,
         description="Vertices of a path from the first hit on; 1: direct light alone.",
+    )
+    indirect: Indirect = Field(
+        default=_RENDER.indirect,
+        description="Reflected light: traced anew for every picture; or gathered on the proxy once for all cameras and "
+        "read at a path's first hit (surface) or second (near). docs/lighting.md: what is gained and lost.",
     )
     seed: int = Field(default=_RENDER.seed, ge=0, le=2**31 - 1, description="Same seed, same picture.")
     variant: Variant = Field(default=_RENDER.variant, description="Mitsuba's backend.")

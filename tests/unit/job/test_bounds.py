@@ -127,7 +127,18 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("display", "background", "[0, {}, 0]", (0, 1)),
 ]  # fmt: skip
 
-WITHOUT_BOUNDS = {"variant", "denoise", "sort", "work_buffer", "tone", "linear", "eight_bit", "mode", "space"}
+WITHOUT_BOUNDS = {
+    "indirect",
+    "variant",
+    "denoise",
+    "sort",
+    "work_buffer",
+    "tone",
+    "linear",
+    "eight_bit",
+    "mode",
+    "space",
+}
 
 
 def written(value: float) -> str:

@@ -18,7 +18,7 @@ from mirelight.model import F32, F64, Camera, SurfaceCells
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.proxy import DeviceProxy
 
-PATHS = 1 << 19  # drawn from all cameras together
+PATHS = 1 << 18  # drawn from all cameras together
 FEWEST_PATHS = 1 << 9  # from each
 VERTICES = 4  # of a path: later ones lie where others have been
 PARTS = 4  # most that a voxel's side is split into by what sees what; what is left has no cell

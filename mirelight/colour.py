@@ -215,3 +215,34 @@ def _half_sigmoid(distance: NDArray[np.float64], span: float, power: float) -> N
     """Rises with the slope from 0 and reaches 1/2 at `span`: s d / (1 + k d^p)^(1/p)."""
     k = ((2 * _AGX_SLOPE * span) ** power - 1) / span**power
     return np.asarray(_AGX_SLOPE * distance / (1 + k * distance**power) ** (1 / power))
+
+
+# --- temperature -----------------------------------------------------------------------------------------------------
+
+_RGB_FROM_XYZ = np.array(
+    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
+)
+# Lobes (height, peak in nm, width below and above it) of the CIE 1931 observer: Wyman, Sloan and Shirley 2013,
+# "Simple analytic approximations to the CIE XYZ color matching functions", table 1.
+_OBSERVER = (
+    ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
+    ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
+    ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
+)
+
+
+def blackbody(kelvin: float) -> NDArray[np.float64]:
+    """(3,) linear Rec.709 colour of a black body, of luminance 1, so that it changes no light's photometric strength.
+
+    Planck's law, seen by the CIE 1931 observer; colours redder than Rec.709 holds (below about 1,900 K) lose their
+    negative blue.
+
+    Args:
+        kelvin: 1,000 to 40,000.
+    """
+    nm = np.arange(360.0, 831.0)
+    meters = nm * 1e-9
+    power = meters**-5 / np.expm1(1.438776877e-2 / (meters * kelvin))
+    seen = [sum(h * np.exp(-0.5 * ((nm - p) / np.where(nm < p, a, b)) ** 2) for h, p, a, b in row) for row in _OBSERVER]
+    rgb = np.maximum(_RGB_FROM_XYZ @ (np.asarray(seen) @ power), 0.0)
+    return np.asarray(rgb / (rgb @ REC709_LUMINANCE.astype(np.float64)), dtype=np.float64)

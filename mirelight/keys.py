@@ -50,7 +50,7 @@ class Keys:
         """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
         job = self.job
         captured = (job.captured,) if job.captured is not None and compares(job) else ()
-        return LightSets((*job.lightings, *captured), rules(job))
+        return LightSets((*job.lightings, *captured), rules(job), job.lightings if job.pooled else ())
 
     # --- made once a camera ---
 

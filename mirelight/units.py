@@ -125,29 +125,43 @@ class Rules:
 class LightSets:
     """The sets of a job, found once from its lightings in their order."""
 
-    def __init__(self, lightings: Iterable[Lighting], rules: Rules) -> None:
+    def __init__(self, lightings: Iterable[Lighting], rules: Rules, pooled: Iterable[Lighting] = ()) -> None:
+        """`pooled`: lightings whose unit lights are put together, as many as may share paths, before any other."""
         self._rules = rules
         self._home: dict[str, LightSet] = {}  # set of each unit, by the unit's digest
         self._known: dict[int, Mixture] = {}
         self._lightings = tuple(lightings)  # keeps them alive: they are known by identity
+        self._pooled = tuple(pooled)
+        for units in _packs([self._new(terms(x)) for x in self._pooled if self._is_linear(tuple(terms(x)))], rules):
+            self._trace_together(units)
         for lighting in self._lightings:
             self._known[id(lighting)] = self._mixture(lighting)
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made: one of the job's, or any other, whose new unit lights then form sets of their own."""
         found = self._known.get(id(lighting))
-        return found if found is not None else LightSets((*self._lightings, lighting), self._rules)._known[id(lighting)]
+        return found if found is not None else self._with(lighting)._known[id(lighting)]
+
+    def _with(self, lighting: Lighting) -> LightSets:
+        return LightSets((*self._lightings, lighting), self._rules, self._pooled)
+
+    def _is_linear(self, wanted: tuple[Term, ...]) -> bool:
+        count, rules = sum(len(t.unit.lights) for t in wanted), self._rules
+        return rules.linear and count <= rules.most_lights and len(wanted) <= rules.most_layers
+
+    def _new(self, wanted: Iterable[Term]) -> tuple[Unit, ...]:
+        return tuple({t.unit.digest: t.unit for t in wanted if t.unit.digest not in self._home}.values())
+
+    def _trace_together(self, units: tuple[Unit, ...]) -> None:
+        for part in _split(units, self._rules.suns_apart):
+            made = LightSet(part)
+            self._home.update({unit.digest: made for unit in part})
 
     def _mixture(self, lighting: Lighting) -> Mixture:
         wanted = tuple(terms(lighting))
-        count = sum(len(t.unit.lights) for t in wanted)
-        rules = self._rules
-        if not rules.linear or count > rules.most_lights or len(wanted) > rules.most_layers:
+        if not self._is_linear(wanted):
             return Mixture(lighting, (LightSet(whole=lighting),))
-        new = {t.unit.digest: t.unit for t in wanted if t.unit.digest not in self._home}
-        for units in _split(tuple(new.values()), rules.suns_apart):
-            made = LightSet(units)
-            self._home.update({unit.digest: made for unit in units})
+        self._trace_together(self._new(wanted))
         sets = {self._home[t.unit.digest].digest: self._home[t.unit.digest] for t in wanted}
         return Mixture(lighting, tuple(sets.values()) or (LightSet(),), wanted)
 
@@ -159,6 +173,32 @@ def _split(units: tuple[Unit, ...], suns_apart: bool) -> Iterator[tuple[Unit, ..
     if together:
         yield together
     yield from ((sun,) for sun in apart)
+
+
+def _packs(wanted: Iterable[tuple[Unit, ...]], rules: Rules) -> Iterator[tuple[Unit, ...]]:
+    """Units to trace together, in order: those of one lighting stay together, and a pack is filled before the next."""
+    pack: dict[str, Unit] = {}
+    done: set[str] = set()
+    for units in wanted:
+        new = {unit.digest: unit for unit in units if unit.digest not in done}
+        if pack and not _fits((pack | new).values(), rules):
+            yield tuple(pack.values())
+            pack = {}
+        pack |= new
+        done.update(new)
+    if pack:
+        yield tuple(pack.values())
+
+
+def _fits(units: Iterable[Unit], rules: Rules) -> bool:
+    """Whether units can share paths: not more lamps than are sampled alike, one environment, one sun where each is
+    traced apart."""
+    every = tuple(units)
+    lamps = sum(len(u.lights) + (u.part == SUN) for u in every)
+    around = sum(u.environment is not None or u.part == SKY for u in every)
+    suns = sum(u.has_sun for u in every)
+    room = lamps <= rules.most_lights and len(every) <= rules.most_layers
+    return room and around <= 1 and not (rules.suns_apart and suns > 1)
 
 
 def terms(lighting: Lighting) -> Iterator[Term]:

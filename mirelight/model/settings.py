@@ -131,6 +131,7 @@ class Job:
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one
+    pooled: bool = False  # unit lights of all lightings are traced together, as many at once as share paths
     captured: Lighting | None = None  # the lighting under which the splats were captured, where known
     render: RenderSettings = RenderSettings()
     compositor: CompositorSettings = CompositorSettings()

@@ -12,7 +12,7 @@ import numpy as np
 
 from mirelight import model
 from mirelight.conventions import Matrix
-from mirelight.io.job import cameras, lighting, placing
+from mirelight.io.job import cameras, lighting, placing, sweep
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.mistakes import Mistake
@@ -110,6 +110,8 @@ def build(source: Source, table: JobTable) -> Job:
     assets = Assets(source.folder, table.proxy)
     lightings = _lightings(table, assets, wrong)
     captured = _captured(table, lightings, assets, wrong)
+    if table.sweep is not None and not wrong:
+        lightings = sweep.swept(table, lightings, assets, source.folder, wrong)
     splats = assets.splats(table.splats) if table.splats else None
     proxy = assets.mesh(table.proxy) if table.proxy else None
     found = cameras.of_job(table, assets, cameras.Extent(splats, proxy), wrong)
@@ -121,6 +123,7 @@ def build(source: Source, table: JobTable) -> Job:
         albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
         cameras=found,
         lightings=lightings,
+        pooled=table.sweep is not None,
         captured=captured,
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
         compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),

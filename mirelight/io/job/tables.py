@@ -12,6 +12,7 @@ from mirelight.io.job.fields import Positive, Resolution
 from mirelight.io.job.light_tables import Captured, LightingTable, Lit
 from mirelight.io.job.scene_tables import Proxy, Splats
 from mirelight.io.job.settings_tables import CompositorTable, DisplayTable, OutputTable, RelightTable, RenderTable
+from mirelight.io.job.sweep_tables import SweepTable
 from mirelight.model import Profile
 
 
@@ -42,6 +43,7 @@ class JobTable(Lit):
         default=None,
         description="The lighting under which the splats were captured: a table like a lighting, or a lighting's name.",
     )
+    sweep: SweepTable | None = Field(default=None, description="Many lightings out of those of the job.")
     cameras: list[AnyCamera] = Field(
         default=[],
         max_length=100_000,

@@ -41,6 +41,9 @@ class Progress(Protocol):
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """A frame is there: made now, or found."""
 
+    def note(self, line: str) -> None:
+        """Something to know: what takes long now, or what is wrong with a frame that was made."""
+
     def waiting(self, cameras: int) -> None:
         """All that is left is being made by other processes: so many cameras."""
 
@@ -53,6 +56,8 @@ class Silent:
     def samples(self, task: FrameTask, done: int, total: int) -> None: ...
 
     def finished(self, task: FrameTask, skipped: bool) -> None: ...
+
+    def note(self, line: str) -> None: ...
 
     def waiting(self, cameras: int) -> None: ...
 
@@ -70,7 +75,7 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
     """
     heard = progress or Silent()
     heard.started(plan.tasks)
-    scene = prepare(plan.job, store)
+    scene = prepare(plan.job, store, heard.note)
     open_groups, skipped = _open(plan, store, heard)
     rendered = 0
     while open_groups:

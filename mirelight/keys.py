@@ -26,6 +26,13 @@ class Keys:
     # --- made once a scene ---
 
     @cached_property
+    def made_proxy(self) -> str:
+        """The bare mesh that is made from the splats."""
+        job = self.job
+        assert job.made_proxy is not None
+        return digest("mesh", job.made_proxy.digest, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+
+    @cached_property
     def proxy(self) -> str:
         """The proxy as light falls on it: with the splats' colours where they are wanted."""
         job = self.job

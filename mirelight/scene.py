@@ -6,6 +6,7 @@ them.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -41,6 +42,12 @@ class Kept(Protocol):
     def keep_array(self, key: str, values: F32) -> None:
         """Keep an array under its key."""
 
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """A kept mesh of vertices and faces alone; None where there is none."""
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """Keep the vertices and faces of a mesh."""
+
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """A kept buffer of the view of `camera`; None where there is none."""
 
@@ -58,6 +65,13 @@ class KeptNowhere:
     def keep_array(self, key: str, values: F32) -> None:
         """Forgets it."""
 
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """There is none."""
+        return None
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """Forgets it."""
+
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """There is none."""
         return None
@@ -66,12 +80,13 @@ class KeptNowhere:
         """Forgets it."""
 
 
-def prepare(job: Job, kept: Kept | None = None) -> Scene:
+def prepare(job: Job, kept: Kept | None = None, told: Callable[[str], None] | None = None) -> Scene:
     """The job made ready for its frames. Returns at once: files are read, and artefacts made, when they are needed.
 
     Args:
         job: from `mirelight.load`.
         kept: where artefacts are found and kept; None: nowhere.
+        told: called with a line before and after something that takes long is made.
 
     Raises:
         InputError: the job cannot be rendered: nothing in it, lights without a proxy, a mode without what it needs.
@@ -79,7 +94,7 @@ def prepare(job: Job, kept: Kept | None = None) -> Scene:
     if not isinstance(job, Job):
         raise TypeError(f"prepare() takes a job as mirelight.load gives it, not {type(job).__name__}")
     check(job)
-    return Scene(job, kept or KeptNowhere())
+    return Scene(job, kept or KeptNowhere(), told)
 
 
 def check(job: Job) -> None:
@@ -87,7 +102,7 @@ def check(job: Job) -> None:
     if job.splats is None and (job.proxy is None or not job.lightings):
         raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
     if job.lightings and job.proxy is None:
-        raise InputError(job.source, "lights but no proxy mesh for them to fall on", "name a proxy, or leave them out")
+        raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
     if job.lightings and job.splats is not None and keys.compares(job) and job.captured is None:
         raise InputError(
             job.source,
@@ -100,11 +115,12 @@ def check(job: Job) -> None:
 class Scene:
     """What all frames of a job share. Made by :func:`prepare`; not to be sent to another process (send the job)."""
 
-    def __init__(self, job: Job, kept: Kept) -> None:
+    def __init__(self, job: Job, kept: Kept, told: Callable[[str], None] | None = None) -> None:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
         self._surface_caches: dict[str, SurfaceCache] = {}
+        self._told = told
 
     def __repr__(self) -> str:
         ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
@@ -116,10 +132,31 @@ class Scene:
         return None if self.job.splats is None else self.job.splats.value
 
     @cached_property
+    def mesh(self) -> ProxyMesh | None:
+        """The proxy as the job names it: read, or made from the splats unless it was kept from an earlier time."""
+        job = self.job
+        if job.proxy is None or job.made_proxy is None:
+            return None if job.proxy is None else job.proxy.value
+        found = self.kept.mesh(self.keys.made_proxy)
+        if found is not None:
+            job.made_proxy.supply(found)
+        else:
+            self._tell("making the proxy mesh from the splats; it is kept for the next time")
+            began = time.monotonic()
+            made = job.made_proxy.value
+            self.kept.keep_mesh(self.keys.made_proxy, made)
+            self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
+        return job.proxy.value
+
+    def _tell(self, line: str) -> None:
+        if self._told is not None:
+            self._told(line)
+
+    @cached_property
     def proxy(self) -> ProxyMesh | None:
         """The proxy as light falls on it: with the splats' colours where the job asks for them and they are of use."""
         job = self.job
-        mesh = None if job.proxy is None else job.proxy.value
+        mesh = self.mesh
         if mesh is None or self.splats is None or job.captured is None or not keys.colors_proxy(job):
             return mesh
         from mirelight.lighting import albedo

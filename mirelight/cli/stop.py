@@ -50,6 +50,11 @@ class Watched:
         self._told.finished(task, skipped)
         self._raise_noted()
 
+    def note(self, line: str) -> None:
+        """Something to know."""
+        self._told.note(f"mirelight: {line}")
+        self._raise_noted()
+
     def waiting(self, cameras: int) -> None:
         """Others make what is left."""
         self._told.waiting(cameras)

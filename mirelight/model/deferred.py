@@ -59,6 +59,10 @@ class Deferred(Generic[T]):
             self._value = value
         return value
 
+    def supply(self, value: T) -> None:
+        """Hand it the value that it would read, where it was kept from an earlier time."""
+        self._value = value
+
     def __reduce__(self) -> tuple[object, ...]:
         return _restored, (self.digest, self._read, self._keep)
 

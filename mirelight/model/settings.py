@@ -128,6 +128,9 @@ class Job:
     source: Path  # the job file, absolute
     splats: Deferred[SplatCloud] | None = None  # in world space
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
+    made_proxy: Deferred[ProxyMesh] | None = (
+        None  # what `proxy` is without its albedo, where it is made from the splats
+    )
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one

@@ -22,7 +22,7 @@ from mirelight import keys
 from mirelight.errors import OutputError
 from mirelight.io import image, owner
 from mirelight.io.atomic import output_error, owner_of
-from mirelight.model import F32, Camera, DisplaySettings, Frame, Job, LightingBuffer, OutputSettings
+from mirelight.model import F32, Camera, DisplaySettings, Frame, Job, LightingBuffer, OutputSettings, ProxyMesh
 from mirelight.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims
@@ -136,6 +136,15 @@ class Store:
         """See `mirelight.scene.Kept`. Where there is no room, frames go on without."""
         with suppress(OutputError):
             self._scene.keep_array(key, values)
+
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """See `mirelight.scene.Kept`."""
+        return self._scene.mesh(key)
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """See `mirelight.scene.Kept`. Where there is no room, it is made again the next time."""
+        with suppress(OutputError):
+            self._scene.keep_mesh(key, mesh)
 
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """See `mirelight.scene.Kept`."""

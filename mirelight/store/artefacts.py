@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.io.atomic import atomic_path
-from mirelight.model import F32, Camera, LightingBuffer, LightLayer
+from mirelight.model import F32, Camera, LightingBuffer, LightLayer, ProxyMesh
 
 _MOST_UNUSED = 2 * 2**30  # bytes of buffers that the job does not use now, kept in case it does again
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
@@ -45,6 +45,23 @@ class Artefacts:
         """
         with atomic_path(self._folder / f"{key}.npy") as temporary, temporary.open("wb") as stream:
             np.save(stream, values, allow_pickle=False)
+
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """A kept mesh, vertices and faces alone; None where there is none, or it is damaged."""
+        try:
+            with np.load(self._folder / f"{key}.npz", allow_pickle=False) as file:
+                return ProxyMesh(vertices=file["vertices"], faces=file["faces"])
+        except _BROKEN:
+            return None
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """Keep the vertices and faces of a mesh.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        with atomic_path(self._folder / f"{key}.npz") as temporary, temporary.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, vertices=mesh.vertices, faces=mesh.faces)
 
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """A kept buffer, of the view of `camera`; None where there is none, or it is damaged."""

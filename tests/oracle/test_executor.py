@@ -162,6 +162,7 @@ class Heard:
         self.tasks: list[str] = []
         self.fractions: dict[str, list[float]] = {}
         self.ended: list[tuple[str, bool]] = []
+        self.notes: list[str] = []
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
         self.tasks = [t.name for t in tasks]
@@ -173,6 +174,9 @@ class Heard:
         self.ended.append((task.name, skipped))
 
     def waiting(self, cameras: int) -> None: ...
+
+    def note(self, line: str) -> None:
+        self.notes.append(line)
 
 
 def run(job: Job, heard: Heard | None = None, **chosen: list[str]) -> executor.RenderSummary:

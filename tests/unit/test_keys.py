@@ -151,7 +151,9 @@ def with_lights(*lights: PointLight, around: Environment | None = None, name: st
 
 CONTENT: dict[str, Job] = {
     "the content of a splat file, its transform": replace(JOB, splats=cloud(1.0)),
-    "the content of the proxy's file, its transform or albedo": replace(JOB, proxy=mesh(0.4)),
+    "the content of the proxy's file (or of the splats, where it is made from them), its transform or albedo": replace(
+        JOB, proxy=mesh(0.4)
+    ),
     "a camera's place, lens or size": replace(JOB, cameras=(VIEW.resized(21, 10),)),
     "a camera's name": replace(JOB, cameras=(replace(VIEW, name="side"),)),
     "a light's place, direction, size, range or cone": with_lights(replace(LAMP, range=9.0)),

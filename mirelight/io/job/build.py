@@ -13,7 +13,7 @@ import numpy as np
 from mirelight import model
 from mirelight.conventions import Matrix
 from mirelight.io.job import cameras, lighting, placing, sweep
-from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
+from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
@@ -113,13 +113,15 @@ def build(source: Source, table: JobTable) -> Job:
     if table.sweep is not None and not wrong:
         lightings = sweep.swept(table, lightings, assets, source.folder, wrong)
     splats = assets.splats(table.splats) if table.splats else None
-    proxy = assets.mesh(table.proxy) if table.proxy else None
+    made = _made_of_splats(source, table, splats)
+    proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
     found = cameras.of_job(table, assets, cameras.Extent(splats, proxy), wrong)
     source.refuse(wrong)
     return Job(
         source=source.path,
         splats=splats,
         proxy=proxy,
+        made_proxy=made,
         albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
         cameras=found,
         lightings=lightings,
@@ -142,6 +144,34 @@ def _cloud(files: tuple[tuple[Path, Matrix, int | None], ...]) -> SplatCloud:
         cloud = splats.read(path, lod=lod)
         clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
     return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
+
+
+def _made_of_splats(source: Source, table: JobTable, splats: Deferred[SplatCloud] | None) -> Deferred[ProxyMesh] | None:
+    """The mesh that a job has made from its splats; None where it names a file, or none."""
+    if table.proxy is None or table.proxy.path != SPLATS or splats is None or table.splats is None:
+        return None
+    render = table.render
+    variant: model.Variant = "llvm_ad_rgb" if render.variant == "scalar_rgb" else render.variant
+    named = source.folder / table.splats[0].path if len(table.splats) == 1 else source.path
+    known = model.digest("proxy of splats", splats.digest, variant)
+    return Deferred(known, partial(_made, splats, variant, render.threads, str(named)))
+
+
+def _made(splats: Deferred[SplatCloud], variant: model.Variant, threads: int | None, named: str) -> ProxyMesh:
+    from mirelight.proxy import ProxySettings, make
+
+    return make(splats.value, ProxySettings(variant=variant, threads=threads), source=named).mesh
+
+
+def _worn(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[ProxyMesh]:
+    """A made mesh with the job's albedo, which is not part of its making."""
+    assert table.proxy is not None and table.proxy.albedo != "file"
+    albedo = None if table.proxy.albedo == "splats" else tuple(table.proxy.albedo)
+    return Deferred(model.digest("proxy", made.digest, albedo), partial(_with_albedo, made, albedo))
+
+
+def _with_albedo(made: Deferred[ProxyMesh], albedo: tuple[float, ...] | None) -> ProxyMesh:
+    return made.value if albedo is None else replace(made.value, albedo=np.asarray(albedo))
 
 
 def _mesh(path: Path, m: Matrix, albedo: list[float] | str) -> ProxyMesh:

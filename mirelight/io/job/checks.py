@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from mirelight.io.job.fields import PROXY
+from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
@@ -29,12 +29,16 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
 
 
 def _something_to_see(data: dict[str, Any]) -> Iterator[Mistake]:
-    if "splats" not in data and "proxy" not in data:
+    proxy = data.get("proxy")
+    made = (proxy.get("path") if isinstance(proxy, dict) else proxy) == SPLATS
+    if "splats" not in data and made:
+        yield Mistake(("proxy",), "a proxy made from splats, but no splats", 'add splats = "capture.ply"')
+    elif "splats" not in data and "proxy" not in data:
         yield Mistake((), "neither splats nor a proxy", 'name what to render: splats = "capture.ply"')
     elif "proxy" not in data:
         for key in (*_LIT, "lightings", "captured"):
             if data.get(key):
-                remedy = 'add proxy = "scene.glb", or leave the light out to see the splats as captured'
+                remedy = 'add the line proxy = "splats" to have one made from them, or name a mesh'
                 yield Mistake((key,), "light, but no proxy for it to fall on", remedy, at_key=True)
 
 

@@ -145,12 +145,18 @@ def _existing(value: str, info: ValidationInfo) -> str:
 AssetPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing)]
 GLTF_SUFFIXES = (".glb", ".gltf")
 PROXY = "proxy"  # in lights_from and cameras_from: the proxy's own file
+SPLATS = "splats"  # as the proxy's path: it is made from them
 
 
 def _existing_or_proxy(value: str, info: ValidationInfo) -> str:
     return value if value == PROXY else _existing(value, info)
 
 
+def _existing_or_splats(value: str, info: ValidationInfo) -> str:
+    return value if value == SPLATS else _existing(value, info)
+
+
+MeshPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing_or_splats)]
 GltfPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing_or_proxy)]
 
 

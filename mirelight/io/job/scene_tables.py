@@ -9,10 +9,12 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from mirelight.io.job.fields import (
+    SPLATS,
     AssetPath,
     ColorOrGray,
     Degrees,
     Matrix,
+    MeshPath,
     NotNegative,
     Positive,
     Quaternion,
@@ -118,13 +120,23 @@ def _reflectance(values: list[float]) -> list[float]:
 class ProxyTable(Table):
     """The triangle mesh that receives and blocks the light in place of the splats."""
 
-    path: AssetPath = Field(description="Mesh file: .glb, .gltf, .ply or .obj.")
+    path: MeshPath = Field(
+        description='Mesh file: .glb, .gltf, .ply or .obj; or "splats" for one that is made from the splats.'
+    )
     transform: Transform = Field(default=Transform(), description="Places the mesh, and its file's lights and cameras.")
     albedo: Albedo = Field(
         default=[0.5, 0.5, 0.5],
         description='Diffuse reflectance: a number, linear [r, g, b], "file" for the file\'s own base colours, or '
         '"splats" to estimate it from the splats and the captured light (mode ratio).',
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> ProxyTable:
+        if self.path == SPLATS and self.transform.model_fields_set:
+            raise wrong("a transform of a proxy that is made from the splats", "give it to the splats", at="transform")
+        if self.path == SPLATS and self.albedo == "file":
+            raise wrong("'file' for a proxy that has none", 'give a number, [r, g, b] or "splats"', at="albedo")
+        return self
 
 
 Splats: TypeAlias = Annotated[

@@ -1,0 +1,125 @@
+"""A job whose proxy is made from its splats: once, kept beside its frames, and in frames' keys."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mirelight
+from mirelight import executor, keys
+from mirelight.errors import InputError
+from mirelight.io import splats
+from mirelight.plan import plan
+from mirelight.store import Store
+from tests.proxy.clouds import ball
+
+JOB = """\
+splats = "ball.ply"
+proxy = "splats"
+resolution = [48, 32]
+environment = { radiance = 1.0 }
+
+[render]
+spp = 4
+"""
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Path:
+    splats.write(ball(), tmp_path / "ball.ply")
+    path = tmp_path / "job.toml"
+    path.write_text(JOB, encoding="utf-8")
+    return path
+
+
+class Noted(executor.Silent):
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, line: str) -> None:
+        self.lines.append(line)
+
+
+def rendered(work: mirelight.Job) -> list[str]:
+    store, noted = Store(work), Noted()
+    store.open()
+    try:
+        executor.run(plan(work), store, noted)
+    finally:
+        store.close()
+    return [line for line in noted.lines if "proxy mesh" in line]
+
+
+def test_it_is_made_once_and_found_again(job: Path) -> None:
+    first = rendered(mirelight.load(job))
+    assert len(first) == 2 and "making the proxy mesh" in first[0]
+    frame = job.parent / "out" / "camera.lighting.exr"
+    before = frame.read_bytes()
+    frame.unlink()
+    (job.parent / "out" / "camera.lighting.png").unlink()
+    assert rendered(mirelight.load(job)) == []
+    assert frame.read_bytes() == before
+    frame.unlink()
+    for kept in (job.parent / "out" / ".mirelight" / "scene").iterdir():
+        kept.write_bytes(kept.read_bytes()[:100])  # a damaged one is made anew
+    assert len(rendered(mirelight.load(job))) == 2
+    assert frame.read_bytes() == before
+
+
+def test_the_mesh_stands_where_the_splats_do(job: Path) -> None:
+    job.write_text(
+        JOB.replace('"ball.ply"', '{ path = "ball.ply", transform = { translation = [5, 0, 0], scale = 2 } }'),
+        encoding="utf-8",
+    )
+    mesh = mirelight.prepare(mirelight.load(job)).mesh
+    assert mesh is not None
+    radii = np.linalg.norm(mesh.vertices - (5, 0, 0), axis=1)
+    assert np.abs(radii - 2).max() < 0.1
+
+
+def test_its_albedo_is_not_part_of_the_making(job: Path) -> None:
+    gray, dark = mirelight.load(job), mirelight.load(job, ['proxy={path="splats",albedo=0.2}'])
+    assert gray.proxy is not None and dark.proxy is not None
+    assert gray.proxy.digest != dark.proxy.digest
+    assert keys.Keys(gray).made_proxy == keys.Keys(dark).made_proxy
+    moved = mirelight.load(job, ['splats={path="ball.ply",transform={scale=2}}'])
+    assert keys.Keys(moved).made_proxy != keys.Keys(gray).made_proxy
+    light = [keys.Keys(x).frame(x.cameras[0], x.lightings[0]) for x in (gray, dark, moved)]
+    assert len(set(light)) == 3
+    mesh = mirelight.prepare(dark).mesh
+    assert mesh is not None and mesh.albedo is not None and np.allclose(mesh.albedo, 0.2)
+
+
+def test_a_sent_job_makes_the_same(job: Path) -> None:
+    work = mirelight.load(job)
+    sent = pickle.loads(pickle.dumps(work))
+    ours, theirs = mirelight.prepare(work).mesh, mirelight.prepare(sent).mesh
+    assert ours is not None and theirs is not None
+    np.testing.assert_array_equal(ours.vertices, theirs.vertices)
+    np.testing.assert_array_equal(ours.faces, theirs.faces)
+
+
+def test_a_transform_or_the_files_colours_are_refused(job: Path) -> None:
+    with pytest.raises(InputError, match="transform of a proxy that is made from the splats"):
+        mirelight.load(job, ['proxy={path="splats",transform={scale=2}}'])
+    with pytest.raises(InputError, match="'file' for a proxy that has none"):
+        mirelight.load(job, ['proxy={path="splats",albedo="file"}'])
+
+
+def test_lights_without_a_proxy_say_the_line_to_add(job: Path) -> None:
+    job.write_text(JOB.replace('proxy = "splats"\n', ""), encoding="utf-8")
+    with pytest.raises(InputError, match='add the line proxy = "splats"'):
+        mirelight.load(job)
+    work = replace(mirelight.load(job, ['proxy="splats"']), proxy=None, made_proxy=None)
+    with pytest.raises(InputError, match='add the line proxy = "splats"'):
+        plan(work)
+
+
+def test_no_splats_for_it(job: Path) -> None:
+    job.write_text('proxy = "splats"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="a proxy made from splats, but no splats"):
+        mirelight.load(job)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,52 +18,65 @@ _CELL = 0.005  # share of the longer side: distances are measured between cells 
 _FAINTER = np.float32(0.25)  # weight of a value from blocks twice as large, against one from the block itself
 
 
-def continued(factor: F32, seen: Seen, background: float) -> F32:
-    """The factor, continued into gaps of the proxy and past its silhouettes; far from it, `background`.
+class Continuation:
+    """A factor continued into gaps of the proxy and past its silhouettes; far from it, the background.
 
-    Splats reach past the proxy, and there an unchanged colour would stand out as an outline in the captured light.
+    Splats reach past the proxy, and there an unchanged colour would stand out as an outline in the captured light. All
+    that depends on the mask alone is made once, for many factors of one view.
 
     Args:
-        factor: (H, W, 3); used up.
-        seen: where it holds: the proxy covers something.
-        background: the factor beyond `FAR` from the proxy.
+        seen: (H, W) where factors hold: the proxy covers something.
     """
-    if seen.all():
+
+    def __init__(self, seen: Seen) -> None:
+        self._all = bool(seen.all())
+        if self._all:
+            return
+        self._width = seen.shape[1]
+        self._known = seen[..., None].astype(np.float32)
+        closeness = _closeness(seen)
+        self._near = np.flatnonzero((closeness > 0) & ~seen)
+        self._share = closeness.reshape(-1)[self._near, None]
+        self._counts = [_halved(self._known)]
+        while not ((self._counts[-1] > 0).all() or self._counts[-1].size == 1):
+            self._counts.append(_halved(self._counts[-1]))
+        self._weight = _read(_filled([x > 0 for x in self._counts], self._counts), self._near, self._width)
+
+    def __call__(self, factor: F32, background: float) -> F32:
+        """The factor (H, W, 3), used up, with `background` beyond `FAR` from the proxy."""
+        if self._all:
+            return factor
+        multiply(factor, self._known, factor)
+        sums = [_halved(factor)]
+        for _ in self._counts[1:]:
+            sums.append(_halved(sums[-1]))
+        own = [divide(total, count) for total, count in zip(sums, self._counts, strict=True)]
+        values = _read(_filled(own, self._counts), self._near, self._width)
+        far = np.float32(background) * (1 - self._known[..., 0])
+        for channel in range(3):
+            factor[..., channel] += far
+        faded = np.float32(background) * (1 - self._share)
+        factor.reshape(-1, 3)[self._near] = values / self._weight * self._share + faded
         return factor
-    known = seen[..., None].astype(np.float32)
-    multiply(factor, known, factor)
-    closeness = _closeness(seen)
-    near = np.flatnonzero((closeness > 0) & ~seen)
-    values = _read(_filled(_halved(factor), _halved(known)), near, seen.shape[1])
-    share = closeness.reshape(-1)[near, None]
-    far = np.float32(background) * (1 - known[..., 0])
-    for channel in range(3):
-        factor[..., channel] += far
-    factor.reshape(-1, 3)[near] = values[:, :3] / values[:, 3:] * share + np.float32(background) * (1 - share)
-    return factor
 
 
 # --- values ----------------------------------------------------------------------------------------------------------
 
 
-def _filled(sums: F32, counts: F32) -> F32:
-    """Every block's value, its own or from larger blocks (Gortler et al. 1996, "The lumigraph", section 3.4.1).
+def _filled(own: Sequence[NDArray[Any]], counts: Sequence[F32]) -> F32:
+    """Every block's value, its own or from larger blocks, times a weight that falls with their size (Gortler et al.
+    1996, "The lumigraph", section 3.4.1).
 
     Args:
-        sums: (h, w, 3) of the known values of each block.
+        own: (h, w, n) the mean of the known values of each block, level by level, each with blocks twice as large.
         counts: (h, w, 1) how many they are.
-
-    Returns:
-        (h, w, 4) values times a weight, and the weight: 1 at the most, less the larger the blocks they come from.
     """
-    known = counts > 0
-    own = np.concatenate([divide(sums, counts), known], axis=-1, dtype=np.float32)
-    if known.all() or known.size == 1:
-        return own
-    height, width = known.shape[:2]
-    coarse = _filled(_halved(sums), _halved(counts))
-    above = _doubled(_doubled(coarse, 0), 1)[:height, :width]
-    return np.asarray(np.where(known, own, above * _FAINTER), dtype=np.float32)
+    filled = own[-1].astype(np.float32)
+    for mean, count in zip(own[-2::-1], counts[-2::-1], strict=True):
+        height, width = count.shape[:2]
+        above = _doubled(_doubled(filled, 0), 1)[:height, :width]
+        filled = np.asarray(np.where(count > 0, mean, above * _FAINTER), dtype=np.float32)
+    return filled
 
 
 def _halved(image: F32) -> F32:

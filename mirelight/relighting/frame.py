@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -83,6 +84,33 @@ def apply(
         noise=deviation,
         profile=splats.profile,
     )
+
+
+def relighter(
+    splats: SplatLayer | None,
+    surface: Lit,
+    settings: RelightSettings,
+    *,
+    captured: Lit | None = None,
+    captured_level: float | None = None,
+) -> Callable[[F32], F32]:
+    """What many lightings of one view share, made ready once: a function from the light's beauty (h, w, 3), linear and
+    premultiplied by coverage, to the frame's `rgba` (H, W, 4), the very one that :func:`apply` gives.
+
+    Args:
+        splats: the composite; None: the lit proxy itself.
+        surface: coverage and albedo of the lit proxy; its beauty is not read.
+        settings, captured, captured_level: as for :func:`apply`.
+    """
+    if splats is None:
+        return lambda beauty: np.concatenate([beauty, surface.coverage[..., None]], axis=-1)
+    composite, unlit, mode = splats, unlit_rgba(splats), mode_of(settings)
+    size = composite.camera.height, composite.camera.width
+    old = captured if mode.needs_captured else None
+    if settings.blend == 0:
+        return lambda beauty: unlit
+    factor = mode.prepared(Task(size=size, new=surface, captured=old, captured_level=captured_level, settings=settings))
+    return lambda beauty: _multiplied(composite, unlit, _blended(factor(beauty), settings.blend), settings)
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,9 @@ class Task:
     settings: RelightSettings
 
 
+Factor: TypeAlias = Callable[[F32], F32]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mode:
     """How light becomes a factor."""
@@ -49,7 +53,13 @@ class Mode:
     uses_proxy_colours: bool  # light may be traced on a proxy with the splats' colours: its own albedo is divided out
     reads: frozenset[str]  # settings that decide the factor, fields of RelightSettings beside mode, profile and blend
     space: Space | None  # in which the factor multiplies; None: as the settings or the profile say
-    factor: Callable[[Task], F32]  # (H, W, 3) at full strength: `blend` is not its business
+    # All but the light made ready once; then, for the new light's beauty (h, w, 3), the factor (H, W, 3) at full
+    # strength: `blend` is not its business. `new.beauty` of the task is not read.
+    prepared: Callable[[Task], Factor]
+
+    def factor(self, task: Task) -> F32:
+        """(H, W, 3) the factor of a task at full strength."""
+        return self.prepared(task)(task.new.beauty)
 
 
 Seen = NDArray[np.bool_]  # (H, W) where the proxy covers anything

@@ -6,15 +6,15 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.model import F32
-from mirelight.relighting.fill import continued
-from mirelight.relighting.mode import Lit, Mode, Task
+from mirelight.relighting.fill import Continuation
+from mirelight.relighting.mode import Factor, Lit, Mode, Task
 from mirelight.relighting.pixels import divide, multiply
 from mirelight.relighting.resample import bilinear
 
 _NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole capture is black
 
 
-def factor(task: Task) -> F32:
+def prepared(task: Task) -> Factor:
     """min((E_new + d m) / (E_captured + d m), max) wherever the proxy covers anything, filled outwards from there.
 
     E is the lit proxy's radiance (premultiplied over coverage) over its albedo, so light alone, and m the mean
@@ -25,24 +25,41 @@ def factor(task: Task) -> F32:
     """
     assert task.captured is not None, "apply() refuses a mode without what it needs"
     settings = task.settings
-    (above, new), (below, old) = _light(task.new, task.size), _light(task.captured, task.size)
-    level = _mean(below, old) if task.captured_level is None else task.captured_level
+    new, new_coverage = _Surface(task.new, task.size), bilinear(task.new.coverage, task.size)
+    old_coverage = bilinear(task.captured.coverage, task.size)
+    below = _Surface(task.captured, task.size).light(task.captured.beauty)
+    level = _mean(below, old_coverage) if task.captured_level is None else task.captured_level
     floor = np.float32(max(settings.delta * level, _NO_LIGHT))
-    above += floor
     below += floor
-    above /= below
-    np.minimum(above, np.float32(settings.max_ratio), out=above)
-    return continued(above, np.minimum(new, old) > 0, settings.background)
+    outwards = Continuation(np.minimum(new_coverage, old_coverage) > 0)
+
+    def factor(beauty: F32) -> F32:
+        above = new.light(beauty)
+        above += floor
+        above /= below
+        np.minimum(above, np.float32(settings.max_ratio), out=above)
+        return outwards(above, settings.background)
+
+    return factor
 
 
-def _light(lit: Lit, size: tuple[int, int]) -> tuple[F32, F32]:
-    """(H, W, 3) radiance over albedo, 0 where nothing is covered or the albedo is 0; (H, W) coverage."""
-    if not lit.albedo.any() and (lit.beauty * lit.coverage[..., None]).any():
-        raise ValueError("mode 'ratio' divides by the albedo, and this light comes without (a file without 'albedo'?)")
-    # both premultiplied; the albedo is an average over the covered part
-    weight = np.empty_like(lit.albedo)
-    multiply(lit.albedo, lit.coverage[..., None], weight)
-    return divide(bilinear(lit.beauty, size), bilinear(weight, size)), bilinear(lit.coverage, size)
+class _Surface:
+    """What light is divided by: albedo times coverage."""
+
+    def __init__(self, lit: Lit, size: tuple[int, int]) -> None:
+        self._no_albedo, self._coverage, self._size = not lit.albedo.any(), lit.coverage, size
+        # both premultiplied; the albedo is an average over the covered part
+        weight = np.empty_like(lit.albedo)
+        multiply(lit.albedo, lit.coverage[..., None], weight)
+        self._weight = bilinear(weight, size)
+
+    def light(self, beauty: F32) -> F32:
+        """(H, W, 3) radiance over albedo, 0 where nothing is covered or the albedo is 0."""
+        if self._no_albedo and (beauty * self._coverage[..., None]).any():
+            raise ValueError(
+                "mode 'ratio' divides by the albedo, and this light comes without (a file without 'albedo'?)"
+            )
+        return divide(bilinear(beauty, self._size), self._weight)
 
 
 def _mean(light: F32, coverage: F32) -> float:
@@ -58,5 +75,5 @@ RATIO = Mode(
     uses_proxy_colours=True,
     reads=frozenset({"delta", "max_ratio", "background"}),
     space="linear",
-    factor=factor,
+    prepared=prepared,
 )

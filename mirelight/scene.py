@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mirelight import keys
+from mirelight import backend, keys
 from mirelight.errors import InputError
 from mirelight.model import (
     F32,
@@ -176,9 +176,12 @@ class Scene:
 
     @cached_property
     def captured_level(self) -> float | None:
-        """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it."""
+        """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it, or
+        nothing on this machine can tell (the variant scalar_rgb without libLLVM): views then take their own mean."""
         job = self.job
         if self.proxy is None or job.captured is None or not keys.compares(job):
+            return None
+        if job.render.variant == "scalar_rgb" and backend.choose() is None:
             return None
         from mirelight.lighting.level import captured_level
 

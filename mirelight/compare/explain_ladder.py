@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mirelight import colour, keys, relighting
+from mirelight import colour, relighting
 from mirelight.compare import metrics
 from mirelight.compare.explain import CAUSES, Ladder, Rung
 from mirelight.compare.explain_engine import (
@@ -22,7 +22,6 @@ from mirelight.compare.explain_light import LitSurface, shadows, texture
 from mirelight.compare.explain_splats import SplatPictures
 from mirelight.engine_lights import NORMAL_OFFSET_BIAS, EngineLighting, to_engine
 from mirelight.errors import InputError, RenderError
-from mirelight.lighting import Tracer, finished
 from mirelight.lighting.engine.raster import rasterise
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.sunsky import resolved
@@ -40,7 +39,8 @@ from mirelight.model import (
     SplatLayer,
 )
 from mirelight.realtime.engine import VERSION
-from mirelight.scene import prepare
+from mirelight.scene import Scene, prepare
+from mirelight.stages import Lit, light
 
 Say = Callable[[str], None]
 _ANOTHER_SEED = 0x5EED  # added to the job's, for samples that are independent of its own
@@ -69,8 +69,8 @@ def explain(
     """
     metrics.require(flip_alone=True)
     splats, proxy = require(job, camera)
-    lighting = resolved(lighting, job.render.variant)
-    return _Builder(job, SplatPictures(job, splats, camera), proxy, camera, lighting, engine, say).build()
+    plain = resolved(lighting, job.render.variant)
+    return _Builder(job, SplatPictures(job, splats, camera), proxy, camera, lighting, plain, engine, say).build()
 
 
 def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
@@ -116,7 +116,8 @@ class _Builder:
     splats: SplatPictures
     proxy: ProxyMesh
     camera: Camera
-    lighting: Lighting
+    given: Lighting  # as the job has it
+    lighting: Lighting  # its sky model turned into a sun and a map
     engine: EngineRun | None
     say: Say
     rungs: list[Rung] = field(default_factory=list)
@@ -148,12 +149,16 @@ class _Builder:
     def _physical_side(self, recipe: _Recipe, seed: int) -> None:
         """From points and one sample a pixel to the physical frame, by paths of that seed."""
         self.say("tracing")
-        tracer = Tracer(self.proxy, replace(self.job.render, profile="physical", seed=seed))
-        traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
-        recipe = self._traced(recipe, traced)
+        recipe = self._traced(recipe, self._light(seed, replace(self.job.relight, mode="tint"))[1].new)
         self.say("splats")
         recipe = self._splat_side(recipe)
-        self._relight_mode(recipe, traced, tracer)
+        self._relight_mode(recipe, seed)
+
+    def _light(self, seed: int, settings: RelightSettings) -> tuple[Scene, Lit]:
+        """The light that `mirelight render` has in the profile physical, at the frame's own resolution."""
+        render = replace(self.job.render, profile="physical", seed=seed)
+        scene = prepare(replace(self.job, render=render, relight=replace(settings, texture_scale=1.0)))
+        return scene, light(scene, self.camera, self.given)
 
     # --- from the engine's frame to mirelight's model of it ---
 
@@ -345,20 +350,17 @@ class _Builder:
         self._add("kernel", recipe)
         return recipe
 
-    def _relight_mode(self, recipe: _Recipe, traced: LightingBuffer, tracer: Tracer) -> None:
+    def _relight_mode(self, recipe: _Recipe, seed: int) -> None:
         """The job's own mode instead of the tint, where it is one that divides the captured light out."""
-        captured, mode = self.job.captured, relighting.mode_of(self.job.relight)
-        if not mode.needs_captured or captured is None:
+        mode = relighting.mode_of(self.job.relight)
+        if not mode.needs_captured:
             self.absent.append(("ratio", f"the job's mode is {mode.name}"))
             return
-        scene = prepare(replace(self.job, render=replace(self.job.render, profile="physical")))
-        if keys.colors_proxy(self.job) and scene.proxy is not None:
-            tracer = Tracer(scene.proxy, tracer.settings)
-            traced = finished(tracer.trace(self.lighting, self.camera), tracer.settings)
-        old = finished(tracer.trace(captured, self.camera), tracer.settings)
-        settings = replace(recipe.settings, mode=mode.name)
-        level = scene.captured_level
-        self._add("ratio", replace(recipe, light=traced, settings=settings, captured=old, captured_level=level))
+        scene, lit = self._light(seed, self.job.relight)
+        settings, level = replace(recipe.settings, mode=mode.name), scene.captured_level
+        self._add(
+            "ratio", replace(recipe, light=lit.new, settings=settings, captured=lit.captured, captured_level=level)
+        )
 
     # --- frames ---
 

@@ -38,7 +38,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "provenance": {"model", "backend"},
     "proxy": BASE | TOOLS | {"backend", "lighting", "compositor", "machine"},
     "keys": {"model", "units", "provenance", "relighting", "lighting"},
-    "scene": {"errors", "model", "units", "keys", "lighting", "compositor"},
+    "scene": {"errors", "model", "units", "keys", "backend", "lighting", "compositor"},
     "stages": {"model", "units", "mix", "keys", "provenance", "relighting", "scene", "lighting"},
     "plan": {"errors", "model", "engine_lights", "keys", "scene", "lighting"},
     "store": BASE | {"io", "keys", "plan"},

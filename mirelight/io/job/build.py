@@ -193,10 +193,10 @@ def _panorama(path: Path, sha256: str) -> F32:
 
 def relight_settings(table: JobTable) -> model.RelightSettings:
     """The relight settings, with what depends on other tables filled in."""
-    physical = table.profile == "physical"
+    rules = model.rules_of(table.profile)
     chosen = _settings(table.relight)
-    chosen["mode"] = chosen["mode"] or ("ratio" if table.captured is not None and physical else "tint")
-    chosen["space"] = chosen["space"] or ("linear" if physical or table.compositor.linear else "display")
+    chosen["mode"] = chosen["mode"] or rules.default_mode(table.captured is not None)
+    chosen["space"] = chosen["space"] or rules.default_space(table.compositor.linear)
     return model.RelightSettings(profile=table.profile, **chosen)
 
 

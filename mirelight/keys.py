@@ -65,7 +65,7 @@ class Keys:
         """The splats as a camera sees them."""
         if self.job.splats is None:
             return "no splats"
-        return digest(self._composite, _view(camera))
+        return digest(self._composite, view(camera))
 
     @cached_property
     def _composite(self) -> str:
@@ -76,11 +76,11 @@ class Keys:
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""
-        return digest(self._traced, light_set.digest, _view(camera))
+        return digest(self._traced, light_set.digest, view(camera))
 
     @cached_property
     def _traced(self) -> str:
-        settings = (_read(self.job.render, _light_reads(self.job)), self.job.output.layers, wants_aovs(self.job))
+        settings = (_read(self.job.render, _light_reads(self.job)), keeps_lights_apart(self.job), wants_aovs(self.job))
         surface = self.surface_cells if reads_surface(self.job) else ""
         return digest("light", self.proxy, settings, surface, self._versions("mitsuba", "drjit", "llvm", "numpy"))
 
@@ -88,7 +88,7 @@ class Keys:
     def surface_cells(self) -> str:
         """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
         job = self.job
-        views = [_view(x) for x in lighting_cameras(job)]
+        views = [view(x) for x in lighting_cameras(job)]
         return digest("cells", self.proxy, views, self._versions("mitsuba", "drjit", "llvm", "numpy"))
 
     def lights(self) -> Iterator[str]:
@@ -202,13 +202,17 @@ def rules(job: Job) -> Rules:
     from mirelight.lighting.layers import MAX_LAYERS
     from mirelight.lighting.lights import ALL_LIGHTS
 
-    render, output = job.render, job.output
     return Rules(
-        linear=not follows_engine(job) and render.noise is None and output.layers,
+        linear=not follows_engine(job) and job.render.noise is None and keeps_lights_apart(job),
         most_lights=ALL_LIGHTS,
         most_layers=MAX_LAYERS,
         suns_apart=wants_aovs(job),
     )
+
+
+def keeps_lights_apart(job: Job) -> bool:
+    """True where lights are traced in layers of their own: files hold them, or they are kept to be mixed anew."""
+    return job.output.layers or job.output.store != "frames"
 
 
 def wants_aovs(job: Job) -> bool:
@@ -253,8 +257,8 @@ def _light_reads(job: Job) -> set[str]:
     return names | {"ao_distance"} if wants_aovs(job) else names
 
 
-def _view(camera: Camera) -> str:
-    """A camera without its name."""
+def view(camera: Camera) -> str:
+    """What a camera sees: all of it but its name."""
     return digest("view", _read(camera, (field.name for field in fields(camera) if field.name != "name")))
 
 

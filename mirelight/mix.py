@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.model import F32, Camera, LightingBuffer, LightLayer
+from mirelight.model import F32, F64, Camera, LightingBuffer, LightLayer
 from mirelight.units import GLOW, LightSet, Mixture
 
 EMISSION = "emission"  # the layer of what the proxy's own surfaces send out
+BEAUTY = "beauty"  # the one layer where nobody asks for more
+_PARTS = ("direct", "indirect", "half", "quarter", "other_quarter")  # what is linear in the light
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What of a mixture somebody will look at."""
+
+    layers: bool  # one for each light; else their sum
+    variance: bool
 
 
 def mix(
-    mixture: Mixture, traced: Mapping[str, LightingBuffer], camera: Camera, sun_strength: Mapping[str, float]
+    mixture: Mixture,
+    traced: Mapping[str, LightingBuffer],
+    camera: Camera,
+    sun_strength: Mapping[str, float],
+    wanted: Wanted,
 ) -> LightingBuffer:
     """A lighting from the buffers of its sets.
 
@@ -24,50 +38,88 @@ def mix(
             geometry. `units.GLOW` is added where it is there. A set that is missing (of an interrupted trace) is dark.
         camera: of the result.
         sun_strength: by a set's digest the illuminance of its sun in this lighting; none for sets without a sun.
+        wanted: the rest is left out.
 
     Returns:
         The layers in the lighting's order. Sets count as independent in `variance`: within a set the layers' own
-        correlation is kept (see `LightingBuffer.reweighted`).
+        correlation is kept (see `LightingBuffer.variance_of`).
     """
     there = [s for s in mixture.sets if s.digest in traced]
     first = traced[there[0].digest]
     if there[0].whole is not None:
         return replace(first, camera=camera)
-    weighted = {s.digest: traced[s.digest].reweighted(_weights(s, mixture)) for s in there}
-    layers = [_renamed(weighted, mixture, i) for i in range(len(mixture.terms))]
-    parts = list(weighted.values())
+    shares = [found for i in range(len(mixture.terms)) if (found := _share(i, mixture, traced)) is not None]
     glow = traced.get(GLOW.digest)
     if glow is not None:
-        layers += [replace(layer, name=_free(EMISSION, layers)) for layer in glow.layers]
-        parts.append(glow)
+        name = _free(EMISSION, [x.name for x in shares])
+        shares += [_Share(name, layer, np.ones(3)) for layer in glow.layers]
     return replace(
         first,
         camera=camera,
-        layers=tuple(x for x in layers if x is not None),
-        variance=_sum([x.variance for x in parts]) if parts else None,
+        layers=tuple(x.layer(wanted) for x in shares) if wanted.layers else _summed(shares, first),
+        variance=_variance(mixture, there, traced) if wanted.variance else None,
         sun_visibility=_sun_visibility(there, traced, sun_strength),
     )
 
 
-def _weights(of: LightSet, mixture: Mixture) -> dict[str, list[float]]:
-    """By the layers of a set what the lighting takes of them; of lights that it does not have, nothing."""
-    wanted = {term.unit.digest: term.weight for term in mixture.terms}
-    return {str(i): [float(w) for w in wanted.get(unit.digest, np.zeros(3))] for i, unit in enumerate(of.units)}
+@dataclass(frozen=True, slots=True, eq=False)
+class _Share:
+    """A traced layer, and how much of it the lighting takes."""
+
+    name: str
+    traced: LightLayer
+    weight: F64  # (3,)
+
+    def layer(self, wanted: Wanted) -> LightLayer:
+        """The layer as it is in the lighting."""
+        out = self.traced if wanted.variance else replace(self.traced, variance=None)
+        return replace(out.times(self.weight), name=self.name)
 
 
-def _renamed(weighted: Mapping[str, LightingBuffer], mixture: Mixture, index: int) -> LightLayer | None:
+def _share(index: int, mixture: Mixture, traced: Mapping[str, LightingBuffer]) -> _Share | None:
     term = mixture.terms[index]
     for home in mixture.sets:
         name = home.layer_of(term.unit)
-        if name is not None:
-            buffer = weighted.get(home.digest)
-            found = None if buffer is None else next(x for x in buffer.layers if x.name == name)
-            return None if found is None else replace(found, name=term.layer)
-    raise AssertionError("a term without a set")
+        if name is not None and home.digest in traced:
+            layer = next(x for x in traced[home.digest].layers if x.name == name)
+            return _Share(term.layer, layer, term.weight)
+    return None
 
 
-def _free(name: str, layers: list[LightLayer | None]) -> str:
-    taken = {x.name for x in layers if x is not None}
+def _summed(shares: Sequence[_Share], like: LightingBuffer) -> tuple[LightLayer, ...]:
+    """One layer of all shares, added up in place."""
+    shape = (*like.coverage.shape, 3)
+    sums: dict[str, F32] = {name: np.zeros(shape, np.float32) for name in ("direct", "indirect")}
+    scratch = np.empty(shape, np.float32)
+    for share in shares:
+        if not share.weight.any():
+            continue
+        uniform = share.weight.min() == share.weight.max()
+        factor = np.float32(share.weight[0]) if uniform else share.weight.astype(np.float32)
+        for part in _PARTS:
+            values = getattr(share.traced, part)
+            if values is not None:
+                total = sums.setdefault(part, np.zeros(shape, np.float32))
+                np.multiply(values, factor, out=scratch)
+                np.add(total, scratch, out=total)
+    return (LightLayer(name=BEAUTY, **sums),)
+
+
+def _variance(mixture: Mixture, sets: Sequence[LightSet], traced: Mapping[str, LightingBuffer]) -> F32 | None:
+    weights = {term.unit.digest: term.weight for term in mixture.terms}
+    found = []
+    for one in sets:
+        own = {str(i): weights.get(unit.digest, np.zeros(3)) for i, unit in enumerate(one.units)}
+        found.append(traced[one.digest].variance_of(own))
+    glow = traced.get(GLOW.digest)
+    found += [] if glow is None else [glow.variance]
+    known = [x for x in found if x is not None]
+    if len(known) < len(found) or not known:
+        return None
+    return known[0] if len(known) == 1 else np.asarray(np.sum(known, axis=0), dtype=np.float32)
+
+
+def _free(name: str, taken: Sequence[str]) -> str:
     out, number = name, 1
     while out in taken:
         number += 1
@@ -75,15 +127,8 @@ def _free(name: str, layers: list[LightLayer | None]) -> str:
     return out
 
 
-def _sum(variances: list[F32 | None]) -> F32 | None:
-    known = [x for x in variances if x is not None]
-    if len(known) < len(variances):
-        return None
-    return known[0] if len(known) == 1 else np.asarray(np.sum(known, axis=0), dtype=np.float32)
-
-
 def _sun_visibility(
-    sets: list[LightSet], traced: Mapping[str, LightingBuffer], strength: Mapping[str, float]
+    sets: Sequence[LightSet], traced: Mapping[str, LightingBuffer], strength: Mapping[str, float]
 ) -> F32 | None:
     """Each sun's visibility by its share of all suns' illuminance; None where there is no sun or nobody asked."""
     seen = {s.digest: traced[s.digest].sun_visibility for s in sets if s.digest in strength}

@@ -9,75 +9,28 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mirelight import backend, keys
 from mirelight.errors import InputError
+from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
-    F32,
     Camera,
     Job,
     Lighting,
-    LightingBuffer,
     ProxyMesh,
     SplatCloud,
     SurfaceCache,
     SurfaceCells,
 )
 from mirelight.units import LightSet, Mixture
+from mirelight.view_light import ViewLight
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
     from mirelight.lighting import EngineTracer, Tracer
-
-
-class Kept(Protocol):
-    """A place for artefacts; `mirelight.store.Store` is one."""
-
-    def array(self, key: str) -> F32 | None:
-        """A kept array; None where there is none."""
-
-    def keep_array(self, key: str, values: F32) -> None:
-        """Keep an array under its key."""
-
-    def mesh(self, key: str) -> ProxyMesh | None:
-        """A kept mesh of vertices and faces alone; None where there is none."""
-
-    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
-        """Keep the vertices and faces of a mesh."""
-
-    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
-        """A kept buffer of the view of `camera`; None where there is none."""
-
-    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """Keep a traced buffer under its key."""
-
-
-class KeptNowhere:
-    """Keeps nothing."""
-
-    def array(self, key: str) -> F32 | None:
-        """There is none."""
-        return None
-
-    def keep_array(self, key: str, values: F32) -> None:
-        """Forgets it."""
-
-    def mesh(self, key: str) -> ProxyMesh | None:
-        """There is none."""
-        return None
-
-    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
-        """Forgets it."""
-
-    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
-        """There is none."""
-        return None
-
-    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """Forgets it."""
 
 
 def prepare(job: Job, kept: Kept | None = None, told: Callable[[str], None] | None = None) -> Scene:
@@ -121,6 +74,7 @@ class Scene:
         self.kept = kept
         self._surface_caches: dict[str, SurfaceCache] = {}
         self._told = told
+        self._view: ViewLight | None = None
 
     def __repr__(self) -> str:
         ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
@@ -202,6 +156,12 @@ class Scene:
         """How a lighting is made of sets of unit lights."""
         return self.keys.mixture(lighting)
 
+    def view_light(self, seen: Camera) -> ViewLight:
+        """The light of a view, `seen` the lighting's camera; that of the last view is kept."""
+        if self._view is None or self._view.is_broken or keys.view(self._view.camera) != keys.view(seen):
+            self._view = ViewLight(self, seen)
+        return self._view
+
     def lighting_of(self, light_set: LightSet) -> Lighting:
         """What to trace for a set: its lights, each with the name of its unit's layer."""
         return light_set.as_lighting(self.resolved)
@@ -245,4 +205,4 @@ class Scene:
 
         assert self.proxy is not None
         job = self.job
-        return tracer(self.proxy, job.render, layers=job.output.layers, aovs=keys.wants_aovs(job))
+        return tracer(self.proxy, job.render, layers=keys.keeps_lights_apart(job), aovs=keys.wants_aovs(job))

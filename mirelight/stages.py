@@ -12,22 +12,12 @@ These are mirelight's public calls, and the body of every render::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING
 
 from mirelight import keys, provenance, relighting
-from mirelight.mix import mix
 from mirelight.model import Camera, Frame, Lighting, LightingBuffer, SplatLayer
-from mirelight.model.lights import DirectionalLight, SunLight
 from mirelight.scene import Scene
-from mirelight.units import GLOW, LightSet, Mixture
-
-if TYPE_CHECKING:
-    pass
-
-Progress = Callable[[int, int], None]  # (samples done, samples in all)
+from mirelight.view_light import Progress, ViewStopped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,115 +79,18 @@ def light(scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progres
     wanted = [lighting]
     if job.splats is not None and keys.compares(job) and job.captured is not None:
         wanted.insert(0, job.captured)
-    tracing = _Tracing(scene, seen, progress)
-    tracing.expect([scene.mixture(x) for x in wanted])
+    view = scene.view_light(seen)
+    view.expect(wanted, progress)
     mixed: list[LightingBuffer] = []
     try:
-        mixed += [tracing.mixed(x) for x in wanted]
-    except Stopped:
-        so_far = tracing.mixed_so_far(lighting) if len(mixed) == len(wanted) - 1 else None
-        if so_far is None:
-            raise
+        mixed += [view.mixed(x) for x in wanted]
+    except ViewStopped:
+        so_far = view.mixed_so_far(lighting) if len(mixed) == len(wanted) - 1 else None
         captured = mixed[0] if mixed else None
-        raise Stopped(Lit(camera=camera, lighting=lighting, new=so_far, captured=captured)) from None
+        lit = None if so_far is None else Lit(camera=camera, lighting=lighting, new=so_far, captured=captured)
+        raise Stopped(lit) from None
     captured = mixed[0] if len(mixed) > 1 else None
     return Lit(camera=camera, lighting=lighting, new=mixed[-1], captured=captured)
-
-
-class _Tracing:
-    """The sets of one view: found, traced, kept."""
-
-    def __init__(self, scene: Scene, seen: Camera, progress: Progress | None) -> None:
-        self._scene, self._seen, self._progress = scene, seen, progress
-        self._there: dict[str, LightingBuffer] = {}
-        self._due: list[str] = []  # keys of sets that must be traced, in order
-
-    def expect(self, mixtures: list[Mixture]) -> None:
-        """Find what is kept already, so that progress knows how much there is to do."""
-        for one in {s.digest: s for mixture in mixtures for s in self._sets(mixture)}.values():
-            key = self._scene.keys.light(one, self._seen)
-            found = self._scene.kept.light(key, self._seen)
-            if found is not None:
-                self._there[one.digest] = found
-            else:
-                self._due.append(one.digest)
-
-    def mixed(self, lighting: Lighting) -> LightingBuffer:
-        """A lighting of the view, whatever must be traced for it traced."""
-        mixture = self._scene.mixture(lighting)
-        for one in self._sets(mixture):
-            if one.digest not in self._there:
-                self._there[one.digest] = self._traced(one)
-        return self._finished(mixture)
-
-    def mixed_so_far(self, lighting: Lighting) -> LightingBuffer | None:
-        """Of an interrupted trace, what there is."""
-        mixture = self._scene.mixture(lighting)
-        return self._finished(mixture) if any(s.digest in self._there for s in mixture.sets) else None
-
-    def _sets(self, mixture: Mixture) -> list[LightSet]:
-        """The mixture's sets; surfaces that glow are one more, unless a set is traced as a whole."""
-        mixed = all(s.whole is None for s in mixture.sets)
-        return [*mixture.sets, *([GLOW] if mixed and self._scene.glows else [])]
-
-    def _traced(self, one: LightSet) -> LightingBuffer:
-        from mirelight.lighting import Interrupted
-
-        scene = self._scene
-        report = partial(self._report, self._due.index(one.digest)) if self._progress else None
-        emission = one.glow or one.whole is not None
-        try:
-            buffer = self._buffer(one, emission, report)
-        except Interrupted as stopped:
-            if stopped.buffer is not None:
-                self._there[one.digest] = stopped.buffer
-            raise Stopped(None) from None
-        scene.kept.keep_light(scene.keys.light(one, self._seen), buffer)
-        return buffer
-
-    def _buffer(self, one: LightSet, emission: bool, report: Progress | None) -> LightingBuffer:
-        from mirelight.lighting import Tracer
-
-        scene, lighting = self._scene, self._scene.lighting_of(one)
-        if not isinstance(scene.tracer, Tracer):
-            return scene.tracer.trace(lighting, self._seen, emission=emission, progress=report)
-        waiting = partial(_waiting, report) if report else None
-        try:
-            cache = scene.surface_cache(one, emission=emission, progress=waiting)
-        except KeyboardInterrupt:
-            raise Stopped(None) from None
-        return scene.tracer.trace(lighting, self._seen, emission=emission, cache=cache, progress=report)
-
-    def _report(self, index: int, done: int, total: int) -> None:
-        assert self._progress is not None
-        self._progress(index * total + done, len(self._due) * total)
-
-    def _finished(self, mixture: Mixture) -> LightingBuffer:
-        buffer = mix(mixture, self._there, self._seen, _sun_strengths(self._scene, mixture))
-        if not self._scene.job.render.denoise:
-            return buffer
-        from mirelight.lighting.denoise import denoise
-
-        return denoise(buffer, layers=self._scene.job.output.layers)
-
-
-def _sun_strengths(scene: Scene, mixture: Mixture) -> Mapping[str, float]:
-    """By the digest of a set, the illuminance of the suns that the lighting takes from it."""
-    strengths: dict[str, float] = {}
-    for term in mixture.terms:
-        if not term.unit.has_sun:
-            continue
-        home = next(s for s in mixture.sets if s.layer_of(term.unit) is not None)
-        lights = LightSet((term.unit,)).as_lighting(scene.resolved).lights
-        suns = [x for x in lights if isinstance(x, DirectionalLight | SunLight)]
-        own = sum(x.intensity * float(x.color.mean()) for x in suns) * float(term.weight.mean())
-        strengths[home.digest] = strengths.get(home.digest, 0.0) + own
-    return strengths
-
-
-def _waiting(report: Progress, done: int, total: int) -> None:
-    """No sample of the picture yet: light is being gathered on the surface."""
-    report(0, 1)
 
 
 # --- relight ---------------------------------------------------------------------------------------------------------

@@ -156,7 +156,8 @@ def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False) 
         raise RenderError(
             f"lighting of {camera.width} x {camera.height} pixels in {len(layers.names)} layers needs "
             f"{needed / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; "
-            "give lights a group to share a layer, leave layers out (output.layers), or set texture_scale below 1"
+            "give lights a group to share a layer, leave layers out (output.layers = false with "
+            'output.store = "frames"), or set texture_scale below 1'
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,14 @@ class LightLayer(ArrayHolder):
     def __post_init__(self) -> None:
         for name in ("direct", "indirect", "variance", "half", "quarter", "other_quarter"):
             freeze(self, name, (None, None, 3))
+
+    def times(self, factor: float | Sequence[float] | F64 | F32) -> LightLayer:
+        """The layer of a light that is brighter by a factor, a number or linear [r, g, b]."""
+        by = np.asarray(factor, np.float32)
+        parts = ("direct", "indirect", "half", "quarter", "other_quarter")
+        scaled = {name: x * by for name in parts if (x := getattr(self, name)) is not None}
+        variance = None if self.variance is None else self.variance * by**2
+        return replace(self, variance=variance, **scaled)
 
     @property
     def total(self) -> F32:
@@ -112,6 +120,13 @@ class LightingBuffer(ArrayHolder):
     def _repr_png_(self) -> bytes:
         """In a notebook: the lit proxy over black."""
         return shown.picture(self.rgba)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays."""
+        owners: tuple[LightingBuffer | LightLayer, ...] = (self, *self.layers, *self.noisy)
+        values = (getattr(owner, f.name) for owner in owners for f in fields(owner))
+        return sum(x.nbytes for x in values if isinstance(x, np.ndarray))
 
     @property
     def beauty(self) -> F32:
@@ -173,10 +188,14 @@ class LightingBuffer(ArrayHolder):
         factors = [np.asarray(weights.get(name, 1.0), np.float32) for name in names]
         return replace(
             self,
-            layers=tuple(_scaled(layer, f) for layer, f in zip(self.layers, factors, strict=True)),
-            noisy=tuple(_scaled(layer, f) for layer, f in zip(self.noisy, factors, strict=False)),
+            layers=tuple(layer.times(f) for layer, f in zip(self.layers, factors, strict=True)),
+            noisy=tuple(layer.times(f) for layer, f in zip(self.noisy, factors, strict=False)),
             variance=self._variance_of_sum(factors),
         )
+
+    def variance_of(self, weights: Mapping[str, float | Sequence[float] | F64]) -> F32 | None:
+        """(H, W, 3) variance of the beauty that :meth:`reweighted` gives, without making it; None where unknown."""
+        return self._variance_of_sum([np.asarray(weights.get(x.name, 1.0), np.float32) for x in self.layers])
 
     def _variance_of_sum(self, factors: Sequence[F32]) -> F32 | None:
         """Of the layers' sum with these factors; None where it is not known of the layers or their plain sum."""
@@ -192,21 +211,6 @@ class LightingBuffer(ArrayHolder):
         between = together**2 - apart
         correlation = np.where(between > 0, (self.variance - apart) / np.where(between > 0, between, 1), 0)
         return np.asarray(new_apart + np.clip(correlation, 0, 1) * (new_together**2 - new_apart), dtype=np.float32)
-
-
-def _scaled(layer: LightLayer, factor: F32) -> LightLayer:
-    def times(array: F32 | None, by: F32 = factor) -> F32 | None:
-        return None if array is None else array * by
-
-    return LightLayer(
-        name=layer.name,
-        direct=layer.direct * factor,
-        indirect=layer.indirect * factor,
-        variance=times(layer.variance, factor**2),
-        half=times(layer.half),
-        quarter=times(layer.quarter),
-        other_quarter=times(layer.other_quarter),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -109,6 +109,11 @@ class OutputSettings:
         if unknown:
             raise ValueError(f"OutputSettings.aovs: no layer {unknown[0]!r}; there are: {', '.join(AOVS)}")
 
+    @property
+    def wants_layers(self) -> bool:
+        """Whether the EXR holds a layer for each light."""
+        return self.exr and self.layers
+
     def wants(self, *names: str) -> bool:
         """Whether the EXR holds any of these rows of `planes.PLANES`, so that they have to be made."""
         if not self.exr:

@@ -35,7 +35,7 @@ _STALE = 600.0  # seconds after which another machine's temporary file counts as
 
 
 class Store:
-    """The output folder of a job; a `mirelight.scene.Kept`.
+    """The output folder of a job; a `mirelight.kept.Kept`.
 
     Args:
         job: its output folder and the settings of its files are used.
@@ -129,11 +129,11 @@ class Store:
     # --- what frames are made from ---
 
     def array(self, key: str) -> F32 | None:
-        """See `mirelight.scene.Kept`."""
+        """See `mirelight.kept.Kept`."""
         return self._scene.array(key)
 
     def keep_array(self, key: str, values: NDArray[np.generic]) -> None:
-        """See `mirelight.scene.Kept`. Where there is no room, frames go on without."""
+        """See `mirelight.kept.Kept`. Where there is no room, frames go on without."""
         with suppress(OutputError):
             self._scene.keep_array(key, values)
 
@@ -147,11 +147,11 @@ class Store:
             self._scene.keep_mesh(key, mesh)
 
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
-        """See `mirelight.scene.Kept`."""
+        """See `mirelight.kept.Kept`."""
         return self._light.light(key, camera)
 
     def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """See `mirelight.scene.Kept`. Where there is no room, frames go on without."""
+        """See `mirelight.kept.Kept`. Where there is no room, frames go on without."""
         if self._output.store == "both":
             with suppress(OutputError):
                 self._light.keep_light(key, buffer)

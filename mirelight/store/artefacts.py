@@ -1,14 +1,13 @@
 """What frames are made from, kept for the next run: traced unit lights, and arrays that are made once a scene.
 
-Files are plain `.npz` and `.npy`, uncompressed: reading them must cost next to nothing beside tracing.
+Nothing is compressed: reading must cost next to nothing beside tracing.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
@@ -19,9 +18,11 @@ from numpy.typing import NDArray
 
 from mirelight.io.atomic import atomic_path
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, ProxyMesh
+from mirelight.store.arrays import Arrays, read_arrays, write_arrays
 
 _MOST_UNUSED = 2 * 2**30  # bytes of buffers that the job does not use now, kept in case it does again
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+_LIGHT = ".light"  # suffix of buffers
 
 
 class Artefacts:
@@ -66,8 +67,7 @@ class Artefacts:
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """A kept buffer, of the view of `camera`; None where there is none, or it is damaged."""
         try:
-            with np.load(self._folder / f"{key}.npz", allow_pickle=False) as file:
-                return _buffer(file, camera)
+            return _buffer(read_arrays(self._folder / f"{key}{_LIGHT}"), camera)
         except _BROKEN:
             return None
 
@@ -77,8 +77,8 @@ class Artefacts:
         Raises:
             OutputError: it cannot be written.
         """
-        with atomic_path(self._folder / f"{key}.npz") as temporary, temporary.open("wb") as stream:
-            np.savez(stream, allow_pickle=False, **_arrays(buffer))
+        about = {"spp": buffer.spp, "layers": [x.name for x in buffer.layers], "noisy": [x.name for x in buffer.noisy]}
+        write_arrays(self._folder / f"{key}{_LIGHT}", _arrays(buffer), about)
 
     def tidy(self, used: Collection[str]) -> None:
         """Remove the oldest of the buffers whose keys are not in `used`, but for a reserve."""
@@ -86,7 +86,8 @@ class Artefacts:
         try:
             with os.scandir(self._folder) as entries:
                 for entry in entries:
-                    if entry.name.endswith(".npz") and not entry.name.startswith(".") and entry.name[:-4] not in used:
+                    key, _, kind = entry.name.partition(".")
+                    if key and f".{kind}" == _LIGHT and key not in used:
                         status = entry.stat()
                         unused.append((status.st_mtime_ns, status.st_size, entry.path))
         except OSError:
@@ -100,31 +101,25 @@ class Artefacts:
 
 
 def _arrays(buffer: LightingBuffer) -> dict[str, NDArray[Any]]:
-    """Every array of a buffer by its name; names of layers and the number of samples as JSON in one more."""
-    out: dict[str, NDArray[Any]] = {}
-    for field in fields(LightingBuffer):
-        value = getattr(buffer, field.name)
-        if isinstance(value, np.ndarray):
-            out[field.name] = value
-    groups = {"layers": buffer.layers, "noisy": buffer.noisy}
-    for group, layers in groups.items():
+    """Every array of a buffer by its name: "depth", "layers.0.direct"."""
+    out = {f.name: x for f in fields(buffer) if isinstance(x := getattr(buffer, f.name), np.ndarray)}
+    for group, layers in (("layers", buffer.layers), ("noisy", buffer.noisy)):
         for i, layer in enumerate(layers):
-            values = {f.name: getattr(layer, f.name) for f in fields(LightLayer)}
+            values = {f.name: getattr(layer, f.name) for f in fields(layer)}
             out |= {f"{group}.{i}.{name}": x for name, x in values.items() if isinstance(x, np.ndarray)}
-    about = {"spp": buffer.spp, **{group: [x.name for x in layers] for group, layers in groups.items()}}
-    return out | {"about": np.frombuffer(json.dumps(about).encode(), np.uint8)}
+    return out
 
 
-def _buffer(file: Mapping[str, NDArray[Any]], camera: Camera) -> LightingBuffer:
-    there = set(file)
-    about = json.loads(bytes(file["about"]))
+def _buffer(file: Arrays, camera: Camera) -> LightingBuffer:
+    there = file.arrays
 
     def layer(group: str, index: int, name: str) -> LightLayer:
         names = [f.name for f in fields(LightLayer) if f"{group}.{index}.{f.name}" in there]
-        return LightLayer(name=name, **{n: file[f"{group}.{index}.{n}"] for n in names})
+        return LightLayer(name=name, **{n: there[f"{group}.{index}.{n}"] for n in names})
 
     def layers(group: str) -> tuple[LightLayer, ...]:
-        return tuple(layer(group, i, name) for i, name in enumerate(about[group]))
+        return tuple(layer(group, i, name) for i, name in enumerate(file.about[group]))
 
-    arrays: dict[str, Any] = {f.name: file[f.name] for f in fields(LightingBuffer) if f.name in there}
-    return LightingBuffer(camera=camera, spp=about["spp"], layers=layers("layers"), noisy=layers("noisy"), **arrays)
+    arrays: dict[str, Any] = {f.name: there[f.name] for f in fields(LightingBuffer) if f.name in there}
+    spp = int(file.about["spp"])
+    return LightingBuffer(camera=camera, spp=spp, layers=layers("layers"), noisy=layers("noisy"), **arrays)

@@ -305,7 +305,8 @@ def test_a_mixture_is_what_a_trace_of_its_lights_gives(counted: Counted, tmp_pat
 
 def test_only_what_is_written_is_traced(counted: Counted, tmp_path: Path) -> None:
     plain = OutputSettings()
-    less = replace(plain, layers=False), replace(plain, aovs=False), replace(plain, exr=False)
+    alone = replace(plain, store="frames")
+    less = replace(alone, layers=False), replace(plain, aovs=False), replace(plain, exr=False)
     for i, output in enumerate((plain, *less)):
         run(make_job(output=replace(output, directory=tmp_path / str(i))))
     assert counted.of("tracer") == [("layers", "aovs"), ("aovs",), ("layers",), ("layers",)]

@@ -1,0 +1,54 @@
+"""Where what frames are made from is found and kept between runs. `mirelight.store.Store` is such a place."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from mirelight.model import F32, Camera, LightingBuffer, ProxyMesh
+
+
+class Kept(Protocol):
+    """A place for artefacts; `mirelight.store.Store` is one."""
+
+    def array(self, key: str) -> F32 | None:
+        """A kept array; None where there is none."""
+
+    def keep_array(self, key: str, values: F32) -> None:
+        """Keep an array under its key."""
+
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """A kept mesh of vertices and faces alone; None where there is none."""
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """Keep the vertices and faces of a mesh."""
+
+    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
+        """A kept buffer of the view of `camera`; None where there is none."""
+
+    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
+        """Keep a traced buffer under its key."""
+
+
+class KeptNowhere:
+    """Keeps nothing."""
+
+    def array(self, key: str) -> F32 | None:
+        """There is none."""
+        return None
+
+    def keep_array(self, key: str, values: F32) -> None:
+        """Forgets it."""
+
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """There is none."""
+        return None
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """Forgets it."""
+
+    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
+        """There is none."""
+        return None
+
+    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
+        """Forgets it."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.depth import DepthMap, points_of
@@ -16,7 +17,9 @@ TRUNCATION = 4  # cells
 BAND = 2  # cells to either side of what views see, in which distances are kept
 MOST_NODES = 160_000_000  # of the grid: more would take too much memory
 _CHUNK = 1 << 18  # nodes at once
+_SHEET = 3  # cells: what is thinner and seen from both sides is a sheet
 _OPPOSITE = -0.5  # cosine between normals of two sides of one sheet
+_FEW = 0.02  # of the other side's normals: fewer do no harm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +36,8 @@ class Grid:
 def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) -> Grid:
     """Fuse depth maps.
 
-    Where a sheet thinner than two cells is seen from both sides, the views on the side of the origin count, as a floor
-    or a wall has its scene on that side; their average would be no surface at all.
+    Where a sheet thinner than a few cells is seen from both sides, the views on the side of the origin count, as a
+    floor or a wall has its scene on that side; their average would be no surface at all.
 
     Args:
         views: the maps.
@@ -46,7 +49,7 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) 
     size = np.ceil(2 * (half + (TRUNCATION + 1) * cell) / cell).astype(int) + 1
     shape = (int(size[0]), int(size[1]), int(size[2]))
     low = -(size - 1) * cell / 2
-    clean = _one_sided(views, 2 * cell)
+    clean = _one_sided(views, _SHEET * cell)
     nodes = _near_surface(clean, low, cell, shape)
     at = (np.stack(np.unravel_index(nodes, shape), axis=1) * cell + low).astype(np.float32)
     total, weight = np.zeros(len(nodes), np.float32), np.zeros(len(nodes), np.float32)
@@ -117,29 +120,17 @@ class _Planes:
 
 
 def _one_sided(views: Sequence[DepthMap], cell: float) -> list[DepthMap]:
-    """The maps without pixels that see the far side of a thin sheet."""
-    keys, sides, normals = [], [], []
-    for view in views:
-        points, n = points_of(view)
-        keys.append(_voxel(points, cell))
-        sides.append((points * n).sum(axis=1) < 0)  # facing the origin
-        normals.append(n)
-    key, index = np.unique(np.concatenate(keys), return_inverse=True)
-    if not len(key):
+    """The maps without pixels that see the far side of a sheet thinner than `cell`."""
+    found = [points_of(view) for view in views]
+    points, normals = np.concatenate([p for p, _ in found]), np.concatenate([n for _, n in found])
+    if not len(points):
         return list(views)
-    side, n = np.concatenate(sides), np.concatenate(normals)
-    sums = np.zeros((2, len(key), 3))
-    for way in (0, 1):
-        of = side == bool(way)
-        for k in range(3):
-            sums[way, :, k] = np.bincount(index[of], n[of, k], minlength=len(key))
-    length = np.linalg.norm(sums, axis=2)
-    cosine = (sums[0] * sums[1]).sum(axis=1) / np.maximum(length[0] * length[1], 1e-30)
-    few = np.minimum(length[0], length[1]) < 0.1 * np.maximum(length[0], length[1])
-    both = (cosine < _OPPOSITE) & ~few
-    drop = both[index] & ~side
+    side = (points * normals).sum(axis=1) < 0  # facing the origin
+    drop = np.zeros(len(points), bool)
+    for offset in (0.0, 0.5):  # both sides of a sheet may fall into two voxels of one grid, not of both
+        drop |= _both_sides(_voxel(points / cell + offset), side, normals) & ~side
     out, start = [], 0
-    for view, own in zip(views, keys, strict=True):
+    for view, (own, _) in zip(views, found, strict=True):
         depth = view.depth.copy()
         seen = np.flatnonzero(depth.ravel() > 0)
         depth.ravel()[seen[drop[start : start + len(own)]]] = 0
@@ -148,6 +139,20 @@ def _one_sided(views: Sequence[DepthMap], cell: float) -> list[DepthMap]:
     return out
 
 
-def _voxel(points: F64, cell: float) -> Int:
-    i = np.floor(points / cell).astype(np.int64) + (1 << 20)
+def _both_sides(voxel: Int, side: NDArray[np.bool_], normals: F64) -> NDArray[np.bool_]:
+    """(N,) whether a point's voxel holds points whose normals are opposite."""
+    key, index = np.unique(voxel, return_inverse=True)
+    sums = np.zeros((2, len(key), 3))
+    for way in (0, 1):
+        of = side == bool(way)
+        for k in range(3):
+            sums[way, :, k] = np.bincount(index[of], normals[of, k], minlength=len(key))
+    length = np.linalg.norm(sums, axis=2)
+    cosine = (sums[0] * sums[1]).sum(axis=1) / np.maximum(length[0] * length[1], 1e-30)
+    few = np.minimum(length[0], length[1]) < _FEW * np.maximum(length[0], length[1])
+    return np.asarray(((cosine < _OPPOSITE) & ~few)[index])
+
+
+def _voxel(places: F64) -> Int:
+    i = np.floor(places).astype(np.int64) + (1 << 20)
     return np.asarray((i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2])

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mirelight.errors import InputError
-from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
 from mirelight.proxy.fusion import fuse
+from mirelight.proxy.inside import HIDDEN, hidden_share, places
 from mirelight.proxy.judge import judged
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
-from mirelight.proxy.views import ORBIT, PIXELS, around
+from mirelight.proxy.views import ORBIT, PIXELS, around, from_points
 
 PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
 FEWEST_PIXELS = 96  # along the longer side of a view
@@ -59,7 +61,7 @@ def make(
     if method == "cells":
         soup = cells_of(capture, part(told, 0.05, 0.9))
     else:
-        soup = _fused(capture, maps, part(told, 0.05, 0.9), source)
+        soup = _fused(capture, maps, settings, part(told, 0.05, 0.9), source)
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     local = _mesh(soup)
@@ -73,19 +75,28 @@ def _mesh(soup: Soup) -> ProxyMesh:
     return ProxyMesh(vertices=soup.vertices.astype(np.float32), faces=soup.faces.astype(np.int32))
 
 
-def _fused(capture: Capture, maps: DepthMaps, told: Progress, source: str | Path) -> Soup:
+def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, told: Progress, source: str | Path) -> Soup:
     """By depth maps."""
     pixels = int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
     cameras = around(capture.splats.means, capture.radius, ORBIT, pixels)
-    views: list[DepthMap] = []
-    for done, camera in enumerate(cameras):
-        told("taking depth maps", 0.4 * done / len(cameras))
-        views.append(maps.of(camera))
+    views = [maps.of(camera) for camera in _counted(cameras, part(told, 0.0, 0.3))]
     _refuse_fog(capture, views, source)
-    footprint = float(np.median([np.linalg.norm(view.camera.position) / view.camera.fx for view in views]))
-    grid = fuse(views, capture.half, CELL * footprint, part(told, 0.4, 0.9))
+    hidden = hidden_share(capture, views)
+    if settings.views == "inside" or (settings.views == "auto" and hidden > HIDDEN):
+        inner = from_points(places(capture), pixels, 1e-3 * capture.radius)
+        more = views + [maps.of(camera) for camera in _counted(inner, part(told, 0.3, 0.5))]
+        if settings.views == "inside" or hidden_share(capture, more) < 0.5 * hidden:  # else it is hidden in the solid
+            views = more
+    footprint = float(np.median([np.linalg.norm(camera.position) / camera.fx for camera in cameras]))
+    grid = fuse(views, capture.half, CELL * footprint, part(told, 0.5, 0.9))
     told("finding the surface", 0.9)
     return closed(smoothed(without_crumbs(surface_of(grid))))
+
+
+def _counted(cameras: Sequence[Camera], told: Progress) -> Iterator[Camera]:
+    for done, camera in enumerate(cameras):
+        told("taking depth maps", done / len(cameras))
+        yield camera
 
 
 def _refuse_fog(capture: Capture, views: list[DepthMap], source: str | Path) -> None:

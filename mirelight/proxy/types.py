@@ -22,7 +22,7 @@ class ProxySettings:
     """How a proxy is made. Together with the splats these decide its every bit (threads do not)."""
 
     method: Literal["auto", "cells", "depth"] = "auto"  # auto: cells where splats are thin discs, else depth maps
-    views: Literal["auto", "around", "inside"] = "auto"  # where depth maps are taken from
+    views: Literal["auto", "around", "inside"] = "auto"  # inside too: auto does where views from around miss much
     triangles: int | None = None  # at most about so many; None: as many as the shape needs
     variant: Variant = "llvm_ad_rgb"
     threads: int | None = None  # None: as they are

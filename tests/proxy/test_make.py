@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mirelight.errors import InputError
+from mirelight.lighting.sight import Sight
 from mirelight.model import ProxyMesh, SplatCloud
 from mirelight.proxy import MadeProxy, ProxySettings, make
 
@@ -62,6 +63,25 @@ def test_a_floor_seen_from_both_sides_is_one_sheet_under_what_stands_on_it() -> 
     quality = make(cloud).quality
     assert quality.uncovered < 0.08
     assert quality.gap_median < 0.004 * quality.size
+
+
+def test_what_stands_in_a_closed_room_is_there() -> None:
+    """No view from around sees it, so views from inside are taken."""
+    room = box_shell(4, 0.07, thin=0.3)
+    table = box_shell(1, 0.05, thin=0.3)
+    mesh = make(joined_clouds(room, moved(table, (0.3, -1.4, 0.2)))).mesh
+    inner = np.abs(mesh.vertices - np.array((0.3, -1.4, 0.2))).max(axis=1)
+    top = (inner < 0.6) & (mesh.vertices[:, 1] > -0.95) & (mesh.vertices[:, 1] < -0.85)
+    assert top.sum() > 50
+    ways = np.array([[x, y, z] for x in (-0.3, 0.1, 0.3) for y in (-0.3, 0.1, 0.3) for z in (-1.0, 1.0)])
+    eye = np.array((-1.0, 0.6, -1.1))
+    for axis in range(3):  # walls where they are, seen from within
+        face, distance = Sight(mesh).first_hits(eye, np.roll(ways, axis + 1, axis=1))
+        assert (face >= 0).all()
+        hit = eye + np.roll(ways, axis + 1, axis=1) * distance[:, None]
+        np.testing.assert_allclose(np.abs(hit).max(axis=1), 2, atol=0.07)  # a spacing
+    down = Sight(mesh).first_hits(np.array((0.3, 1.0, 0.2)), np.array([[0.0, -1.0, 0.0]]))[1]
+    assert down[0] == pytest.approx(1.9, abs=0.05)
 
 
 def moved(cloud: SplatCloud, by: tuple[float, float, float]) -> SplatCloud:

@@ -202,7 +202,13 @@ def _fits(units: Iterable[Unit], rules: Rules) -> bool:
 
 
 def terms(lighting: Lighting) -> Iterator[Term]:
-    """A term for each layer that the lighting has, in the layers' order."""
+    """A term for each layer that the lighting has, in the layers' order; its `mix` is in the weights."""
+    factors = lighting.factors()
+    for term in _unmixed(lighting):
+        yield replace(term, weight=term.weight * factors[term.layer]) if term.layer in factors else term
+
+
+def _unmixed(lighting: Lighting) -> Iterator[Term]:
     for name, lights in _by_layer(lighting.lights).items():
         if len(lights) == 1 and lights[0].group is None:
             (lamp,) = lights

@@ -25,7 +25,8 @@ _RINGS = 24  # of the disc's quadrature
 
 
 def resolved(lighting: Lighting, variant: Variant = "llvm_ad_rgb") -> Lighting:
-    """The lighting with its sky model turned into a sun light and an environment; itself where it has none.
+    """The lighting with its sky model turned into a sun light and an environment, and its mix in its lights' colours
+    and its environment's pixels; itself where it has neither.
 
     Args:
         lighting: any.
@@ -34,10 +35,18 @@ def resolved(lighting: Lighting, variant: Variant = "llvm_ad_rgb") -> Lighting:
     Raises:
         BackendError: the variant cannot be used on this machine.
     """
-    if lighting.sky is None:
-        return lighting
-    sun, sky = _parts(lighting.sky, variant)
-    return replace(lighting, lights=(*lighting.lights, sun), environment=sky, sky=None)
+    if lighting.sky is not None:
+        sun, sky = _parts(lighting.sky, variant)
+        lighting = replace(lighting, lights=(*lighting.lights, sun), environment=sky, sky=None)
+    return _mixed(lighting) if lighting.mix else lighting
+
+
+def _mixed(lighting: Lighting) -> Lighting:
+    factors, around = lighting.factors(), lighting.environment
+    lights = tuple(replace(x, color=x.color * factors.get(x.group or x.name, 1.0)) for x in lighting.lights)
+    if around is not None and around.name in factors:
+        around = replace(around, radiance=around.pixels * factors[around.name].astype(np.float32))
+    return replace(lighting, lights=lights, environment=around, mix=())
 
 
 @lru_cache(maxsize=8)  # by identity: the frames of a job share their lightings, and the tracer its prepared map

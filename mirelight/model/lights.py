@@ -162,6 +162,17 @@ class SkyModel(ArrayHolder):
 SUN, SKY = "sun", "sky"  # names of a sky model's layers
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LayerFactor(ArrayHolder):
+    """How strongly a layer of a lighting counts."""
+
+    layer: str  # of `units.terms`: a light's name, a group's, the environment's, "sun" or "sky"
+    factor: F64  # (3,) linear, 0 or more
+
+    def __post_init__(self) -> None:
+        freeze(self, "factor", (3,), np.float64)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lighting:
     """A named set of lights: what one frame is lit by. Light names are unique in it."""
@@ -170,6 +181,7 @@ class Lighting:
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
     sky: SkyModel | None = None  # instead of an environment; `lighting.sunsky.resolved` makes a sun and a map of it
+    mix: tuple[LayerFactor, ...] = ()  # multiply light as given above; of layers that are not named: 1
 
     def __repr__(self) -> str:
         named = shown.names([x.name for x in self.lights])
@@ -182,3 +194,10 @@ class Lighting:
         """One name per layer: the lights in order, then the environment or the sky model's two."""
         around = (self.environment.name,) if self.environment else (SUN, SKY) if self.sky else ()
         return tuple(x.name for x in self.lights) + around
+
+    def factors(self) -> dict[str, F64]:
+        """By the name of a layer what `mix` says of it, (3,); the product where it says several things."""
+        out: dict[str, F64] = {}
+        for one in self.mix:
+            out[one.layer] = out[one.layer] * one.factor if one.layer in out else one.factor
+        return out

@@ -27,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "sh": BASE,
     "viewing": BASE,
     "engine_lights": BASE | {"colour"},
-    "io": BASE | TOOLS | {"engine_lights", "machine", "proxy"},
+    "io": BASE | TOOLS | {"engine_lights", "machine", "proxy", "units"},
     "dataset": BASE | TOOLS | {"io"},
     "backend": {"errors", "model"},
     "lighting": BASE | TOOLS | {"backend", "engine_lights", "machine"},

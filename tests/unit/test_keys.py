@@ -19,6 +19,7 @@ from mirelight.model import (
     DisplaySettings,
     Environment,
     Job,
+    LayerFactor,
     Lighting,
     OutputSettings,
     PointLight,
@@ -158,6 +159,9 @@ CONTENT: dict[str, Job] = {
     "a camera's name": replace(JOB, cameras=(replace(VIEW, name="side"),)),
     "a light's place, direction, size, range or cone": with_lights(replace(LAMP, range=9.0)),
     "a light's colour or intensity": with_lights(replace(LAMP, color=np.array([1.0, 0.5, 0.0]), intensity=2.0)),
+    "a factor in `mix`, by name": replace(
+        JOB, lightings=(replace(DAY, mix=(LayerFactor(layer="lamp", factor=np.array([1, 0.5, 0])),)),)
+    ),
     "a light's name or a lighting's": with_lights(replace(LAMP, name="other")),
     "an environment's picture or rotation": with_lights(LAMP, around=replace(sky(), rotation=10.0)),
     "an environment's intensity": with_lights(LAMP, around=replace(sky(), intensity=0.5)),

@@ -12,7 +12,7 @@ import numpy as np
 
 from mirelight import model
 from mirelight.conventions import Matrix
-from mirelight.io.job import cameras, lighting, placing, sweep
+from mirelight.io.job import cameras, lighting, mixing, placing, sweep
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.mistakes import Mistake
@@ -112,6 +112,7 @@ def build(source: Source, table: JobTable) -> Job:
     captured = _captured(table, lightings, assets, wrong)
     if table.sweep is not None and not wrong:
         lightings = sweep.swept(table, lightings, assets, source.folder, wrong)
+    mixed = mixing.mixed(lightings, table.mix, wrong)
     splats = assets.splats(table.splats) if table.splats else None
     made = _made_of_splats(source, table, splats)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
@@ -124,7 +125,7 @@ def build(source: Source, table: JobTable) -> Job:
         made_proxy=made,
         albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
         cameras=found,
-        lightings=lightings,
+        lightings=mixed,
         pooled=table.sweep is not None,
         captured=captured,
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from mirelight.io.job import mixing
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
@@ -25,6 +26,7 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
         *_needs_proxy(data),
         *_ratio(data),
         *_albedo_from_splats(data),
+        *mixing.mistakes(data.get("mix")),
     ]
 
 

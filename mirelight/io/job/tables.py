@@ -10,6 +10,7 @@ from mirelight.io.job.camera_file_tables import CamerasFrom
 from mirelight.io.job.camera_tables import AnyCamera
 from mirelight.io.job.fields import Positive, Resolution
 from mirelight.io.job.light_tables import Captured, LightingTable, Lit
+from mirelight.io.job.mixing import MixTable
 from mirelight.io.job.scene_tables import Proxy, Splats
 from mirelight.io.job.settings_tables import CompositorTable, DisplayTable, OutputTable, RelightTable, RenderTable
 from mirelight.io.job.sweep_tables import SweepTable
@@ -44,6 +45,11 @@ class JobTable(Lit):
         description="The lighting under which the splats were captured: a table like a lighting, or a lighting's name.",
     )
     sweep: SweepTable | None = Field(default=None, description="Many lightings out of those of the job.")
+    mix: MixTable = Field(
+        default={},
+        description="Factors of lights, groups and environments by name, a number or [r, g, b] each, in every "
+        "lighting; in one lighting as a table under its name.",
+    )
     cameras: list[AnyCamera] = Field(
         default=[],
         max_length=100_000,

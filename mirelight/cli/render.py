@@ -21,10 +21,10 @@ from mirelight.store import Store
 
 def run_render(args: argparse.Namespace) -> int:
     """The command. Progress goes to stderr, one line at the end to stdout."""
-    told = progress.chosen(args.quiet)
+    tally = progress.chosen(args.quiet)
     store: Store | None = None
     try:
-        with told:
+        with tally:
             work = _load(args)
             frames = plan(
                 work,
@@ -32,24 +32,24 @@ def run_render(args: argparse.Namespace) -> int:
                 lightings=named(args.lighting, [x.name for x in work.lightings]),
             )
             for line in warnings(frames):
-                told.note(f"mirelight: {line}")
+                tally.note(f"mirelight: {line}")
             store = Store(work)
             store.open()
-            with stop.Watched(told) as watched:
+            with stop.Watched(tally) as watched:
                 executor.run(frames, store, watched)
             store.tidy(light_keys(work))
     except BaseException as e:
         code = stop.exit_code(e)
         if code is None:
             raise
-        _say_what_is_left(told, store)
+        _say_what_is_left(tally, store)
         return code
     finally:
         if store is not None:
             store.close()
     if not args.quiet:
-        existed = f", {told.skipped} of them already there" if told.skipped else ""
-        print(f"{_frames(told.there)} in {_shown(store.folder)}{existed}; {progress.duration(told.elapsed)}")
+        existed = f", {tally.skipped} of them already there" if tally.skipped else ""
+        print(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
     return 0
 
 
@@ -84,10 +84,10 @@ def named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | Non
     return found
 
 
-def _say_what_is_left(told: progress.Tally, store: Store | None) -> None:
+def _say_what_is_left(tally: progress.Tally, store: Store | None) -> None:
     line = "interrupted before the first frame"
-    if store is not None and told.total:
-        done = f"{told.there} of {_frames(told.total)} are in {_shown(store.folder)}"
+    if store is not None and tally.total:
+        done = f"{tally.there} of {_frames(tally.total)} are in {_shown(store.folder)}"
         line = f"interrupted; {done}, and the same command goes on from there"
         if store.partial:
             paths = ", ".join(_shown(path) for path in store.partial)

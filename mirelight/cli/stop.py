@@ -21,8 +21,8 @@ class Watched:
     The first SIGINT or SIGTERM waits for the next call; a second one is raised at once.
     """
 
-    def __init__(self, told: Tally) -> None:
-        self._told = told
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
         self._noted: int | None = None
 
     def __enter__(self) -> Self:
@@ -37,34 +37,34 @@ class Watched:
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
         """Before the first frame."""
-        self._told.started(tasks)
+        self._tally.started(tasks)
         self._raise_noted()
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """Samples of the frame in progress."""
-        self._told.samples(task, done, total)
+        self._tally.samples(task, done, total)
         self._raise_noted()
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """A frame is there."""
-        self._told.finished(task, skipped)
+        self._tally.finished(task, skipped)
         self._raise_noted()
 
     def note(self, line: str) -> None:
         """Something to know."""
-        self._told.note(f"mirelight: {line}")
+        self._tally.note(f"mirelight: {line}")
         self._raise_noted()
 
     def waiting(self, cameras: int) -> None:
         """Others make what is left."""
-        self._told.waiting(cameras)
+        self._tally.waiting(cameras)
         self._raise_noted()
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         again, self._noted = self._noted is not None, number
         if again:
             self._raise_noted()
-        self._told.stopping()
+        self._tally.stopping()
 
     def _raise_noted(self) -> None:
         if self._noted == signal.SIGINT:

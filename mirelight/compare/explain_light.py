@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from mirelight.engine_lights import EngineLighting
-from mirelight.lighting.engine.raster import Surface
+from mirelight.lighting.engine.raster import Rasterised
 from mirelight.lighting.engine.shading import ambient, received
 from mirelight.lighting.visibility import Bool, ShadowRays
 from mirelight.model import (
@@ -41,7 +41,7 @@ class LitSurface:
     """What the lighting camera sees, on one pixel grid, and which lights each point sees."""
 
     camera: Camera
-    surface: Surface
+    surface: Rasterised
     albedo: F32  # (H, W, 3) linear
     visible: tuple[Bool, ...]  # (H, W) for each light: its centre is seen
     biased: tuple[Bool, ...] = ()  # (H, W) the same from the points that the engine looks up; empty: not wanted
@@ -114,7 +114,7 @@ def texture(camera: Camera, radiance: F32, coverage: F32) -> LightingBuffer:
 
 
 def shadows(
-    rays: ShadowRays, surface: Surface, camera: Camera, lighting: Lighting, bias: float = 0.0
+    rays: ShadowRays, surface: Rasterised, camera: Camera, lighting: Lighting, bias: float = 0.0
 ) -> tuple[Bool, ...]:
     """For each light the pixels (H, W) whose surface point sees its centre.
 

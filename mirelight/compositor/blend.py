@@ -30,7 +30,7 @@ from mirelight.compositor.record import (
     X,
     Y,
 )
-from mirelight.compositor.resolve import Frame, untile
+from mirelight.compositor.resolve import Blended, untile
 
 NEARLY_OPAQUE = 2.0**-20  # profiles without a stop of their own end a pixel here: what lies behind adds less than 1e-6
 SCALE_AT, OFFSET_AT = 6, 7  # places in a splat's list of arrays
@@ -227,7 +227,7 @@ class _EightBit:
         return out
 
 
-def blend(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Frame) -> None:
+def blend(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Blended) -> None:
     """Blend a band's tiles into `frame`, front to back.
 
     Args:
@@ -244,7 +244,7 @@ def blend(source: Source, data: list[Array], lists: TileLists, band: Band, frame
     untile(source.device, states, over.fresh()[: over.results], lists, band, frame, images)
 
 
-def blend_eight_bit(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Frame) -> None:
+def blend_eight_bit(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Blended) -> None:
     """Blend a band's colours as the engine's RGBA8 target does. The records run back to front."""
     program = _EightBit(source)
     states = for_each_tile(source.device, lists, band, source, data, program)

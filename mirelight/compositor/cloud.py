@@ -28,7 +28,7 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class Eye:
     """A camera as opaque scalars, so that a new one compiles nothing."""
 
     eye: list[tuple[Array, Array]]  # each coordinate rounded to float32, and what that lost
@@ -68,12 +68,12 @@ def upload(device: Device, splats: SplatCloud, settings: CompositorSettings) -> 
     )
 
 
-def view_of(device: Device, camera: Camera, kernel: SplatKernel) -> View:
+def view_of(device: Device, camera: Camera, kernel: SplatKernel) -> Eye:
     """The camera's numbers on the device."""
     c = device.constant
     limits = slope_limits(kernel, camera)
     rounded = camera.position.astype(np.float32).astype(np.float64)
-    return View(
+    return Eye(
         eye=[(c(high), c(v - high)) for v, high in zip(camera.position, rounded, strict=True)],
         axes=[[c(v) for v in camera.world_from_camera[:3, i]] for i in range(3)],
         focal=(c(camera.fx), c(camera.fy)),
@@ -85,7 +85,7 @@ def view_of(device: Device, camera: Camera, kernel: SplatKernel) -> View:
     )
 
 
-def from_eye(cloud: Cloud, view: View) -> list[Array]:
+def from_eye(cloud: Cloud, view: Eye) -> list[Array]:
     """Centres as seen from the eye, world axes. Exact far from the origin too, where float32 would lose the eye."""
     return [(m - high) - low for m, (high, low) in zip(cloud.means, view.eye, strict=True)]
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from mirelight import colour
 from mirelight import sh as spherical
-from mirelight.compositor.cloud import PADDED, Cloud, View, clamp, dot, from_eye
+from mirelight.compositor.cloud import PADDED, Cloud, Eye, clamp, dot, from_eye
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.record import BLUE, GREEN, RECORD, RED
 from mirelight.compositor.source import COMPACT_COLOR_STEPS, MOST_COLOR, tone_of
 from mirelight.model import F32, CompositorSettings, rules_of
 
 
-def splat_colors(device: Device, cloud: Cloud, view: View, settings: CompositorSettings) -> F32:
+def splat_colors(device: Device, cloud: Cloud, view: Eye, settings: CompositorSettings) -> F32:
     """(N, 3) colours as they are blended, seen from the camera; culled splats too."""
     rgb = evaluated(device, cloud, view, from_eye(cloud, view))
     rgb = stored(device, rgb, settings)
@@ -34,7 +34,7 @@ def tone_records(device: Device, records: Array, settings: CompositorSettings) -
     dr.eval(records)
 
 
-def evaluated(device: Device, cloud: Cloud, view: View, offset: list[Array]) -> list[Array]:
+def evaluated(device: Device, cloud: Cloud, view: Eye, offset: list[Array]) -> list[Array]:
     """Red, green and blue ``0.5 + Σ sh Y``, display-encoded.
 
     Of all splats: reading every row in order costs less than picking those in view, unless they are few and together.

@@ -27,7 +27,7 @@ from mirelight.compositor.memory import allowance, check_indices, check_pixels, 
 from mirelight.compositor.order import depth_order
 from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
-from mirelight.compositor.resolve import Frame, empty_frame, layer_of, new_frame, values_of
+from mirelight.compositor.resolve import Blended, empty_frame, layer_of, new_frame, values_of
 from mirelight.errors import BackendError
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
@@ -120,7 +120,7 @@ class Compositor:
 
     def _blend(
         self, device: Device, camera: Camera, values: F32 | None, *, depth: bool, drawing: EngineDrawing | None = None
-    ) -> Frame:
+    ) -> Blended:
         settings, kernel = self.settings, splat_kernel(self.settings, camera)
         channels = 0 if values is None else values.shape[1]
         what = f"a frame of {camera.width} x {camera.height} pixels of {len(self.splats)} splats"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.compositor.cloud import Cloud, View, clamp, dot, from_eye
+from mirelight.compositor.cloud import Cloud, Eye, clamp, dot, from_eye
 from mirelight.compositor.color import evaluated, stored
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.engine import EngineDrawing, Half, snapped_halves
@@ -54,7 +54,7 @@ class _Position:
 def project(
     device: Device,
     cloud: Cloud,
-    view: View,
+    view: Eye,
     kernel: SplatKernel,
     settings: CompositorSettings,
     drawing: EngineDrawing = EXACT,
@@ -93,7 +93,7 @@ def project(
 
 
 def _records(
-    device: Device, count: int, view: View, look: _Look, halves: tuple[Half, ...], key: Array, visible: Array
+    device: Device, count: int, view: Eye, look: _Look, halves: tuple[Half, ...], key: Array, visible: Array
 ) -> Projected:
     """One record a splat, or one for each half of its quad."""
     dr, types = device.dr, device.types
@@ -122,7 +122,7 @@ def _records(
     return Projected(records, keys, seen)
 
 
-def _position(device: Device, view: View, offset: list[Array]) -> _Position:
+def _position(device: Device, view: Eye, offset: list[Array]) -> _Position:
     dr = device.dr
     right, up, back = view.axes
     x, y, depth = dot(dr, right, offset), dot(dr, up, offset), -dot(dr, back, offset)
@@ -132,7 +132,7 @@ def _position(device: Device, view: View, offset: list[Array]) -> _Position:
     return _Position(depth, inverse, slopes, pixel)
 
 
-def _covariance(device: Device, cloud: Cloud, view: View, kernel: SplatKernel, at: _Position) -> Covariance:
+def _covariance(device: Device, cloud: Cloud, view: Eye, kernel: SplatKernel, at: _Position) -> Covariance:
     dr, low = device.dr, kernel.low_pass
     right, up, back = view.axes
     fx, fy = view.focal

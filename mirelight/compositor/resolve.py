@@ -20,7 +20,7 @@ only below: what a denormal weight adds to anything larger is less than half of 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class Blended:
     """The images a frame's bands are blended into: whole tiles, so the last rows and columns may lie outside."""
 
     width: int  # px, a multiple of the tile's
@@ -33,14 +33,14 @@ class Frame:
     channels: int = 0
 
 
-def new_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Frame:
+def new_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Blended:
     """Undefined images for all rows of `band`; every tile is written exactly once."""
     width, height = band.columns * device.tile_width, band.rows * device.tile_height
 
     def image(depth_of_pixel: int) -> Array:
         return device.dr.empty(device.types.Float, width * height * depth_of_pixel)
 
-    return Frame(
+    return Blended(
         width=width,
         height=height,
         color=image(3),
@@ -58,7 +58,7 @@ def untile(
     fresh: list[float],
     lists: TileLists,
     band: Band,
-    frame: Frame,
+    frame: Blended,
     images: dict[str, range],
 ) -> None:
     """Write a band's pixel states, tile by tile, into the frame's images.
@@ -92,7 +92,7 @@ def untile(
     dr.eval(targets)
 
 
-def empty_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Frame:
+def empty_frame(device: Device, band: Band, *, depth: bool, channels: int) -> Blended:
     """What a view without splats looks like."""
     frame = new_frame(device, band, depth=depth, channels=channels)
     for image in (frame.color, frame.depth, frame.median, frame.values):
@@ -107,7 +107,7 @@ def _cropped(image: F32, camera: Camera) -> F32:
     return np.ascontiguousarray(image[: camera.height, : camera.width])
 
 
-def layer_of(frame: Frame, camera: Camera, settings: CompositorSettings) -> SplatLayer:
+def layer_of(frame: Blended, camera: Camera, settings: CompositorSettings) -> SplatLayer:
     """The frame as NumPy arrays; mean depth divided by what was blended."""
     size = (frame.height, frame.width)
     transmittance = _cropped(frame.transmittance.numpy().reshape(size), camera)
@@ -129,7 +129,7 @@ def layer_of(frame: Frame, camera: Camera, settings: CompositorSettings) -> Spla
     )
 
 
-def values_of(frame: Frame, camera: Camera) -> F32:
+def values_of(frame: Blended, camera: Camera) -> F32:
     """(H, W, C) of the other per-splat values."""
     assert frame.values is not None
     return _cropped(frame.values.numpy().reshape(frame.height, frame.width, frame.channels), camera)

@@ -15,7 +15,7 @@ from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.blend import Source, blend
 from mirelight.compositor.device import Array, open_device
 from mirelight.compositor.memory import check_indices, cloud_bytes, frame_bytes
-from mirelight.compositor.resolve import Frame
+from mirelight.compositor.resolve import Blended
 from mirelight.errors import BackendError, RenderError
 from mirelight.model import Camera, CompositorSettings, SplatCloud
 
@@ -47,7 +47,7 @@ def test_bands_change_nothing(monkeypatch: pytest.MonkeyPatch, settings: Composi
     whole = compositor.composite(LARGER)
     seen: list[Band] = []
 
-    def counted(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Frame) -> None:
+    def counted(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Blended) -> None:
         seen.append(band)
         blend(source, data, lists, band, frame)
 

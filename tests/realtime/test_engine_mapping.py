@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mirelight import conventions, engine_lights
 from mirelight.engine_lights import EngineLight, EngineLighting
 from mirelight.lighting import trace
-from mirelight.lighting.engine.raster import Surface, rasterise
+from mirelight.lighting.engine.raster import Rasterised, rasterise
 from mirelight.model import (
     F32,
     AreaLight,
@@ -51,7 +51,7 @@ def engine_radiance(light: Light | Environment) -> F32:
     return trace(replace(FLOOR, albedo=ALBEDO), lit, CAMERA, RenderSettings(profile="playcanvas")).beauty
 
 
-def towards(position: tuple[float, float, float], surface: Surface = SURFACE) -> tuple[F32, F32]:
+def towards(position: tuple[float, float, float], surface: Rasterised = SURFACE) -> tuple[F32, F32]:
     """Unit vectors to a position and the distance, per pixel."""
     way = np.asarray(position) - surface.position
     distance = np.linalg.norm(way, axis=-1)

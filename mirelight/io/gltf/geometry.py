@@ -13,7 +13,7 @@ from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.draco import DracoData, decode_draco
 from mirelight.io.gltf.fields import Fields
-from mirelight.io.gltf.materials import Surface, UvSource
+from mirelight.io.gltf.materials import TexturedMaterial, UvSource
 from mirelight.io.safety import require_memory
 from mirelight.model import F32, I32
 
@@ -70,7 +70,7 @@ def check_size(document: Document, placed: list[tuple[Fields, int]]) -> None:
     require_memory(document.path, memory, f"{total} vertices and indices")
 
 
-def read_mesh_pieces(document: Document, mesh: Fields, surfaces: dict[int, Surface]) -> list[Piece]:
+def read_mesh_pieces(document: Document, mesh: Fields, surfaces: dict[int, TexturedMaterial]) -> list[Piece]:
     """The triangles of one mesh; primitives that share their vertices become one piece.
 
     Args:
@@ -95,17 +95,17 @@ def _attributes(primitive: Fields) -> dict[str, int]:
     return attributes
 
 
-def _surface(primitive: Fields, surfaces: dict[int, Surface]) -> Surface | None:
+def _surface(primitive: Fields, surfaces: dict[int, TexturedMaterial]) -> TexturedMaterial | None:
     index = primitive.integer("material", None)
     return None if index is None else surfaces[index]
 
 
-def _uv_source(primitive: Fields, surfaces: dict[int, Surface]) -> UvSource | None:
+def _uv_source(primitive: Fields, surfaces: dict[int, TexturedMaterial]) -> UvSource | None:
     surface = _surface(primitive, surfaces)
     return surface.uv if surface else None
 
 
-def _sharing_key(primitive: Fields, surfaces: dict[int, Surface]) -> object:
+def _sharing_key(primitive: Fields, surfaces: dict[int, TexturedMaterial]) -> object:
     draco = primitive.extension("KHR_draco_mesh_compression")
     if draco is not None:
         return primitive.where
@@ -114,7 +114,7 @@ def _sharing_key(primitive: Fields, surfaces: dict[int, Surface]) -> object:
     return tuple(sorted(_attributes(primitive).items())), repr(targets), uv.key()
 
 
-def _read_group(document: Document, primitives: list[Fields], surfaces: dict[int, Surface]) -> Piece:
+def _read_group(document: Document, primitives: list[Fields], surfaces: dict[int, TexturedMaterial]) -> Piece:
     first = primitives[0]
     attributes = _attributes(first)
     draco = decode_draco(document, first)

@@ -30,14 +30,14 @@ class UvSource:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class TexturedMaterial:
     """A material and where its texture coordinates come from; `uv` is None without a texture."""
 
     material: Material
     uv: UvSource | None = None
 
 
-def read_materials(document: Document, used: set[int], textures: bool) -> dict[int, Surface]:
+def read_materials(document: Document, used: set[int], textures: bool) -> dict[int, TexturedMaterial]:
     """The materials of those indices.
 
     Args:
@@ -54,7 +54,7 @@ def read_materials(document: Document, used: set[int], textures: bool) -> dict[i
     return {index: _surface(document, document.entry("materials", index), textures, images) for index in sorted(used)}
 
 
-def _surface(document: Document, entry: Fields, textures: bool, images: dict[int, F32]) -> Surface:
+def _surface(document: Document, entry: Fields, textures: bool, images: dict[int, F32]) -> TexturedMaterial:
     shape, names = entry.child("pbrMetallicRoughness"), ("baseColorFactor", "baseColorTexture")
     glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
     if glossy is not None:  # archived, but common in older files: its diffuse part is the base colour
@@ -80,7 +80,7 @@ def _surface(document: Document, entry: Fields, textures: bool, images: dict[int
         emissive_wrap=glow.wraps if glow else ("repeat", "repeat"),
     )
     used = base or glow
-    return Surface(material, used.uv if used else None)
+    return TexturedMaterial(material, used.uv if used else None)
 
 
 def _emissive(entry: Fields) -> F64:

@@ -13,7 +13,7 @@ from mirelight.io.gltf.deform import joint_matrices, morphed, vertex_matrices
 from mirelight.io.gltf.document import Document, read_document
 from mirelight.io.gltf.geometry import Piece, check_size, read_mesh_pieces, triangle_primitives
 from mirelight.io.gltf.lights import read_node_lights
-from mirelight.io.gltf.materials import Surface, read_materials
+from mirelight.io.gltf.materials import TexturedMaterial, read_materials
 from mirelight.io.gltf.nodes import Matrix, Node, instance_worlds, place_nodes
 from mirelight.io.surface import filled_normals, flat_shaded, transformed_normals
 from mirelight.model import F32, I32, Light, Material, ProxyMesh
@@ -150,7 +150,7 @@ def _instanced(piece: Piece, worlds: Matrix) -> Piece:
     )
 
 
-def _merged(pieces: list[Piece], surfaces: dict[int, Surface]) -> ProxyMesh:
+def _merged(pieces: list[Piece], surfaces: dict[int, TexturedMaterial]) -> ProxyMesh:
     """One mesh of all pieces. Attributes that only some have are filled in: white, uv 0, the faces' own normals."""
     if any(p.normals is not None for p in pieces):
         pieces = [p if p.normals is not None else _with_flat_normals(p) for p in pieces]
@@ -177,7 +177,9 @@ def _joined(parts: list[F32 | None], pieces: list[Piece], width: int, fill: floa
     return np.concatenate([blank if x is None else x for x, blank in zip(parts, blanks, strict=True)])
 
 
-def _material_table(pieces: list[Piece], surfaces: dict[int, Surface]) -> tuple[tuple[Material, ...], I32 | None]:
+def _material_table(
+    pieces: list[Piece], surfaces: dict[int, TexturedMaterial]
+) -> tuple[tuple[Material, ...], I32 | None]:
     """The materials in use and each face's index into them; None where there is only one."""
     indices = np.concatenate([p.face_materials for p in pieces])
     used, compact = np.unique(indices, return_inverse=True)

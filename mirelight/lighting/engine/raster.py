@@ -22,7 +22,7 @@ SUBPIXEL_BITS = 4  # SwiftShader's, on which headless Chromium renders; graphics
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Surface:
+class Rasterised:
     """The first front face behind each pixel centre; zeros where there is none."""
 
     coverage: NDArray[np.bool_]  # (H, W)
@@ -47,7 +47,7 @@ def rasterise(
     subpixel_bits: int = SUBPIXEL_BITS,
     variant: Variant = "llvm_ad_rgb",
     threads: int | None = None,
-) -> Surface:
+) -> Rasterised:
     """The proxy as the engine's relighting camera sees it: back faces culled, no antialiasing.
 
     Args:
@@ -164,7 +164,7 @@ def _boxes(pixels: F64, ahead: NDArray[np.bool_], w: F64, camera: Camera) -> NDA
 
 def _resolve(
     proxy: ProxyMesh, camera: Camera, hit: NDArray[np.int64], face: NDArray[np.int64], weights: F64
-) -> Surface:
+) -> Rasterised:
     """Interpolate what the visible triangles carry, at the pixels that are hit (flat indices)."""
     h, w = camera.height, camera.width
     corner = proxy.faces[face]
@@ -182,7 +182,7 @@ def _resolve(
 
     faces = np.full(h * w, -1, dtype=np.int32)
     faces[hit] = face
-    return Surface(
+    return Rasterised(
         coverage=(faces >= 0).reshape(h, w),
         depth=spread((camera.position - position) @ camera.world_from_camera[:3, 2]),
         position=spread(position),

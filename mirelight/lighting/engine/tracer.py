@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight.engine_lights import EngineLight, to_engine
 from mirelight.lighting.develop import refuse_if_too_large
-from mirelight.lighting.engine.raster import Surface, rasterise
+from mirelight.lighting.engine.raster import Rasterised, rasterise
 from mirelight.lighting.engine.shading import ambient, received
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.sunsky import resolved
@@ -38,7 +38,7 @@ class _Seen:
     """The pixels of a camera that see the proxy, N of them, and their points."""
 
     camera: Camera
-    surface: Surface
+    surface: Rasterised
     face: NDArray[np.int32]  # (N,) triangle of each
     position: F64  # (N, 3) world space
     normal: F64  # (N, 3) unit

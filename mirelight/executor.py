@@ -13,6 +13,8 @@ from functools import partial
 from typing import Protocol
 
 from mirelight import stages
+from mirelight.dataset import describe, index
+from mirelight.model import SplatLayer
 from mirelight.plan import FrameTask, Group, Plan
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
@@ -76,6 +78,8 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
     heard = progress or Silent()
     heard.started(plan.tasks)
     scene = prepare(plan.job, store, heard.note)
+    if plan.job.output.store != "frames" and plan.job.lightings:
+        index.write(describe.describe(plan), store.folder)
     open_groups, skipped = _open(plan, store, heard)
     rendered = 0
     while open_groups:
@@ -101,7 +105,7 @@ def _open(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], in
     left: list[Group] = []
     there = 0
     for group in plan.groups:
-        if all(index.has(task) for task in group.tasks):
+        if all(index.has(task) for task in group.tasks) and store.has_layers(group.layers):
             there += len(group.tasks)
             for task in group.tasks:
                 progress.finished(task, True)
@@ -112,6 +116,8 @@ def _open(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], in
 
 def _make(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
     """Make what is missing of a camera's frames; says how many that were."""
+    if group.layers:
+        return _make_layers(scene, group, store, progress)
     missing: list[FrameTask] = []
     for task in group.tasks:
         if store.has(task):  # asked now: another process may have made it meanwhile
@@ -120,7 +126,7 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
             missing.append(task)
     if not missing:
         return 0
-    splats = stages.composite(scene, group.camera)
+    splats = _composite(scene, group, store)
     for task in missing:
         began = time.monotonic()
         report: Callable[[int, int], None] = partial(progress.samples, task)
@@ -133,3 +139,25 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
         store.put(task, stages.relight(scene, splats, lit), seconds=time.monotonic() - began)
         progress.finished(task, False)
     return len(missing)
+
+
+def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
+    """Make what is missing of the layers that a camera's frames are mixed from; says how many frames those give."""
+    there = store.has_layers(group.layers)
+    if not there:
+        began = time.monotonic()
+        report: Callable[[int, int], None] = partial(progress.samples, group.tasks[0])
+        _composite(scene, group, store)
+        lightings = [task.lighting for task in group.tasks if task.lighting is not None]
+        stages.trace(scene, group.camera, lightings, progress=report)
+        store.add_row(group.name, time.monotonic() - began)
+    for task in group.tasks:
+        progress.finished(task, there)
+    return 0 if there else len(group.tasks)
+
+
+def _composite(scene: Scene, group: Group, store: Store) -> SplatLayer | None:
+    splats = stages.composite(scene, group.camera)
+    if splats is not None:
+        store.keep_composite(scene.keys.composite(group.camera), splats)
+    return splats

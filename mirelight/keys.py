@@ -100,6 +100,16 @@ class Keys:
             seen = relighting.lighting_camera(camera, job.relight)
             yield from (self.light(s, seen) for s in (*every.values(), GLOW))
 
+    def layers(self, camera: Camera, lightings: Iterable[Lighting | None]) -> Iterator[str]:
+        """What the frames of a camera are mixed from: its composite, and the sets of the lightings."""
+        job = self.job
+        if job.splats is not None:
+            yield self.composite(camera)
+        captured = (job.captured,) if job.splats is not None and compares(job) else ()
+        seen = relighting.lighting_camera(camera, job.relight)
+        mixtures = (self.mixture(x) for x in (*lightings, *captured) if x is not None)
+        yield from (self.light(s, seen) for s in {s.digest: s for m in mixtures for s in m.sets}.values())
+
     # --- frames ---
 
     def frame(self, camera: Camera, lighting: Lighting | None) -> str:
@@ -150,7 +160,9 @@ class Keys:
     @cached_property
     def files(self) -> tuple[str, ...]:
         """Suffixes of the files that each frame has."""
-        wanted = {".exr": self.job.output.exr, ".png": self.job.output.png}
+        output = self.job.output
+        frames = output.store != "layers" or not self.job.lightings  # nothing to mix
+        wanted = {".exr": frames and output.exr, ".png": frames and output.png}
         return tuple(suffix for suffix in FILE_SUFFIXES if wanted[suffix])
 
     def _versions(self, *packages: str) -> dict[str, str]:

@@ -29,6 +29,7 @@ class Group:
 
     name: str  # unique in the job, safe as a file name
     tasks: tuple[FrameTask, ...]
+    layers: tuple[str, ...] = ()  # keys of what is kept instead of frames, where the job wants layers alone
 
     @property
     def camera(self) -> Camera:
@@ -74,15 +75,18 @@ def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str
         return FrameTask(camera=camera, lighting=lighting, name=names[id(camera), id(lighting)], files=files)
 
     def group(camera: Camera) -> Group:
-        return Group(names[id(camera), id(every_lighting[0])], tuple(task(camera, x) for x in chosen_lightings))
+        layers = tuple(made.layers(camera, chosen_lightings)) if not made.files else ()
+        name = names[id(camera), id(every_lighting[0])]
+        return Group(name, tuple(task(camera, x) for x in chosen_lightings), layers)
 
     return Plan(job, tuple(group(camera) for camera in chosen_cameras))
 
 
 def light_keys(job: Job) -> frozenset[str]:
-    """Keys of all the traced buffers that the job's frames are made from, whatever is chosen."""
+    """Keys of all the composites and traced buffers that the job's frames are made from, whatever is chosen."""
     made = keys.Keys(job)
-    return frozenset(made.lights()) if job.proxy is not None else frozenset()
+    composites = [made.composite(camera) for camera in job.cameras] if job.splats is not None else []
+    return frozenset([*made.lights(), *composites] if job.proxy is not None else composites)
 
 
 def warnings(plan: Plan) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ These are mirelight's public calls, and the body of every render::
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from mirelight import keys, provenance, relighting
@@ -91,6 +92,23 @@ def light(scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progres
         raise Stopped(lit) from None
     captured = mixed[0] if len(mixed) > 1 else None
     return Lit(camera=camera, lighting=lighting, new=mixed[-1], captured=captured)
+
+
+def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progress: Progress | None = None) -> None:
+    """Trace the unit lights of a view that are not kept yet, and what frames are compared with; nothing is mixed.
+
+    Raises:
+        Stopped, BackendError, RenderError: as :func:`light`.
+    """
+    job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
+    wanted = list(lightings)
+    if job.splats is not None and keys.compares(job) and job.captured is not None:
+        wanted.append(job.captured)
+        _ = scene.captured_level
+    try:
+        scene.view_light(seen).trace(wanted, progress)
+    except ViewStopped:
+        raise Stopped(None) from None
 
 
 # --- relight ---------------------------------------------------------------------------------------------------------

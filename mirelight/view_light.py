@@ -112,6 +112,18 @@ class ViewLight:
             self._captured = finished
         return finished
 
+    def trace(self, lightings: Sequence[Lighting], progress: Progress | None) -> None:
+        """Trace what is not kept yet, and keep it. What glows comes first: with all the rest there, it is, too.
+
+        Raises:
+            ViewStopped: Ctrl-C.
+        """
+        self.expect(lightings, progress)
+        sets = {s.digest: s for x in lightings for s in self._sets(self._scene.mixture(x))}
+        for one in sorted(sets.values(), key=lambda s: not s.glow):
+            if one.digest not in self._there:
+                self._traced(one)
+
     def mixed_so_far(self, lighting: Lighting) -> LightingBuffer | None:
         """Of an interrupted trace, what there is; None: nothing."""
         mixture = self._scene.mixture(lighting)

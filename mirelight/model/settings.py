@@ -96,7 +96,8 @@ class OutputSettings:
     """Where and what is written."""
 
     directory: Path = Path("out")
-    store: Literal["both", "frames"] = "both"  # frames: traced light is not kept, so a changed light is traced anew
+    # frames: traced light is not kept, so a changed light is traced anew; layers: no frames, `mirelight.dataset` mixes
+    store: Literal["both", "frames", "layers"] = "both"
     exr: bool = True
     png: bool = True
     layers: bool = True  # direct and indirect of each light or group, and `lighting`, which is their sum

@@ -22,7 +22,17 @@ from mirelight import keys
 from mirelight.errors import OutputError
 from mirelight.io import image, owner
 from mirelight.io.atomic import output_error, owner_of
-from mirelight.model import F32, Camera, DisplaySettings, Frame, Job, LightingBuffer, OutputSettings, ProxyMesh
+from mirelight.model import (
+    F32,
+    Camera,
+    DisplaySettings,
+    Frame,
+    Job,
+    LightingBuffer,
+    OutputSettings,
+    ProxyMesh,
+    SplatLayer,
+)
 from mirelight.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims
@@ -151,10 +161,36 @@ class Store:
         return self._light.light(key, camera)
 
     def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """See `mirelight.kept.Kept`. Where there is no room, frames go on without."""
-        if self._output.store == "both":
+        """See `mirelight.kept.Kept`. Where frames are kept, too, and there is no room, they go on without."""
+        if self._output.store == "layers":
+            self._light.keep_light(key, buffer)
+        elif self._output.store == "both":
             with suppress(OutputError):
                 self._light.keep_light(key, buffer)
+
+    def keep_composite(self, key: str, splats: SplatLayer) -> None:
+        """Keep a composite under its key, where frames are to be mixed from layers. Where they are kept beside frames,
+        and there is no room, frames go on without.
+
+        Raises:
+            OutputError: layers alone are wanted, and it cannot be written.
+        """
+        if self._output.store == "frames" or key in self._light.there():
+            return
+        if self._output.store == "layers":
+            self._light.keep_composite(key, splats)
+            return
+        with suppress(OutputError):
+            self._light.keep_composite(key, splats)
+
+    def has_layers(self, wanted: Collection[str]) -> bool:
+        """Whether all of these composites and traced buffers are there."""
+        return self._light.there() >= set(wanted)
+
+    def add_row(self, name: str, seconds: float) -> None:
+        """Note that a camera's layers are there."""
+        sync_folder(self._aside["light"])
+        self._journal.add(Row(name, {}, round(seconds, 3)))
 
     def tidy(self, used: Collection[str]) -> None:
         """See :meth:`mirelight.store.artefacts.Artefacts.tidy`."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.io.atomic import atomic_path
-from mirelight.model import F32, Camera, LightingBuffer, LightLayer, ProxyMesh
+from mirelight.model import F32, Camera, LightingBuffer, LightLayer, Profile, ProxyMesh, SplatLayer
 from mirelight.store.arrays import Arrays, read_arrays, write_arrays
 
 _MOST_UNUSED = 2 * 2**30  # bytes of buffers that the job does not use now, kept in case it does again
@@ -80,6 +80,30 @@ class Artefacts:
         about = {"spp": buffer.spp, "layers": [x.name for x in buffer.layers], "noisy": [x.name for x in buffer.noisy]}
         write_arrays(self._folder / f"{key}{_LIGHT}", _arrays(buffer), about)
 
+    def composite(self, key: str, camera: Camera, profile: Profile, linear: bool) -> SplatLayer | None:
+        """A kept composite of a camera; None where there is none, or it is damaged."""
+        try:
+            file = read_arrays(self._folder / f"{key}{_LIGHT}")
+            return SplatLayer(camera=camera, profile=profile, linear=linear, **file.arrays)
+        except _BROKEN:
+            return None
+
+    def keep_composite(self, key: str, splats: SplatLayer) -> None:
+        """Keep a composite.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(splats), {})
+
+    def there(self) -> frozenset[str]:
+        """Keys of the composites and buffers that are kept."""
+        try:
+            with os.scandir(self._folder) as entries:
+                return frozenset(x.name.removesuffix(_LIGHT) for x in entries if x.name.endswith(_LIGHT))
+        except OSError:
+            return frozenset()
+
     def tidy(self, used: Collection[str]) -> None:
         """Remove the oldest of the buffers whose keys are not in `used`, but for a reserve."""
         unused = []
@@ -102,12 +126,16 @@ class Artefacts:
 
 def _arrays(buffer: LightingBuffer) -> dict[str, NDArray[Any]]:
     """Every array of a buffer by its name: "depth", "layers.0.direct"."""
-    out = {f.name: x for f in fields(buffer) if isinstance(x := getattr(buffer, f.name), np.ndarray)}
+    out = _own_arrays(buffer)
     for group, layers in (("layers", buffer.layers), ("noisy", buffer.noisy)):
         for i, layer in enumerate(layers):
             values = {f.name: getattr(layer, f.name) for f in fields(layer)}
             out |= {f"{group}.{i}.{name}": x for name, x in values.items() if isinstance(x, np.ndarray)}
     return out
+
+
+def _own_arrays(of: LightingBuffer | SplatLayer) -> dict[str, NDArray[Any]]:
+    return {f.name: x for f in fields(of) if isinstance(x := getattr(of, f.name), np.ndarray)}
 
 
 def _buffer(file: Arrays, camera: Camera) -> LightingBuffer:

@@ -127,10 +127,10 @@ class OutputTable(Table):
     directory: str = Field(
         default=str(_OUTPUT.directory), min_length=1, max_length=4096, description="Folder, relative to the job file."
     )
-    store: Literal["both", "frames"] = Field(
+    store: Literal["both", "frames", "layers"] = Field(
         default=_OUTPUT.store,
         description="both: keep traced light beside the frames, so that a changed colour or intensity traces nothing; "
-        "frames: keep frames alone.",
+        "frames: keep frames alone; layers: write no frames, they are mixed when they are read (docs/datasets.md).",
     )
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")

@@ -1,0 +1,203 @@
+"""The index of kept layers, `.mirelight/dataset.json`: which files hold what, so that any lighting can be mixed.
+
+A few numbers for each camera, unit light and lighting, and the keys by which composites and traced light are kept.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mirelight.errors import InputError
+from mirelight.io.atomic import atomic_path
+from mirelight.model import (
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    DisplaySettings,
+    Light,
+    PointLight,
+    RelightSettings,
+    SpotLight,
+    SunLight,
+)
+
+FILE = Path(".mirelight") / "dataset.json"
+LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
+VERSION = 1
+_LIGHTS = {kind.__name__: kind for kind in (AreaLight, DirectionalLight, PointLight, SpotLight, SunLight)}
+
+
+@dataclass(frozen=True, slots=True)
+class UnitLight:
+    """Light that can be dimmed and coloured on its own."""
+
+    name: str  # unique; that of its layer in the first lighting that has it
+    kind: str  # lamp, sun, area, group, environment, sky, or whole: a lighting that was traced as it is
+    lights: tuple[Light, ...]  # white, of intensity 1; those of a group as they are; none of environments and skies
+    group: int  # index of the set that it was traced in
+    layer: str  # its layer there; "": all of them
+
+
+@dataclass(frozen=True, slots=True)
+class Weighted:
+    """A lighting as weights over unit lights."""
+
+    name: str
+    groups: tuple[int, ...]  # the sets that it is made of, at least one
+    units: tuple[int, ...]
+    weights: tuple[tuple[float, float, float], ...]  # linear: colour times intensity
+
+
+@dataclass(frozen=True, slots=True)
+class KeptView:
+    """A camera, and where its pictures are kept."""
+
+    camera: Camera
+    light_size: tuple[int, int]  # rows and columns of the light's pictures
+    frame: str  # names of its frames, by lighting: "FRAME.LIGHTING"
+    composite: str | None  # key; None: the job has no splats
+    groups: tuple[str, ...]  # keys of the traced sets
+    glow: str  # key of what the proxy's own surfaces send out; there is no such file where nothing glows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Index:
+    """All that mixing needs to know."""
+
+    job: str  # the job file's name
+    views: tuple[KeptView, ...]
+    units: tuple[UnitLight, ...]
+    lightings: tuple[Weighted, ...]
+    captured: Weighted | None  # where the relight mode compares with it
+    captured_level: str | None  # key of an array
+    relight: RelightSettings
+    display: DisplaySettings
+    denoised: bool
+    profile: str
+    linear: bool  # composites hold linear light
+
+
+def write(index: Index, folder: Path) -> None:
+    """Write the index, unless that very one is there.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    text = json.dumps({"version": VERSION, **_packed(index)}, allow_nan=False, separators=(",", ":")) + "\n"
+    path = folder / FILE
+    try:
+        if path.read_text(encoding="utf-8") == text:
+            return
+    except (OSError, ValueError):
+        pass
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def read(folder: Path) -> Index:
+    """The index of an output folder.
+
+    Raises:
+        InputError: there is none, or it is not one of this version.
+    """
+    path = folder / FILE
+    remedy = 'render the job with output.store = "layers" or "both"'
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        raise InputError(folder, "no kept layers", remedy) from None
+    except ValueError:
+        raise InputError(path, "not an index of layers", remedy) from None
+    try:
+        if data["version"] != VERSION:
+            raise InputError(path, f"version {data['version']}", f"this mirelight reads version {VERSION}; {remedy}")
+        return _index(data)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+        raise InputError(path, "a damaged index", remedy) from None
+
+
+# --- JSON ------------------------------------------------------------------------------------------------------------
+
+
+def _packed(value: Any) -> Any:
+    match value:
+        case np.ndarray():
+            return value.tolist()
+        case float():
+            return value if math.isfinite(value) else None
+        case tuple() | list():
+            return [_packed(x) for x in value]
+        case RelightSettings() | DisplaySettings():
+            return asdict(value)
+        case Mapping():
+            return {key: _packed(x) for key, x in value.items()}
+        case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
+            own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+            return {"type": type(value).__name__, **own}
+        case Camera() | Index() | KeptView() | UnitLight() | Weighted():
+            return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+        case _:
+            return value
+
+
+def _index(data: dict[str, Any]) -> Index:
+    display = dict(data["display"])
+    display["background"] = tuple(display["background"])
+    captured = data["captured"]
+    return Index(
+        job=str(data["job"]),
+        views=tuple(_view(x) for x in data["views"]),
+        units=tuple(_unit(x) for x in data["units"]),
+        lightings=tuple(_weighted(x) for x in data["lightings"]),
+        captured=None if captured is None else _weighted(captured),
+        captured_level=data["captured_level"],
+        relight=RelightSettings(**data["relight"]),
+        display=DisplaySettings(**display),
+        denoised=bool(data["denoised"]),
+        profile=str(data["profile"]),
+        linear=bool(data["linear"]),
+    )
+
+
+def _view(data: dict[str, Any]) -> KeptView:
+    camera = {**data["camera"], "world_from_camera": np.array(data["camera"]["world_from_camera"])}
+    camera["far"] = math.inf if camera["far"] is None else camera["far"]
+    rows, columns = data["light_size"]
+    groups = tuple(_key(x) for x in data["groups"])
+    composite = None if data["composite"] is None else _key(data["composite"])
+    return KeptView(Camera(**camera), (rows, columns), str(data["frame"]), composite, groups, _key(data["glow"]))
+
+
+def _key(value: Any) -> str:
+    """A key as a file name: what is none must lead nowhere."""
+    if not isinstance(value, str) or not value.isalnum():
+        raise ValueError
+    return value
+
+
+def _unit(data: dict[str, Any]) -> UnitLight:
+    lights = tuple(_light(x) for x in data["lights"])
+    return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"])
+
+
+def _light(data: dict[str, Any]) -> Light:
+    kind: Callable[..., Light] = _LIGHTS[data["type"]]
+    own: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
+    if "range" in own and own["range"] is None:
+        own["range"] = math.inf
+    if "size" in own:
+        own["size"] = tuple(data["size"])
+    return kind(**own)
+
+
+def _weighted(data: dict[str, Any]) -> Weighted:
+    weights = tuple((float(r), float(g), float(b)) for r, g, b in data["weights"])
+    return Weighted(data["name"], tuple(data["groups"]), tuple(data["units"]), weights)

@@ -1,0 +1,268 @@
+"""A folder of kept layers as a data set: any lighting of its unit lights, mixed when it is read.
+
+Nothing heavy is loaded: neither Mitsuba nor Dr.Jit, nor torch. A data set can be sent to other processes (it opens the
+folder again there) and read by forked ones.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mirelight import relighting
+from mirelight.dataset import index as indexing
+from mirelight.dataset.index import Index, UnitLight, Weighted
+from mirelight.errors import InputError
+from mirelight.model import F32, Camera, LightingBuffer, Profile, SplatLayer
+from mirelight.store.artefacts import Artefacts
+
+_MEMORY = 2**30  # bytes of layers that a process keeps
+
+
+class Sample(NamedTuple):
+    """One mixed frame. A named tuple of arrays and numbers, which torch's DataLoader makes batches of."""
+
+    rgba: F32  # (H, W, 4) linear Rec.709, premultiplied
+    weights: F32  # (L, 3) of the unit lights, linear: colour times intensity
+    camera: int  # index
+    lighting: int  # index; -1: none of the job's
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ready:
+    """What is ready of a camera."""
+
+    planes: F32  # (3, L, h w) radiance of the unit lights
+    constant: F32 | None  # (3, h w) of surfaces that glow
+    whole: NDArray[np.bool_]  # (L,) units that hold the glow already
+    size: tuple[int, int]  # h, w
+    relit: Callable[[F32], F32]
+
+    def frame(self, weights: F32) -> F32:
+        """(H, W, 4) under lights of these weights (L, 3)."""
+        beauty = np.empty((*self.size, 3), dtype=np.float32)
+        used = np.flatnonzero(weights.any(axis=1))
+        glow = self.constant is not None and not self.whole[used].any()
+        few = 2 * len(used) < len(weights)
+        for channel in range(3):
+            planes, wanted = self.planes[channel], weights[:, channel]
+            if few:
+                mixed = np.zeros(planes.shape[1], dtype=np.float32)
+                for i in used:
+                    mixed += wanted[i] * planes[i]
+            else:
+                mixed = wanted @ planes
+            if glow:
+                mixed += self.constant[channel]  # type: ignore[index]
+            beauty[..., channel] = mixed.reshape(self.size)
+        return self.relit(beauty)
+
+
+class DataSet:
+    """The frames of a job, mixed from its layers: every camera under every lighting, and under any other.
+
+    `dataset[i]` is camera `i // len(lightings)` under lighting `i % len(lightings)`; cameras whose layers are not there
+    yet are left out when it is opened.
+
+    Args:
+        folder: the output folder of a job whose `output.store` is "layers" or "both".
+        memory: bytes of layers kept in this process; more cameras are read again when their turn comes.
+
+    Raises:
+        InputError: no layers there, or of a job that denoises frames after mixing.
+    """
+
+    def __init__(self, folder: str | Path, memory: int = _MEMORY) -> None:
+        self.folder, self._memory = Path(folder), memory
+        self._index: Index = indexing.read(self.folder)
+        if self._index.denoised:
+            raise InputError(self.folder, "frames that are denoised after mixing", "render with render.denoise = false")
+        self._kept = Artefacts(self.folder / indexing.LIGHT)
+        self._scene = Artefacts(self.folder / indexing.SCENE)
+        there = self._kept.there()
+        self._views = tuple(
+            v for v in self._index.views if there >= {*v.groups, *((v.composite,) if v.composite is not None else ())}
+        )
+        if not self._views:
+            raise InputError(self.folder, "no camera whose layers are all there", "render the job to its end")
+        self._ready: OrderedDict[int, _Ready] = OrderedDict()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return DataSet, (self.folder, self._memory)
+
+    def __repr__(self) -> str:
+        lights = f"{len(self.lights)} unit lights"
+        return f"DataSet({self.folder}: {len(self.cameras)} cameras, {lights}, {len(self.lightings)} lightings)"
+
+    # --- what there is ---
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """Those whose layers are there."""
+        return tuple(v.camera for v in self._views)
+
+    @property
+    def lights(self) -> tuple[UnitLight, ...]:
+        """The unit lights, L of them, in the order of weights."""
+        return self._index.units
+
+    @property
+    def lightings(self) -> tuple[str, ...]:
+        """Names of the job's lightings."""
+        return tuple(x.name for x in self._index.lightings)
+
+    @property
+    def index(self) -> Index:
+        """All that the job says of them."""
+        return self._index
+
+    def weights(self, lighting: int | str) -> F32:
+        """(L, 3) what a lighting takes of the unit lights."""
+        return self._weights(self._index.lightings[self._at(lighting, self.lightings, "lighting")])
+
+    def layers(self, camera: int | str) -> F32:
+        """(L, h, w, 3) linear radiance of each unit light on the proxy, premultiplied by its coverage."""
+        view = self._view(self._at(camera, [x.name for x in self.cameras], "camera"))
+        return np.ascontiguousarray(np.moveaxis(view.planes, 0, -1).reshape(-1, *view.size, 3))
+
+    def geometry(self, camera: int | str) -> LightingBuffer:
+        """The proxy as that camera sees it: coverage, depth, position, normals, albedo; without light."""
+        view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
+        return _without_light(self._buffer(view.groups[0], self._light_camera(view)))
+
+    def composite(self, camera: int | str) -> SplatLayer | None:
+        """The splats as that camera sees them; None where the job has none."""
+        view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
+        return self._composite(view)
+
+    # --- frames ---
+
+    def __len__(self) -> int:
+        return len(self._views) * len(self._index.lightings)
+
+    def __getitem__(self, i: int) -> Sample:
+        """Frame `i` of cameras times lightings."""
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"frame {i} of {len(self)}")
+        camera, lighting = divmod(i % len(self), len(self._index.lightings))
+        weights = self._weights(self._index.lightings[lighting])
+        return Sample(self._view(camera).frame(weights), weights, camera, lighting)
+
+    def __iter__(self) -> Iterator[Sample]:
+        return (self[i] for i in range(len(self)))
+
+    def frame(self, camera: int | str, lighting: int | str | ArrayLike) -> F32:
+        """One mixed frame.
+
+        Args:
+            camera: index or name.
+            lighting: index or name of one of the job's, or weights (L, 3) or (L,) of the unit lights, 0 or more.
+
+        Returns:
+            (H, W, 4) linear Rec.709, premultiplied: `rgba` of the frame that `mirelight render` makes, to the rounding
+            of float32.
+
+        Raises:
+            InputError: no such camera or lighting. ValueError: weights of another shape, or below 0.
+        """
+        place = self._at(camera, [x.name for x in self.cameras], "camera")
+        if isinstance(lighting, int | str):
+            return self._view(place).frame(self.weights(lighting))
+        weights = np.asarray(lighting, dtype=np.float32)
+        weights = np.repeat(weights[:, None], 3, axis=1) if weights.ndim == 1 else weights
+        if weights.shape != (len(self.lights), 3) or not (weights >= 0).all():
+            raise ValueError(f"weights of shape {weights.shape}, expected {(len(self.lights), 3)}, 0 or more")
+        return self._view(place).frame(weights)
+
+    # --- inside ---
+
+    def _at(self, wanted: int | str, names: Sequence[str], kind: str) -> int:
+        if isinstance(wanted, str):
+            if wanted not in names:
+                raise InputError(self.folder, f"no {kind} {wanted!r}", f"there are: {', '.join(names[:10])}")
+            return names.index(wanted)
+        return range(len(names))[wanted]
+
+    def _weights(self, of: Weighted) -> F32:
+        out = np.zeros((len(self._index.units), 3), dtype=np.float32)
+        np.add.at(out, list(of.units), np.asarray(of.weights, dtype=np.float32).reshape(-1, 3))
+        return out
+
+    def _view(self, place: int) -> _Ready:
+        found = self._ready.pop(place, None) or self._made(place)
+        self._ready[place] = found
+        while len(self._ready) > 1 and sum(x.planes.nbytes for x in self._ready.values()) > self._memory:
+            self._ready.popitem(last=False)
+        return found
+
+    def _made(self, place: int) -> _Ready:
+        view, index = self._views[place], self._index
+        seen = self._light_camera(view)
+        buffers = [self._buffer(key, seen) for key in view.groups]
+        planes = np.empty((3, len(index.units), seen.height * seen.width), dtype=np.float32)
+        for i, unit in enumerate(index.units):
+            for layer_planes, values in zip(planes, _planar(buffers[unit.group], unit.layer), strict=True):
+                layer_planes[i] = values
+        glow = self._kept.light(view.glow, seen)
+        constant = None if glow is None else _planar(glow, "")
+        whole = np.array([unit.kind == "whole" for unit in index.units], dtype=np.bool_)
+        splats, size = self._composite(view), (seen.height, seen.width)
+        first = buffers[index.lightings[0].groups[0] if index.lightings else 0]
+        captured: relighting.Lit | None = None
+        if index.captured is not None:
+            own = _Ready(planes, constant, whole, size, lambda beauty: beauty)
+            surface = relighting.Lit.of(buffers[index.captured.groups[0]])
+            beauty = own.frame(self._weights(index.captured))
+            captured = relighting.Lit(beauty=beauty, coverage=surface.coverage, albedo=surface.albedo)
+        level = None if index.captured_level is None else self._scene.array(index.captured_level)
+        relit = relighting.relighter(
+            splats,
+            relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo),
+            index.relight,
+            captured=captured,
+            captured_level=None if level is None else float(level[0]),
+        )
+        return _Ready(planes, constant, whole, size, relit)
+
+    def _light_camera(self, view: indexing.KeptView) -> Camera:
+        rows, columns = view.light_size
+        camera = view.camera
+        return camera if (columns, rows) == (camera.width, camera.height) else camera.resized(columns, rows)
+
+    def _buffer(self, key: str, seen: Camera) -> LightingBuffer:
+        found = self._kept.light(key, seen)
+        if found is None:
+            raise InputError(
+                self.folder, f"the light of {seen.name!r} is damaged", "remove .mirelight and render again"
+            )
+        return found
+
+    def _composite(self, view: indexing.KeptView) -> SplatLayer | None:
+        if view.composite is None:
+            return None
+        profile = cast(Profile, self._index.profile)
+        found = self._kept.composite(view.composite, view.camera, profile, self._index.linear)
+        if found is None:
+            name = view.camera.name
+            raise InputError(self.folder, f"the composite of {name!r} is damaged", "remove .mirelight and render again")
+        return found
+
+
+def _planar(buffer: LightingBuffer, layer: str) -> NDArray[np.float32]:
+    """(3, h w) radiance of a layer, or of all ("")."""
+    if layer:
+        chosen = next(x for x in buffer.layers if x.name == layer)
+        total = chosen.direct + chosen.indirect
+    else:
+        total = buffer.beauty
+    return np.asarray(np.moveaxis(total, -1, 0).reshape(3, -1), dtype=np.float32)
+
+
+def _without_light(buffer: LightingBuffer) -> LightingBuffer:
+    return replace(buffer, layers=(), noisy=(), variance=None)

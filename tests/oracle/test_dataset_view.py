@@ -1,0 +1,232 @@
+"""Data sets of layers: mixed frames are those that render writes; nothing but layers is made; draws and splits."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight import cli, dataset
+from mirelight.dataset import index as indexing
+from mirelight.dataset.view import DataSet
+from mirelight.errors import InputError
+from mirelight.io import splats
+from mirelight.io.exr import read_exr
+from mirelight.io.gltf.write import write_glb
+from mirelight.model import Material, ProxyMesh, SplatCloud
+
+JOB = """
+splats = "splats.ply"
+proxy = { path = "proxy.glb", albedo = "file" }
+resolution = [24, 16]
+captured = "day"
+
+[[lightings]]
+name = "day"
+lights = [{ type = "sun", direction = [-0.2, -1, -0.3], intensity = 3.0 }]
+environment = { radiance = [0.3, 0.4, 0.6] }
+
+[[lightings]]
+name = "lamps"
+lights = [
+  { name = "warm.one", type = "point", position = [1, 1, 1], intensity = 2.0, color = [1, 0.6, 0.3] },
+  { name = "cold", type = "point", position = [-1, 1, 0], intensity = 1.0, color = [0.3, 0.6, 1] },
+]
+
+[[lightings]]
+name = "dim"
+lights = [{ name = "cold", type = "point", position = [-1, 1, 0], intensity = 0.25 }]
+
+[[cameras]]
+name = "front"
+position = [0, 1.5, 4]
+target = [0, 0, 0]
+
+[[cameras]]
+name = "side"
+position = [4, 1, 1]
+target = [0, 0, 0]
+
+[render]
+spp = 4
+"""
+
+
+def make_scene(folder: Path, glow: float = 0.0) -> None:
+    """Splats that reach past a floor."""
+    rng = np.random.default_rng(1)
+    n = 300
+    means = np.stack([rng.uniform(-1.6, 1.6, n), np.zeros(n), rng.uniform(-1.6, 1.6, n)], axis=1)
+    cloud = SplatCloud(
+        means=means.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+        scales=np.full((n, 3), 0.15, np.float32),
+        opacities=np.full(n, 0.8, np.float32),
+        sh=rng.uniform(-1, 1, (n, 1, 3)).astype(np.float32),
+    )
+    splats.write(cloud, folder / "splats.ply")
+    floor = ProxyMesh(
+        vertices=np.array([[-1.3, 0, -1.3], [1.3, 0, -1.3], [1.3, 0, 1.3], [-1.3, 0, 1.3]], np.float32),
+        faces=np.array([[0, 2, 1], [0, 3, 2]], np.int32),
+        materials=(Material(base_color=np.array([0.7, 0.5, 0.4]), emissive=np.full(3, glow)),),
+        albedo=None,
+    )
+    write_glb(folder / "proxy.glb", floor)
+
+
+def render(folder: Path, text: str, *more: str) -> Path:
+    path = folder / "job.toml"
+    path.write_text(text, encoding="utf-8")
+    assert cli.main(["render", str(path), "-q", *more]) == 0
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """One job rendered to frames and layers, and to layers alone."""
+    both, layers = tmp_path_factory.mktemp("both"), tmp_path_factory.mktemp("layers")
+    for folder in (both, layers):
+        make_scene(folder)
+    return render(both, JOB), render(layers, JOB, "--set", "output.store=layers")
+
+
+def assert_equal_to_files(view: DataSet, out: Path) -> None:
+    """To 1e-5 of the picture's brightest value: float32 sums in another order."""
+    for camera in view.cameras:
+        for lighting in view.lightings:
+            written = read_exr(out / f"{camera.name}.{lighting}.exr").layer()
+            mixed = view.frame(camera.name, lighting)
+            assert mixed.dtype == np.float32
+            assert np.abs(mixed - written).max() <= 1e-5 * np.abs(written).max(), (camera.name, lighting)
+
+
+def test_mixed_frames_are_those_that_render_writes(folders: tuple[Path, Path]) -> None:
+    for out in folders:
+        assert_equal_to_files(dataset.open(out), folders[0])
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        ("relight.mode=tint",),
+        ("relight.mode=tint", "relight.space=display", "relight.blend=0.5"),
+        ("relight.texture_scale=0.5",),
+        ("render.noise=0.5",),  # every lighting is traced as it is
+        ("output.aovs=false",),
+        ("lightings[0].environment={sky={elevation=30}}",),
+        ("resolution=[7, 5]", "glow"),
+    ],
+)
+def test_in_other_modes_too(tmp_path: Path, changed: tuple[str, ...]) -> None:
+    make_scene(tmp_path, glow=0.2 if "glow" in changed else 0.0)
+    out = render(tmp_path, JOB, *(x for c in changed if c != "glow" for x in ("--set", c)))
+    assert_equal_to_files(dataset.open(out), out)
+
+
+def test_a_proxy_without_splats(tmp_path: Path) -> None:
+    make_scene(tmp_path)
+    out = render(tmp_path, JOB.replace('splats = "splats.ply"\n', "").replace('captured = "day"\n', ""))
+    assert_equal_to_files(dataset.open(out), out)
+
+
+def test_layers_alone_write_no_frame_and_are_found_again(
+    folders: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = folders[1]
+    assert [x.name for x in out.iterdir()] == [".mirelight"]
+    kept = {x: x.stat().st_mtime_ns for x in (out / ".mirelight" / "light").iterdir()}
+    render(out.parent, JOB, "--set", "output.store=layers")
+    assert {x: x.stat().st_mtime_ns for x in (out / ".mirelight" / "light").iterdir()} == kept
+    # a composite and two sets a camera: the captured day's, and the lamps'
+    assert len(kept) == 2 * 3
+
+
+def test_what_it_holds(folders: tuple[Path, Path]) -> None:
+    view = dataset.open(folders[1])
+    assert [x.name for x in view.cameras] == ["front", "side"]
+    assert view.lightings == ("day", "lamps", "dim")
+    assert [(x.name, x.kind) for x in view.lights] == [
+        ("sun", "sun"),
+        ("environment", "environment"),
+        ("warm.one", "lamp"),
+        ("cold", "lamp"),
+    ]
+    assert np.array_equal(view.weights("dim"), [[0, 0, 0]] * 3 + [[0.25] * 3])
+    layers = view.layers("front")
+    assert layers.shape == (4, 16, 24, 3) and layers.min() >= 0
+    geometry, composite = view.geometry("front"), view.composite("front")
+    assert geometry.layers == () and geometry.depth.max() > 3
+    assert composite is not None and composite.color.shape == (16, 24, 3)
+    assert len(view) == 6 and len(list(view)) == 6
+    sample = view[4]
+    assert (sample.camera, sample.lighting) == (1, 1)
+    assert np.array_equal(sample.rgba, view.frame("side", "lamps"))
+    with pytest.raises(IndexError):
+        view[6]
+    with pytest.raises(InputError, match="no lighting 'noon'; there are: day, lamps, dim"):
+        view.frame("front", "noon")
+    with pytest.raises(ValueError, match=r"shape \(2, 3\), expected \(4, 3\)"):
+        view.frame("front", np.ones((2, 3)))
+
+
+def test_a_lighting_that_nobody_rendered_is_the_one_that_render_would_make(
+    folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Two thirds of the lamps' light in other colours, and some of the sky."""
+    make_scene(tmp_path)
+    new = """
+[[lightings]]
+name = "evening"
+lights = [
+  { name = "warm.one", type = "point", position = [1, 1, 1], intensity = 3.0, color = [1, 0.2, 0.1] },
+  { name = "cold", type = "point", position = [-1, 1, 0], intensity = 0.5 },
+]
+environment = { radiance = [0.3, 0.4, 0.6], intensity = 0.1 }
+"""
+    out = render(tmp_path, JOB.replace("[[cameras]]", f"{new}\n[[cameras]]", 1))
+    weights = np.array([[0, 0, 0], [0.1, 0.1, 0.1], [3, 0.6, 0.3], [0.5, 0.5, 0.5]])
+    mixed = dataset.open(folders[1]).frame("side", weights)
+    written = read_exr(out / "side.evening.exr").layer()
+    assert np.abs(mixed - written).max() <= 1e-5 * written.max()
+
+
+def frame_elsewhere(view: DataSet, i: int) -> np.ndarray:
+    return view[i].rgba
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_other_processes_read_it(folders: tuple[Path, Path], method: str) -> None:
+    view = dataset.open(folders[1])
+    here = view[5].rgba  # some cameras are ready, others are not
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        found = pool.starmap(frame_elsewhere, [(view, i) for i in (5, 0, 5)])
+    assert np.array_equal(found[0], here) and np.array_equal(found[2], here)
+    assert len(pickle.dumps(view)) < 2000
+
+
+def test_little_memory_changes_nothing(folders: tuple[Path, Path]) -> None:
+    small, large = DataSet(folders[1], memory=1), dataset.open(folders[1])
+    for i in (0, 5, 1, 3, 0):
+        assert np.array_equal(small[i].rgba, large[i].rgba)
+        assert len(small._ready) == 1
+
+
+def test_what_is_no_data_set(tmp_path: Path, folders: tuple[Path, Path]) -> None:
+    with pytest.raises(InputError, match=r'no kept layers; render the job with output.store = "layers" or "both"'):
+        dataset.open(tmp_path)
+    file = tmp_path / indexing.FILE
+    file.parent.mkdir()
+    good = (folders[1] / indexing.FILE).read_text()
+    for text, found in {
+        "{": "not an index",
+        "[]": "a damaged index",
+        '{"version":9}': "version 9",
+        good.replace('"groups"', '"group"'): "a damaged index",
+        good: "no camera whose layers are all there",
+    }.items():
+        file.write_text(text)
+        with pytest.raises(InputError, match=found):
+            dataset.open(tmp_path)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 RAYS = 1 << 14
 THIN = 0.05  # this share of the surface may be thinner
-FINEST, COARSEST = 1 / 256, 1 / 64  # of the proxy's diagonal
+FINEST, COARSEST = 1 / 128, 1 / 48  # of the proxy's diagonal
 
 
 def cell_size(surface: DeviceProxy, proxy: ProxyMesh) -> float:

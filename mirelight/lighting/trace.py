@@ -23,6 +23,7 @@ from mirelight.model import (
     Environment,
     Lighting,
     LightingBuffer,
+    PointLayers,
     ProxyMesh,
     RenderSettings,
     SurfaceCache,
@@ -31,6 +32,7 @@ from mirelight.model import (
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.cells import DeviceCells
+    from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.sky import Sky
 
@@ -217,6 +219,63 @@ class Tracer:
         _sample(frame, settings, _ignore)
         buffer = frame.develop()
         return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
+
+    def point_layers(
+        self,
+        lighting: Lighting,
+        points: F64,
+        normals: F64,
+        spp: int,
+        *,
+        emission: bool = True,
+        cache: SurfaceCache | None = None,
+        progress: Progress | None = None,
+    ) -> PointLayers:
+        """Light that falls on points of the proxy from the side that their normals point to, layer by layer.
+
+        Memory does not grow with the number of points, but for the result. Same points and seed, same bits.
+
+        Args:
+            lighting: lights and environment.
+            points: (N, 3) on the proxy, world space.
+            normals: (N, 3) unit, of the face that each lies on; either sign.
+            spp: samples per point, instead of the settings' own.
+            emission, cache: as for `trace`.
+            progress: called with samples done and in all after every launch.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+            ValueError: the cache lacks a light.
+        """
+        from mirelight.lighting.points import gathered
+
+        surface, lighting = self._on_device(), resolved(lighting, self.settings.variant)
+        glow, sky = emission and self._emissive, self._sky_of(lighting.environment)
+        layers = Layers.of(lighting, emissive=glow, separate=self._layers)
+        settings = replace(self.settings, spp=spp, noise=None, denoise=False)
+        cells = self._cells(cache, lighting, layers, glow)
+
+        def frame(view: PointRays, row: Camera, seed: int) -> FrameInProgress:
+            own = replace(settings, seed=seed)
+            return FrameInProgress(
+                surface,
+                sky,
+                lighting,
+                row,
+                layers,
+                own,
+                aovs=False,
+                emission=glow,
+                view=view,
+                cells=cells,
+                irradiance=True,
+            )
+
+        def sample(opened: FrameInProgress, before: int) -> None:
+            report = progress or _ignore
+            _sample(opened, settings, lambda done, total: report(before * spp + done, len(points) * spp))
+
+        return gathered(points, normals, layers, settings.seed, frame, sample)
 
     def nearest_along(self, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
         """The nearest point of the proxy on each line, both ways.

@@ -38,7 +38,7 @@ from mirelight.model.settings import (
     ToneCurve,
     Variant,
 )
-from mirelight.model.surface_cache import CellLight, SurfaceCache, SurfaceCells
+from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells
 
 __all__ = [
     "F32",
@@ -65,6 +65,7 @@ __all__ = [
     "LightingBuffer",
     "Material",
     "OutputSettings",
+    "PointLayers",
     "PointLight",
     "Profile",
     "ProfileRules",

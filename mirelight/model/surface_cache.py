@@ -29,14 +29,18 @@ class SurfaceCells(ArrayHolder):
     normals: F32  # (C, P, 3) of those triangles, on the cell's side
 
     def __post_init__(self) -> None:
+        freeze(self, "faces", (None, None), np.int32)
         cells, points = self.faces.shape
         freeze(self, "origin", (3,), np.float64)
         freeze(self, "keys", (cells, 2), np.uint32)
         freeze(self, "starts", (None,), np.uint32)
         freeze(self, "anchors", (cells, 3))
-        freeze(self, "faces", (cells, points), np.int32)
         freeze(self, "corners", (cells, points, 2))
         freeze(self, "normals", (cells, points, 3))
+        buckets = len(self.starts) - 1
+        sound = buckets > 0 and buckets & (buckets - 1) == 0 and int(self.starts[-1]) == cells
+        if not (sound and self.size > 0 and np.all(self.starts[1:] >= self.starts[:-1])):
+            raise ValueError("SurfaceCells.starts: not a table of these cells")
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -61,6 +65,25 @@ class CellLight(ArrayHolder):
         by = np.asarray(factor, np.float32)
         met = None if self.met is None else self.met * by
         return replace(self, direct=self.direct * by, met=met, indirect=self.indirect * by)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointLayers(ArrayHolder):
+    """Irradiance that each of K lights brings to N points, linear; their sum is all that falls there."""
+
+    names: tuple[str, ...]  # (K,)
+    direct: F32  # (K, N, 3)
+    indirect: F32  # (K, N, 3)
+    variance: F32 | None  # (K, N, 3) of the mean of direct + indirect; None from fewer than two batches of samples
+
+    def __post_init__(self) -> None:
+        for name in ("direct", "indirect", "variance"):
+            freeze(self, name, (len(self.names), None, 3))
+
+    @property
+    def total(self) -> F32:
+        """(N, 3) irradiance of all lights together."""
+        return np.asarray((self.direct + self.indirect).sum(axis=0), np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -197,3 +197,76 @@ def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
         assert run.returncode == 0, run.stderr
         digests.add(run.stdout.strip())
     assert len(digests) == 1
+
+
+# --- points ----------------------------------------------------------------------------------------------------------
+
+
+def on_stage(count: int) -> tuple[Array, Array]:
+    """Points of the stage's floor beside the ball, and the way up."""
+    rng = np.random.default_rng(5)
+    points = np.zeros((count, 3))
+    points[:, 0], points[:, 2] = rng.uniform(-1.8, -0.5, count), rng.uniform(0.6, 1.8, count)
+    return points, np.tile([0.0, 1.0, 0.0], (count, 1))
+
+
+@pytest.mark.parametrize("indirect", ["traced", "surface", "near"])
+def test_light_on_points_is_that_of_a_frame(indirect: str) -> None:
+    """A camera's pixels as points: their irradiance by the albedo is what the camera sees, layer by layer."""
+    proxy, lighting, _ = stage()
+    view = Camera.look_at([-1, 2, 1.2], [-1, 0, 1.2001], 12, 12, yfov=25)
+    tracer = Tracer(proxy, replace(SURFACE, spp=64, indirect=indirect))  # type: ignore[arg-type]
+    cache = tracer.fill(tracer.cells([view]), lighting, samples=256)
+    seen = tracer.trace(lighting, view, cache=cache)
+    points, normals = (x.reshape(-1, 3).astype(np.float64) for x in (seen.position, seen.geometric_normal))
+    found = tracer.point_layers(lighting, points, normals, 64, cache=cache)
+    assert found.names == tuple(x.name for x in seen.layers)
+    for k, layer in enumerate(seen.layers):
+        for part, other in ((found.direct[k], layer.direct), (found.indirect[k], layer.indirect)):
+            np.testing.assert_allclose(part.mean(axis=0) * [0.7, 0.6, 0.5] / np.pi, other.mean(axis=(0, 1)), rtol=0.03)
+
+
+def test_points_in_chunks_are_independent_of_how_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mirelight.lighting import points as module
+
+    proxy, lighting, _ = stage()
+    tracer = Tracer(proxy, RenderSettings(max_depth=4))
+    points, normals = on_stage(700)
+    monkeypatch.setattr(module, "CHUNK_BYTES", 256 * 4 * (9 * 3 + 48))
+    calls: list[tuple[int, int]] = []
+    whole = tracer.point_layers(lighting, points, normals, 16, progress=lambda done, total: calls.append((done, total)))
+    start = tracer.point_layers(lighting, points[:512], normals[:512], 16)
+    assert whole.direct.shape == (3, 700, 3) and whole.variance is not None and start.variance is not None
+    for name in ("direct", "indirect", "variance"):
+        assert np.array_equal(getattr(whole, name)[:, :512], getattr(start, name))
+    assert calls[-1] == (700 * 16, 700 * 16)
+    again = tracer.point_layers(lighting, points[256:], normals[256:], 16)
+    assert not np.array_equal(again.indirect, whole.indirect[:, 256:])  # other samples
+    nothing = tracer.point_layers(lighting, points[:0], normals[:0], 16)
+    assert nothing.total.shape == (0, 3)
+
+
+def test_the_variance_of_light_on_points_is_their_spread() -> None:
+    proxy, lighting, _ = stage()
+    tracer = Tracer(proxy, RenderSettings(max_depth=4))
+    points, normals = on_stage(200)
+    made = []
+    for seed in range(24):
+        tracer.settings = replace(tracer.settings, seed=seed)
+        made.append(tracer.point_layers(lighting, points, normals, 32))
+    totals = np.stack([x.direct + x.indirect for x in made]).astype(np.float64)
+    spread = totals.var(axis=0, ddof=1).mean(axis=(1, 2))
+    stated = np.mean([np.asarray(x.variance) for x in made], axis=(0, 2, 3))
+    assert np.all(stated > 0.8 * spread) and np.all(stated < 2.5 * spread)
+
+
+def test_a_glowing_point_s_own_light_does_not_fall_on_it() -> None:
+    """A closed glowing box of albedo a: each wall receives pi e / (1 - a) from the others."""
+    walls = room((-1, -1, -1), (1, 1, 1))
+    glowing = replace(walls, materials=(Material(emissive=np.array([0.5, 1.0, 2.0])),), albedo=np.full(3, 0.5))
+    rng = np.random.default_rng(1)
+    points = np.stack([rng.uniform(-0.9, 0.9, 100), np.full(100, -1.0), rng.uniform(-0.9, 0.9, 100)], axis=1)
+    tracer = Tracer(glowing, RenderSettings(max_depth=16))
+    found = tracer.point_layers(Lighting(), points, np.tile([0.0, 1.0, 0.0], (100, 1)), 64)
+    assert found.names == ("emission",)
+    np.testing.assert_allclose(found.total.mean(axis=0), 2 * np.pi * np.array([0.5, 1.0, 2.0]), rtol=0.02)

@@ -131,6 +131,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.proxy import run_proxy
 
             return run_proxy(args)
+        case "estimate":
+            from mirelight.cli.estimate import run_estimate
+
+            return run_estimate(args)
         case "schema":
             from mirelight.cli.report import print_json
             from mirelight.io.job import json_schema
@@ -185,6 +189,7 @@ def _parser() -> argparse.ArgumentParser:
     inspect.add_argument("--json", action="store_true", help="as JSON")
 
     from mirelight.cli.compare import add_compare
+    from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
     from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
@@ -193,6 +198,7 @@ def _parser() -> argparse.ArgumentParser:
     add_realtime(commands)
     add_explain(commands)
     add_proxy(commands)
+    add_estimate(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

@@ -37,6 +37,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "mix": {"model", "units"},
     "provenance": {"model", "backend"},
     "proxy": BASE | TOOLS | {"backend", "lighting", "compositor", "machine"},
+    "estimate": BASE | TOOLS | {"lighting", "machine"},
     "keys": {"model", "units", "provenance", "relighting", "lighting"},
     "kept": {"model"},
     "view_light": {"model", "units", "mix", "keys", "kept", "lighting"},

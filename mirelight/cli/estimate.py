@@ -1,0 +1,133 @@
+"""`mirelight estimate`: the light that splats were captured under."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mirelight.model import Camera, Job, Lighting
+
+WIDEST = 480  # pixels of each of the three pictures
+SPP = 16
+_MOST_STOPS = 20.0
+
+
+def add_estimate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "estimate",
+        help="find the light that splats were captured under",
+        description="Find the sun and sky under which the splats of a job were captured, from the splats and the proxy "
+        "alone. Writes a table [captured] to paste into the job and edit, its map beside it (.exr), and a picture to "
+        "judge it by (.png): captured, irradiance, captured / irradiance.",
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (TOML) that names splats and a proxy")
+    parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the table to write (.toml)")
+    parser.add_argument(
+        "--exposure", metavar="STOPS", type=_stops, default=0.0, help="make the light stronger by so many stops (0)"
+    )
+    parser.add_argument("--camera", metavar="NAME", help="the picture's camera (the job's first)")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+
+
+def run_estimate(args: argparse.Namespace) -> int:
+    """The command. What was found goes to stdout."""
+    from mirelight.estimate import estimate
+    from mirelight.estimate.describe import described, unknown
+    from mirelight.io import job
+    from mirelight.io.atomic import atomic_path
+    from mirelight.io.environment import write_environment
+    from mirelight.io.job.captured_text import captured_text
+    from mirelight.io.job.overrides import parse
+    from mirelight.io.png import write_png
+
+    out = Path(args.out)
+    if out.suffix.lower() != ".toml":
+        raise OutputError(f"{out}: the table is written as .toml; nothing was written")
+    if not out.parent.is_dir():
+        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    work = job.load(args.job, [parse(text) for text in args.set])
+    if work.splats is None or work.proxy is None:
+        missing = "splats" if work.splats is None else "a proxy"
+        remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
+        raise InputError(work.source, f"no {missing}", remedy, field="splats" if work.splats is None else "proxy")
+    if out.exists() and out.samefile(work.source):
+        raise OutputError(f"{out}: it is the job itself; write the table beside it; nothing was written")
+    camera = _camera(work, args.camera)
+    found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure)
+    exr = out.with_suffix(".exr")
+    lines, doubts = list(described(found)), list(unknown(found))
+    sky = found.lighting.environment
+    assert sky is not None
+    named = os.path.relpath(exr.resolve(), work.source.resolve().parent).replace(os.sep, "/")
+    notes = ["Captured light, estimated from splats and proxy.", *lines, *(f"not known: {line}" for line in doubts)]
+    write_environment(exr, sky.pixels)
+    with atomic_path(out) as temporary:
+        temporary.write_text(captured_text(found.lighting, named, notes), encoding="utf-8")
+    picture = None
+    if camera is not None:
+        picture = out.with_suffix(".png")
+        write_png(picture, _picture(work, found.lighting, camera), {})
+    if not args.quiet:
+        print(f"{out}: paste it into {work.source.name} (the map is {exr.name})")
+        for line in lines:
+            print(f"  {line}")
+        for line in doubts:
+            print(f"  ? not known  {line}")
+        if picture is not None:
+            print(
+                f"  picture      {picture}: captured | irradiance | captured / irradiance (no shadows should be left)"
+            )
+    return 0
+
+
+def _camera(work: Job, name: str | None) -> Camera | None:
+    """The camera of that name, or the first; None where the job has none."""
+    if name is None:
+        return work.cameras[0] if work.cameras else None
+    for camera in work.cameras:
+        if camera.name == name:
+            return camera
+    there = ", ".join([x.name for x in work.cameras][:20]) or "none"
+    raise InputError(work.source, f"no camera named {name!r}", f"there are: {there}")
+
+
+def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]:
+    """The sheet of one camera, its proxy in the splats' colours."""
+    from mirelight.estimate.pictures import sheet
+    from mirelight.relighting import unlit_rgba
+    from mirelight.scene import prepare
+
+    scale = min(WIDEST / camera.width, 1.0)
+    camera = camera.resized(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))
+    scene = prepare(
+        replace(
+            work,
+            captured=lighting,
+            albedo_from_splats=True,
+            render=replace(work.render, profile="physical", spp=SPP, noise=None, denoise=False),
+            relight=replace(work.relight, profile="physical", mode="ratio"),
+        )
+    )
+    layer = scene.compositor.composite(camera)
+    return sheet(unlit_rgba(layer), scene.tracer.trace(lighting, camera))
+
+
+def _stops(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value) or abs(value) > _MOST_STOPS:
+        raise argparse.ArgumentTypeError(f"{text}: give stops between -20 and 20")
+    return value

@@ -1,0 +1,74 @@
+"""An estimate in plain lines: what was found, how sure it is, and what cannot be known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mirelight.colour import REC709_LUMINANCE
+from mirelight.estimate.types import Estimate
+from mirelight.model import F64
+
+SUNS_AGREE = 6.0  # degrees between the suns of both halves, above which the direction is a guess
+HALVES_AGREE = 0.15  # factor less 1 between the irradiances of both halves
+LITTLE = 0.03  # of the differences explained elsewhere: hardly any
+
+
+def described(found: Estimate) -> Iterator[str]:
+    """What was found and how sure it is, a line each."""
+    c = found.confidence
+    if found.sun.any():
+        up = float(np.degrees(np.arcsin(np.clip(found.to_sun[1], -1, 1))))
+        share = _luminance(found.sun)
+        yield (
+            f"sun          {up:.0f}° above the horizon, towards ({_numbers(found.to_sun)}), {share:.3g} lux, "
+            f"a disc of {found.sun_diameter:.2g}°"
+        )
+        yield f"             explains {c.sun_gain:.3f} of the differences; halves of the splats: {_apart(c.sun_apart)}"
+    else:
+        yield f"sun          none found (the best one explains {c.sun_gain:.3f} of the differences)"
+    rows = len(found.radiance)
+    weights = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)[:, None, None]
+    above, below = (
+        (half * w).sum(axis=(0, 1)) / (w.sum() * half.shape[1])
+        for half, w in zip(np.split(found.radiance, 2), np.split(weights, 2), strict=True)
+    )
+    yield f"sky          mean radiance ({_numbers(above)}) above the horizon, ({_numbers(below)}) below"
+    low, middle, high = c.albedo
+    yield f"albedo       {low:.2f} to {high:.2f}, {middle:.2f} in the middle, as it comes out of this light"
+    yield f"told by      {c.places:,} splats on the proxy; {c.blocked:.0%} of their view is other surfaces"
+    yield f"checked      halves of the splats give light that differs by {c.halves_apart:.0%}"
+    yield f"             and explains {c.held_out:.0%} of the differences in the other half"
+
+
+def unknown(found: Estimate) -> Iterator[str]:
+    """What these splats cannot tell, a line each; the last ones are true of every estimate."""
+    c = found.confidence
+    if not c.scale_known:
+        yield (
+            f"how bright: only {c.blocked:.0%} of the view is blocked, so little light goes from surface to surface; "
+            "the scale is a guess that makes the mean albedo 0.35: set it with --exposure"
+        )
+    if found.sun.any() and not c.sun_apart <= SUNS_AGREE:
+        yield "where the sun stood: the two halves of the splats disagree, so its direction is a guess"
+    if c.halves_apart > HALVES_AGREE:
+        yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
+    if c.held_out < LITTLE:
+        yield "whether this is the light at all: it explains hardly more than even light from everywhere"
+    if c.albedo[2] > 1:
+        yield "the light where albedos come out above 1: glow, gloss, or a proxy that misfits there"
+    yield "its colour: it is taken as white in the mean; a sunset's or a lamp's colour stays in the surfaces"
+    yield "lamps inside the scene, and what pictures that were tone-mapped or exposed by themselves hide"
+
+
+def _luminance(rgb: F64) -> float:
+    return float(rgb @ REC709_LUMINANCE.astype(np.float64))
+
+
+def _numbers(values: F64) -> str:
+    return ", ".join(f"{x:.2f}" for x in values)
+
+
+def _apart(degrees: float) -> str:
+    return "one finds none" if np.isnan(degrees) else f"{degrees:.1f}° apart"

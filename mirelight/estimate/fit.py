@@ -1,0 +1,145 @@
+"""The sky's radiances and the sun's, so that surfaces alike come out alike: gradient descent on their logarithms.
+
+With irradiance / pi = open @ sky + seen * sun + met, the logarithm of albedo is log color - log(irradiance / pi). The
+loss is a robust mean over pairs of places of how much their albedos differ; near pairs, and far ones whose albedos have
+the same chroma. It knows scale from what surfaces send each other alone, and colour hardly, so the mean irradiance is
+drawn to white and albedos between bounds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.estimate.sky import PATCHES, RING_OF, RINGS
+from mirelight.model import F64
+
+Int: TypeAlias = NDArray[np.int64]
+
+NEAR = 4  # neighbours that a place is paired with
+FAR = 6  # places anywhere
+ALIKE = 0.12  # of the logarithm of chroma: how far albedos of one material may differ
+ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different material
+FAR_WEIGHT = 0.1  # of far pairs together, against near ones; more of it makes light of courtyards too strong
+WHITE = 0.3  # weight of a white mean irradiance
+DARK, BRIGHT, BOUNDS = 0.04, 0.85, 0.2  # albedos, and the weight of those beyond
+SMOOTH = 0.2  # weight of patches that differ from their ring's mean
+FLOOR = 0.005  # of the mean irradiance, added: nothing is black
+STEPS = 150
+_RATE = 0.06
+_AGAIN = 20  # steps after which pairs are weighed anew
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairs:
+    """Pairs of places, P of them; the first `near` are neighbours."""
+
+    a: Int  # (P,)
+    b: Int  # (P,)
+    near: int
+
+    def weights(self, log_albedo: F64) -> F64:
+        """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); near and far sum to 1 each
+        times their weight."""
+        chroma = log_albedo - log_albedo.mean(axis=1, keepdims=True)
+        apart = ((chroma[self.a] - chroma[self.b]) ** 2).sum(axis=1)
+        w = np.exp(apart / (-2 * ALIKE**2))
+        near, far = w[: self.near], w[self.near :]
+        return np.concatenate([near / max(near.sum(), 1e-12), far * (FAR_WEIGHT / max(far.sum(), 1e-12))])
+
+
+def pairs_of(points: F64, rng: np.random.Generator) -> Pairs:
+    """Each of places (N, 3) with its nearest, and with others taken anywhere."""
+    from scipy.spatial import cKDTree
+
+    n = len(points)
+    own = np.repeat(np.arange(n), NEAR)
+    _, near = cKDTree(points).query(points, k=NEAR + 1)
+    far_own = np.repeat(np.arange(n), FAR)
+    far = rng.integers(0, n, n * FAR)
+    a, b = np.concatenate([own, far_own]), np.concatenate([near[:, 1:].ravel(), far])
+    return Pairs(a.astype(np.int64), b.astype(np.int64), len(own))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """Radiances found, and how well they explain the colours."""
+
+    sky: F64  # (PATCHES, 3)
+    sun: F64  # (3,) irradiance / pi of a facing surface
+    loss: float
+
+
+def light_of(open_: F64, met: F64, seen: F64, sky: F64, sun: F64) -> F64:
+    """(N, 3) irradiance / pi."""
+    return np.asarray(np.einsum("np,pc->nc", open_, sky) + met + seen[:, None] * sun)
+
+
+def judged(color: F64, light: F64, pairs: Pairs) -> float:
+    """The robust mean difference of log albedos over pairs, 0..2: what the fit makes small."""
+    a = np.log(color) - np.log(light + FLOOR * light.mean())
+    d = a[pairs.a] - a[pairs.b]
+    return float((pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1)).sum())
+
+
+def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, sun: float) -> Fitted:
+    """Descent (Adam, Kingma and Ba 2015) from an even sky.
+
+    Args:
+        color: (N, 3) linear colours of places.
+        open_: (N, PATCHES), and met: (N, 3), as in `Places`.
+        seen: (N,) the sun's cosine where it is seen; all 0: there is no sun.
+        pairs: of places.
+        sky: radiance to start from.
+        sun: its irradiance / pi to start from.
+    """
+    has_sun = bool(seen.any())
+    # ring means, each patch's departure from its ring's, the sun
+    theta = np.zeros((len(RINGS) + PATCHES + 1, 3))
+    theta[: len(RINGS)], theta[-1] = np.log(max(sky, 1e-6)), np.log(max(sun, 1e-6))
+    lone = np.asarray(RINGS)[RING_OF] == 1
+    log_color = np.log(color)
+    first, second = np.zeros_like(theta), np.zeros_like(theta)
+    weights = np.zeros(0)
+    rows = np.concatenate([pairs.a, pairs.b])
+    loss = 0.0
+    for step in range(STEPS):
+        sky_now, sun_now = _radiances(theta, has_sun)
+        light = light_of(open_, met, seen, sky_now, sun_now)
+        soft = light + FLOOR * light.mean()
+        a = log_color - np.log(soft)
+        if step % _AGAIN == 0:
+            weights = pairs.weights(a)
+        d = a[pairs.a] - a[pairs.b]
+        below = d * d + ROBUST**2
+        loss = float((weights * (d * d / below).mean(axis=1)).sum())
+        g = weights[:, None] * (2 * ROBUST**2 / 3) * d / (below * below)
+        by_a = np.stack([np.bincount(rows, np.concatenate([g[:, k], -g[:, k]]), minlength=len(a)) for k in range(3)], 1)
+        over, under = np.maximum(a - np.log(BRIGHT), 0), np.maximum(np.log(DARK) - a, 0)
+        by_a += (BOUNDS * 2 / a.size) * (over - under)
+        by_light = -by_a / soft
+        by_light += FLOOR * by_light.sum() / light.size
+        level = np.log(light.mean(axis=0))
+        tilt = level - level.mean()
+        by_light += WHITE * 2 * tilt / (light.mean(axis=0) * len(light))
+        by_sky = np.einsum("np,nc->pc", open_, by_light) * sky_now
+        apart = theta[len(RINGS) : -1]
+        gradient = np.zeros_like(theta)
+        np.add.at(gradient, RING_OF, by_sky)
+        gradient[len(RINGS) : -1] = by_sky + (2 * SMOOTH / PATCHES) * apart
+        gradient[len(RINGS) : -1][lone] = 0
+        gradient[-1] = np.einsum("n,nc->c", seen, by_light) * sun_now
+        first = 0.9 * first + 0.1 * gradient
+        second = 0.99 * second + 0.01 * gradient**2
+        rate = _RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS))
+        theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
+    sky_now, sun_now = _radiances(theta, has_sun)
+    return Fitted(sky_now, sun_now, loss)
+
+
+def _radiances(theta: F64, has_sun: bool) -> tuple[F64, F64]:
+    sky = np.exp(np.clip(theta[: len(RINGS)][RING_OF] + theta[len(RINGS) : -1], -16, 16))
+    return sky, np.exp(np.clip(theta[-1], -16, 16)) if has_sun else np.zeros(3)

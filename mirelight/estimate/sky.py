@@ -1,0 +1,58 @@
+"""The sky in patches: what the captured light is a sum of, beside the sun."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F32, F64
+
+Int: TypeAlias = NDArray[np.int64]
+
+# Rings from the zenith to the nadir, 22.5 degrees high but for the ground's: patches in each. Narrow where they light
+# walls, one where it is all the same.
+RINGS = (1, 6, 8, 12, 8, 1)
+_HEIGHTS = (22.5, 22.5, 22.5, 22.5, 22.5, 67.5)  # degrees
+PATCHES = sum(RINGS)
+ROWS = 48  # of the map: rings and patches end where its pixels end
+_EDGES = np.concatenate([[0.0], np.cumsum(_HEIGHTS)])  # degrees from the zenith
+_FIRST = np.concatenate([[0], np.cumsum(RINGS)])
+RING_OF = np.repeat(np.arange(len(RINGS)), RINGS)  # (PATCHES,)
+
+
+def patch_of(ways: F64) -> Int:
+    """(...,) patch that each unit direction (..., 3) points into; conventions.py says where the azimuth starts."""
+    theta = np.degrees(np.arccos(np.clip(ways[..., 1], -1, 1)))
+    ring = np.clip(np.searchsorted(_EDGES, theta, side="right") - 1, 0, len(RINGS) - 1)
+    u = (np.arctan2(ways[..., 2], ways[..., 0]) / (2 * np.pi) + 0.5) % 1.0
+    count = np.asarray(RINGS)[ring]
+    return np.asarray(_FIRST[ring] + np.minimum((u * count).astype(np.int64), count - 1), dtype=np.int64)
+
+
+def as_map(radiance: F64) -> F32:
+    """(48, 96, 3) equirectangular map of radiances (PATCHES, 3)."""
+    v, u = np.meshgrid((np.arange(ROWS) + 0.5) / ROWS, (np.arange(2 * ROWS) + 0.5) / (2 * ROWS), indexing="ij")
+    theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
+    ways = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
+    return np.asarray(radiance[patch_of(ways)], dtype=np.float32)
+
+
+def sphere(count: int) -> F64:
+    """(count, 3) unit directions, evenly spread (a spiral of the golden angle)."""
+    y = 1 - (2 * np.arange(count) + 1) / count
+    phi = np.arange(count) * np.pi * (3 - np.sqrt(5.0))
+    s = np.sqrt(1 - y * y)
+    return np.stack([s * np.cos(phi), y, s * np.sin(phi)], axis=-1)
+
+
+def frame_around(way: F64) -> F64:
+    """(..., 3, 3) rows: two directions across unit ones (..., 3), and these (Duff et al. 2017)."""
+    x, y, z = np.moveaxis(way, -1, 0)
+    sign = np.where(z >= 0, 1.0, -1.0)
+    a = -1 / (sign + z)
+    b = x * y * a
+    first = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    second = np.stack([b, sign + y * y * a, -y], axis=-1)
+    return np.stack([first, second, way], axis=-2)

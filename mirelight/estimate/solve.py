@@ -1,0 +1,169 @@
+"""The captured light from splats and proxy: transport, the sun's search, the fit, and two halves that check it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.colour import REC709_LUMINANCE
+from mirelight.errors import RenderError
+from mirelight.estimate import fit, sun
+from mirelight.estimate.fit import Fitted, Pairs
+from mirelight.estimate.sky import as_map
+from mirelight.estimate.sun import Sun
+from mirelight.estimate.transport import Places, places_of
+from mirelight.estimate.types import Confidence, Estimate
+from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
+
+VERSION = 1  # of the method: kept estimates of another are made again
+LEAST_OPEN = 0.003  # share of the view that must be sky
+LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which scale cannot be told
+MEAN_ALBEDO = 0.35  # where it cannot
+LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
+SEARCHED = 1500  # places of each half that the sun is searched with
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """Light from some of the places."""
+
+    sun: Sun | None
+    light: Fitted
+
+    def at(self, places: Places) -> F64:
+        """(N, 3) irradiance / pi."""
+        seen = np.zeros(len(places))
+        if self.sun is not None:
+            seen = sun.disc(places, self.sun.to_sun, self.sun.radius)
+        return fit.light_of(places.open, places.met, seen, self.light.sky, self.light.sun)
+
+
+def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exposure: float = 0.0) -> Estimate:
+    """The light that splats were captured under, as a sun and a sky.
+
+    Args:
+        splats: world space; their colours are taken as the sRGB encoding of captured light.
+        proxy: world space; what casts shadows and stands in the way. Its own colours count for nothing.
+        settings: seed, variant and threads of the rays.
+        exposure: stops by which the light is stronger than it seems, where a person knows better.
+
+    Returns:
+        The same to the bit for the same input.
+
+    Raises:
+        RenderError: too few splats lie on the proxy; none of them sees the sky through it.
+        BackendError: the variant `scalar_rgb`.
+    """
+    places = places_of(splats, proxy, settings)
+    if 1 - places.blocked < LEAST_OPEN:
+        raise RenderError(
+            f"only {1 - places.blocked:.2%} of what the splats on the proxy face is open, so no light comes in from "
+            "outside; lamps inside are not estimated: describe them in the job's [captured], or leave windows open"
+        )
+    halves = [_taken(places, np.arange(k, len(places), 2)) for k in (0, 1)]
+    rng = np.random.default_rng(settings.seed)
+    pairs = [fit.pairs_of(half.points, rng) for half in halves]
+    suns = [_searched(half, rng) for half in halves]
+    found = [_fitted(half, p, s) for half, p, s in zip(halves, pairs, suns, strict=True)]
+    every = fit.pairs_of(places.points, rng)
+    best, gain = _best(places, every, suns)
+    known = places.blocked >= LEAST_BLOCKED
+    scale = 1.0 if known else _scale_for_albedo(places, best)
+    light = best.at(places) if known else _scaled(best, scale).at(places)
+    albedo = (places.color / light) @ REC709_LUMINANCE.astype(np.float64)
+    low, middle, high = (float(x) for x in np.quantile(albedo, [0.05, 0.5, 0.95]))
+    both = [one.at(places) for one in found]
+    confidence = Confidence(
+        places=len(places),
+        blocked=places.blocked,
+        scale_known=known,
+        sun_gain=gain,
+        sun_apart=_apart(suns),
+        halves_apart=float(np.expm1(np.median(np.abs(np.log(both[0] / both[1]))))),
+        held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
+        albedo=(low, middle, high),
+    )
+    strength = scale * 2.0**exposure
+    return Estimate(
+        to_sun=np.array([0.0, 1.0, 0.0]) if best.sun is None else best.sun.to_sun,
+        sun=np.pi * best.light.sun * strength,
+        sun_diameter=0.53 if best.sun is None else max(2 * best.sun.radius, 0.53),
+        radiance=as_map(best.light.sky * strength).astype(np.float64),
+        confidence=confidence,
+    )
+
+
+def _taken(places: Places, rows: NDArray[np.int64]) -> Places:
+    return replace(
+        places,
+        color=places.color[rows],
+        points=places.points[rows],
+        normals=places.normals[rows],
+        open=places.open[rows],
+        met=places.met[rows],
+    )
+
+
+def _searched(half: Places, rng: np.random.Generator) -> Sun | None:
+    some = _taken(half, np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1)))
+    return sun.search(sun.Search.of(some, fit.pairs_of(some.points, rng)))
+
+
+def _fitted(places: Places, pairs: Pairs, found: Sun | None) -> _Found:
+    """Radiances with that sun, started from what it was found with."""
+    albedo, share = (MEAN_ALBEDO, 0.0) if found is None else found.start
+    seen = np.zeros(len(places)) if found is None else sun.disc(places, found.to_sun, found.radius)
+    level = places.color.mean() / albedo
+    direct = max(level - places.met.mean(), 0.1 * level)
+    sky = direct * (1 - share) / max(places.open.sum(axis=1).mean(), 1e-6)
+    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, direct * share / max(seen.mean(), 1e-6))
+    return _Found(found, light)
+
+
+def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
+    """The better of both halves' suns, moved to where all places like it best; and what it gains over none."""
+    without = _fitted(places, pairs, None)
+    best, gain = without, 0.0
+    for one in suns:
+        if one is None:
+            continue
+        found = _fitted(places, pairs, one)
+        if without.light.loss - found.light.loss > gain:
+            best, gain = found, without.light.loss - found.light.loss
+    if best.sun is None or gain < LEAST_GAIN:
+        return without, max(gain, 0.0)
+    moved = sun.moved(places, pairs, best.sun, best.light)
+    found = _fitted(places, pairs, moved)
+    return found, without.light.loss - found.light.loss
+
+
+def _scaled(found: _Found, scale: float) -> _Found:
+    light = Fitted(found.light.sky * scale, found.light.sun * scale, found.light.loss)
+    return _Found(found.sun, light)
+
+
+def _scale_for_albedo(places: Places, found: _Found) -> float:
+    """The factor that makes the mean albedo `MEAN_ALBEDO`: twenty halvings of a range of 1/64 to 64."""
+    direct = found.at(places) - places.met
+    low, high = -6.0, 6.0
+    for _ in range(24):
+        middle = (low + high) / 2
+        albedo = np.clip(places.color / (direct * 2.0**middle + places.met), 0, 1).mean()
+        low, high = (middle, high) if albedo > MEAN_ALBEDO else (low, middle)
+    return float(2.0 ** ((low + high) / 2))
+
+
+def _apart(suns: list[Sun | None]) -> float:
+    a, b = suns
+    if a is None or b is None:
+        return float("nan")
+    return float(np.degrees(np.arccos(np.clip(a.to_sun @ b.to_sun, -1, 1))))
+
+
+def _explained(places: Places, pairs: Pairs, found: _Found) -> float:
+    """Of the differences between pairs, the share that light found elsewhere takes away."""
+    even = np.full_like(places.color, places.color.mean())
+    unlit = fit.judged(places.color, even, pairs)
+    return max(1 - fit.judged(places.color, found.at(places), pairs) / max(unlit, 1e-12), 0.0)

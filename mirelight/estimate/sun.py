@@ -1,0 +1,162 @@
+"""Where the sun stood: directions over the whole sphere, each with the sky's level and the sun's share free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirelight.colour import REC709_LUMINANCE
+from mirelight.estimate.fit import FLOOR, ROBUST, Fitted, Pairs, judged
+from mirelight.estimate.sky import frame_around, sphere
+from mirelight.estimate.transport import Places
+from mirelight.model import F64
+
+DIRECTIONS = 600
+ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
+SHARES = (0.1, 0.25, 0.45, 0.65, 0.85)  # of the sun in the direct light that are tried
+LEAST_LIT = 0.01  # share of the places that a sun must reach
+RADII = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
+_STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
+_DISC = 24  # points of a disc
+_FEW = 8  # of a disc that is being moved
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Search:
+    """What the search compares: places in luminance."""
+
+    places: Places
+    pairs: Pairs
+    weights: F64  # (P,)
+    log_color: F64  # (N,)
+    sky: F64  # (N,) open share of the view
+    met: F64  # (N,)
+    mean: float  # of the colour
+
+    @staticmethod
+    def of(places: Places, pairs: Pairs) -> Search:
+        """Over all places that the pairs name."""
+        color = places.color @ REC709_LUMINANCE.astype(np.float64)
+        log = np.log(places.color)
+        return Search(
+            places=places,
+            pairs=pairs,
+            weights=pairs.weights(log),
+            log_color=np.log(color),
+            sky=places.open.sum(axis=1),
+            met=places.met @ REC709_LUMINANCE.astype(np.float64),
+            mean=float(color.mean()),
+        )
+
+    def losses(self, seen: F64) -> F64:
+        """(A, S) losses with a sun of these cosines (N,), by the mean albedo and the sun's share."""
+        out = np.empty((len(ALBEDOS), len(SHARES)))
+        sky, sun = self.sky / max(self.sky.mean(), 1e-9), seen / max(seen.mean(), 1e-9)
+        for i, albedo in enumerate(ALBEDOS):
+            level = self.mean / albedo
+            direct = max(level - self.met.mean(), 0.1 * level)
+            for k, share in enumerate(SHARES):
+                light = self.met + direct * ((1 - share) * sky + share * sun) + FLOOR * level
+                a = self.log_color - np.log(light)
+                d = a[self.pairs.a] - a[self.pairs.b]
+                d *= d
+                out[i, k] = (self.weights * (d / (d + ROBUST**2))).sum()
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sun:
+    """A direction, and what speaks for it."""
+
+    to_sun: F64  # (3,) unit
+    radius: float  # degrees
+    seen: F64  # (N,) cosine times the visible share of the disc
+    loss: float
+    start: tuple[float, float]  # mean albedo and share of the sun that it was found with
+
+
+def search(of: Search) -> Sun | None:
+    """The best of `DIRECTIONS`, the best three refined, then the disc's radius; None where no sun reaches places."""
+    ways = sphere(DIRECTIONS)
+    seen = of.places.facing(ways)
+    lit = (seen > 0).mean(axis=1) >= LEAST_LIT
+    if not lit.any():
+        return None
+    losses = np.full(len(ways), np.inf)
+    losses[lit] = [of.losses(one).min() for one in seen[lit]]
+    best = [_refined(of, ways[k], losses[k]) for k in _apart(ways, losses)]
+    way, _ = min(best, key=lambda found: found[1])
+    return _with_disc(of, way)
+
+
+def _apart(ways: F64, losses: F64, count: int = 3) -> list[int]:
+    """The best directions, 12 degrees from each other."""
+    out: list[int] = []
+    for k in np.argsort(losses, kind="stable"):
+        if np.isfinite(losses[k]) and all(ways[k] @ ways[j] < np.cos(np.radians(12)) for j in out):
+            out.append(int(k))
+        if len(out) == count:
+            break
+    return out
+
+
+def _refined(of: Search, way: F64, loss: float) -> tuple[F64, float]:
+    """Steps to the better of eight neighbours, ever smaller."""
+    turn = np.arange(8) * np.pi / 4
+    for step in _STEPS:
+        for _ in range(4):
+            s = np.sin(np.radians(step))
+            local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(step)))], axis=-1)
+            near = np.einsum("dk,kj->dj", local, frame_around(way))
+            found = np.array([of.losses(one).min() for one in of.places.facing(near)])
+            if found.min() >= loss:
+                break
+            way, loss = near[int(found.argmin())], float(found.min())
+    return way, loss
+
+
+def _with_disc(of: Search, way: F64) -> Sun:
+    best: Sun | None = None
+    for radius in RADII:
+        seen = disc(of.places, way, radius)
+        losses = of.losses(seen)
+        i, k = np.unravel_index(int(losses.argmin()), losses.shape)
+        if best is None or losses[i, k] < best.loss:
+            best = Sun(way, radius, seen, float(losses[i, k]), (ALBEDOS[i], SHARES[k]))
+    assert best is not None
+    return best
+
+
+def disc(places: Places, way: F64, radius: float, points: int = _DISC) -> F64:
+    """(N,) the mean over a disc around a direction of cosine where it is seen."""
+    if radius == 0:
+        return np.asarray(places.facing(way[None])[0])
+    k = np.arange(points)
+    s = np.sin(np.radians(radius)) * np.sqrt((k + 0.5) / points)
+    phi = k * np.pi * (3 - np.sqrt(5.0))
+    local = np.stack([s * np.cos(phi), s * np.sin(phi), np.sqrt(1 - s * s)], axis=-1)
+    return np.asarray(places.facing(np.einsum("dk,kj->dj", local, frame_around(way))).mean(axis=0))
+
+
+def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
+    """The sun at the direction, and with the disc, that explain the colours best with the radiances held."""
+    sky = np.einsum("np,pc->nc", places.open, light.sky) + places.met
+
+    def loss(way: F64, radius: float, points: int) -> float:
+        return judged(places.color, sky + disc(places, way, radius, points)[:, None] * light.sun, pairs)
+
+    way, turn = found.to_sun, np.arange(8) * np.pi / 4
+    least = loss(way, found.radius, _FEW)
+    for step in _STEPS[1:]:
+        for _ in range(3):
+            s = np.sin(np.radians(step))
+            local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(step)))], axis=-1)
+            near = np.einsum("dk,kj->dj", local, frame_around(way))
+            losses = [loss(one, found.radius, _FEW) for one in near]
+            if min(losses) >= least:
+                break
+            way, least = near[int(np.argmin(losses))], min(losses)
+    near_radii = [r for r in RADII if abs(RADII.index(r) - RADII.index(found.radius)) <= 2]
+    radius = min(near_radii, key=lambda r: loss(way, r, _DISC))
+    return replace(found, to_sun=way, radius=radius)

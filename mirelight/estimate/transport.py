@@ -1,0 +1,167 @@
+"""What each place on the proxy gets of the sky's patches, of other surfaces as they were captured, and of a sun.
+
+Captured radiance is the indirect light: what a ray meets on another surface is the splats' own colour there. So light
+is linear in the sky and the sun, in absolute units, whatever the albedo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.errors import RenderError
+from mirelight.estimate.sky import PATCHES, frame_around, patch_of
+from mirelight.lighting import Tracer
+from mirelight.lighting.albedo import Deposits, deposits_of, face_normals
+from mirelight.lighting.sight import Sight
+from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
+
+PLACES = 6000  # splats that tell the light
+RAYS = 96  # from each
+SHOWN = 20000  # splats that tell what colour a ray meets
+FEWEST = 200  # splats on the proxy, below which nothing can be told
+DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
+LIFT = 2e-4  # of the diagonal: where rays start
+_CHUNK = 1 << 20  # rays at once
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Splats where they lie on the proxy, N of them, and what light reaches them from where.
+
+    Irradiance / pi at place n is `open[n] @ radiance + met[n] + sun.shadows(...) @ sun`.
+    """
+
+    color: F64  # (N, 3) linear, the splats' own
+    points: F64  # (N, 3) world units, just off the surface
+    normals: F64  # (N, 3) unit, towards the side that was seen
+    open: F64  # (N, PATCHES) share of the cosine-weighted hemisphere that sees each patch of the sky
+    met: F64  # (N, 3) linear: what the hemisphere's other part shows
+    sight: Sight  # for shadow rays
+
+    def __len__(self) -> int:
+        return len(self.color)
+
+    @property
+    def blocked(self) -> float:
+        """Share of the view that other surfaces take, 0..1."""
+        return float(1 - self.open.sum(axis=1).mean())
+
+    def facing(self, to_sun: F64) -> F64:
+        """(D, N) cosine towards each of D unit directions where nothing stands between, else 0."""
+        cosine = np.einsum("dk,nk->dn", to_sun, self.normals)
+        out = np.zeros_like(cosine)
+        d, n = np.nonzero(cosine > 1e-3)
+        for first in range(0, len(d), _CHUNK):
+            a, b = d[first : first + _CHUNK], n[first : first + _CHUNK]
+            face, _ = self.sight.first_hits(self.points[b], to_sun[a])
+            out[a, b] = np.where(face < 0, cosine[a, b], 0.0)
+        return np.asarray(out)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """What colour the surface was captured with, anywhere on it: that of the nearest splat on the same side."""
+
+    tree: Any  # of places lifted off the surface, so that the sides of a thin wall are told apart
+    color: F64  # (M, 3) linear
+    lift: float
+
+    @staticmethod
+    def of(deposits: Deposits, mesh: ProxyMesh, sight: Sight, lift: float, rng: np.random.Generator) -> _Shown:
+        """Of splats on the mesh."""
+        from scipy.spatial import cKDTree
+
+        points, normals = deposits.on(mesh)
+        sound = _sound(deposits, normals)
+        points, normals = points[sound], normals[sound]
+        normals = _seen_side(points, normals, face_normals(mesh), sight, lift, rng)
+        apart = 10 * lift
+        return _Shown(cKDTree(points + apart * normals), deposits.color[sound], apart)
+
+    def at(self, points: F64, normals: F64, way: F64) -> F64:
+        """(N, 3) at points of faces with those normals, met along ways."""
+        side = -np.sign(np.einsum("nk,nk->n", normals, way))
+        _, nearest = self.tree.query(points + (self.lift * side)[:, None] * normals, workers=-1)
+        return np.asarray(self.color[nearest])
+
+
+def _sound(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
+    whole = np.linalg.norm(normals, axis=1) > 0.5
+    return np.asarray((deposits.weight > 0) & (deposits.color.min(axis=1) > DARKEST) & whole)
+
+
+def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) -> Places:
+    """Rays from splats through the proxy.
+
+    Args:
+        splats: world space.
+        proxy: world space; its own colours count for nothing.
+        settings: seed, variant and threads.
+
+    Raises:
+        RenderError: fewer than `FEWEST` splats lie on the proxy and show a colour.
+        BackendError: the variant `scalar_rgb`.
+    """
+    mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, 0.5))
+    tracer = Tracer(mesh, settings, layers=False, aovs=False)
+    few = deposits_of(splats, mesh, tracer, PLACES)
+    points, normals = few.on(mesh)
+    sound = _sound(few, normals)
+    if sound.sum() < FEWEST:
+        raise RenderError(
+            f"{int(sound.sum())} splats lie on the proxy and show a colour, too few to tell the captured light from; "
+            "check that both are of one scene, or describe the light in the job"
+        )
+    color, points, normals = few.color[sound], points[sound], normals[sound]
+    low, high = mesh.bounds
+    lift = LIFT * float(np.linalg.norm(high.astype(np.float64) - low))
+    sight = Sight(mesh, settings.variant, settings.threads)
+    rng = np.random.default_rng(settings.seed)
+    facing = face_normals(mesh)
+    shown = _Shown.of(deposits_of(splats, mesh, tracer, SHOWN), mesh, sight, lift, rng)
+    normals = _seen_side(points, normals, facing, sight, lift, rng)
+    start = points + lift * normals
+    around, met = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3))
+    step = max(_CHUNK // RAYS, 1)
+    for first in range(0, len(start), step):
+        rows = slice(first, first + step)
+        ways = _cosine_ways(normals[rows], RAYS, rng)
+        origins = np.repeat(start[rows], RAYS, axis=0)
+        face, distance = sight.first_hits(origins, ways.reshape(-1, 3))
+        hit = (face >= 0).reshape(ways.shape[:2])
+        row, ray = np.nonzero(~hit)
+        np.add.at(around[rows], (row, patch_of(ways[row, ray])), 1 / RAYS)
+        flat = np.flatnonzero(hit.ravel())
+        way = ways.reshape(-1, 3)[flat]
+        seen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
+        for k in range(3):
+            met[rows, k] = np.bincount(flat // RAYS, seen[:, k], minlength=len(hit)) / RAYS
+    return Places(color=color, points=start, normals=normals, open=around, met=met, sight=sight)
+
+
+def _cosine_ways(normals: F64, count: int, rng: np.random.Generator) -> F64:
+    """(N, count, 3) directions over each hemisphere by cosine: one spiral, turned and shifted anew for each place."""
+    shift, turn = rng.random((2, len(normals), 1))
+    k = np.arange(count)
+    s2 = (k + shift) / count
+    phi = 2 * np.pi * turn + k * np.pi * (3 - np.sqrt(5.0))
+    s = np.sqrt(s2)
+    local = np.stack([s * np.cos(phi), s * np.sin(phi), np.sqrt(1 - s2)], axis=-1)
+    return np.asarray(np.einsum("nrk,nkj->nrj", local, frame_around(normals)))
+
+
+def _seen_side(points: F64, normals: F64, facing: F64, sight: Sight, lift: float, rng: np.random.Generator) -> F64:
+    """The normals, turned where their side is the inside of something: where rays meet the backs of faces."""
+    backs = []
+    for side in (1.0, -1.0):
+        n = side * normals
+        ways = _cosine_ways(n, 16, rng)
+        face, _ = sight.first_hits(np.repeat(points + lift * n, 16, axis=0), ways.reshape(-1, 3))
+        back = (face >= 0) & (np.einsum("nk,nk->n", facing[face], ways.reshape(-1, 3)) > 0)
+        backs.append(back.reshape(-1, 16).mean(axis=1))
+    turned = backs[0] > backs[1] + 0.25
+    return np.where(turned[:, None], -normals, normals)

@@ -1,0 +1,185 @@
+"""The captured light found again from splats whose light is known: a small yard, painted under a sun and a sky."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from mirelight import colour
+from mirelight.conventions import quaternion_from_rotation, unit
+from mirelight.errors import RenderError
+from mirelight.estimate import Estimate, estimate, lighting_of
+from mirelight.estimate.describe import described, unknown
+from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
+from mirelight.lighting import Tracer
+from mirelight.lighting.albedo import face_normals
+from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SunLight
+
+SETTINGS = RenderSettings(seed=3)
+TO_SUN = unit([0.5, 0.8, 0.3])
+SKY = (0.3, 0.4, 0.6)
+LIGHT = Lighting(
+    lights=(SunLight(name="sun", direction=-TO_SUN, color=np.array([1, 0.9, 0.8]), intensity=2.5),),
+    environment=Environment(radiance=np.array([[SKY]], np.float32)),
+)
+
+
+def boxes(*sizes: Sequence[ArrayLike]) -> ProxyMesh:
+    """Boxes, each of six squares with vertices of their own: (lowest corner, highest corner, colour)."""
+    vertices: list[F64] = []
+    faces: list[list[int]] = []
+    colors: list[F64] = []
+    for size in sizes:
+        low, high, color = (np.asarray(x, dtype=np.float64) for x in size)
+        for axis in range(3):
+            for end in (0.0, 1.0):
+                square = np.empty((4, 3))
+                square[:, axis] = end
+                square[:, [(axis + 1) % 3, (axis + 2) % 3]] = [[0, 0], [1, 0], [1, 1], [0, 1]]
+                order = [0, 1, 2, 3] if end else [3, 2, 1, 0]
+                first = 4 * len(vertices)
+                vertices.append(low + square[order] * (np.asarray(high) - low))
+                faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
+                colors.append(np.tile(color, (4, 1)))
+    return ProxyMesh(
+        vertices=np.concatenate(vertices).astype(np.float32),
+        faces=np.array(faces, np.int32),
+        vertex_colors=np.concatenate(colors).astype(np.float32),
+        albedo=None,
+    )
+
+
+@cache
+def yard() -> ProxyMesh:
+    """A floor, walls on two sides, and blocks that cast shadows."""
+    floor = ([-3, -0.2, -3], [3, 0, 3], [0.45, 0.4, 0.35])
+    walls = ([-3.2, 0, -3], [-3, 2, 3], [0.6, 0.55, 0.5]), ([-3, 0, -3.2], [3, 2, -3], [0.5, 0.55, 0.6])
+    corners = [
+        (x, z, 0.6 + 0.25 * ((3 * i + k) % 4)) for i, x in enumerate((-2, 0, 2)) for k, z in enumerate((-2, 0, 2))
+    ]
+    blocks = [([x - 0.35, 0, z - 0.35], [x + 0.35, h, z + 0.35], [0.5, 0.35, 0.3]) for x, z, h in corners]
+    return boxes(floor, *walls, *blocks)
+
+
+def painted(mesh: ProxyMesh, light: Lighting, count: int) -> SplatCloud:
+    """Discs all over a mesh that show it under a light, its texture uneven by a tenth."""
+    rng = np.random.default_rng(1)
+    v = mesh.vertices[mesh.faces].astype(np.float64)
+    areas = np.linalg.norm(np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]), axis=1)
+    face = rng.choice(len(v), count, p=areas / areas.sum())
+    points = (v[face] * rng.dirichlet((1, 1, 1), count)[:, :, None]).sum(axis=1)
+    points = np.where(points[:, 1:2] < 0, np.abs(points) * [1, 0, 1], points)  # the floor's underside shows nothing
+    normals = face_normals(mesh)[face]
+    light_there = Tracer(mesh, SETTINGS, layers=False, aovs=False).irradiance(light, points, normals, 64)
+    assert mesh.vertex_colors is not None
+    albedo = mesh.vertex_colors[mesh.faces[face, 0]] * np.exp(0.1 * rng.standard_normal((count, 1)))
+    shown = colour.srgb_encode(np.clip(albedo * light_there / np.pi, 0, 1))
+    quats = np.stack([quaternion_from_rotation(frame.T) for frame in frame_around(normals)])
+    return SplatCloud(
+        means=points.astype(np.float32),
+        quats=quats.astype(np.float32),
+        scales=np.tile(np.array([0.04, 0.04, 0.002], np.float32), (count, 1)),
+        opacities=np.full(count, 0.95, np.float32),
+        sh=((shown - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
+    )
+
+
+@cache
+def found() -> Estimate:
+    return estimate(painted(yard(), LIGHT, 4000), yard(), SETTINGS)
+
+
+def apart(a: F64, b: F64) -> float:
+    return float(np.degrees(np.arccos(np.clip(a @ b, -1, 1))))
+
+
+def test_the_sun_is_found() -> None:
+    sun = found().lighting.lights[0]
+    assert isinstance(sun, SunLight)
+    assert apart(-sun.direction, TO_SUN) < 2
+    assert sun.angular_diameter <= 4
+    assert found().confidence.sun_apart < 6
+
+
+def test_the_light_at_the_surface_is_found_up_to_its_scale() -> None:
+    """Relighting needs the irradiance at the surface and nothing else."""
+    mesh = yard()
+    tracer = Tracer(mesh, SETTINGS, layers=False, aovs=False)
+    v = mesh.vertices[mesh.faces].astype(np.float64).mean(axis=1)
+    normals = face_normals(mesh)
+    up = v[:, 1] > 0
+    true, made = (tracer.irradiance(x, v[up], normals[up], 256) for x in (LIGHT, found().lighting))
+    bright = true.mean(axis=1) > 0.1 * true.mean()
+    ratio = made[bright].mean(axis=1) / true[bright].mean(axis=1)
+    assert 0.65 < np.median(ratio) < 1.5
+    assert np.median(np.abs(np.log(ratio / np.median(ratio)))) < 0.15
+
+
+def test_exposure_multiplies_all_of_the_light() -> None:
+    splats = painted(yard(), LIGHT, 700)
+    plain, brighter = (estimate(splats, yard(), SETTINGS, stops) for stops in (0.0, 1.0))
+    np.testing.assert_array_equal(brighter.sun, 2 * plain.sun)
+    np.testing.assert_allclose(brighter.radiance, 2 * plain.radiance, rtol=1e-6)
+    np.testing.assert_array_equal(brighter.to_sun, plain.to_sun)
+
+
+def test_it_is_the_same_to_the_bit() -> None:
+    splats = painted(yard(), LIGHT, 700)
+    one, other = (estimate(splats, yard(), SETTINGS).packed() for _ in range(2))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_packed_light_is_the_light() -> None:
+    light = lighting_of(found().packed())
+    assert light.environment is not None
+    np.testing.assert_array_equal(light.environment.pixels, found().radiance.astype(np.float32))
+    sun = light.lights[0]
+    np.testing.assert_allclose(sun.color * sun.intensity, found().sun)
+
+
+def test_a_lone_slab_says_that_its_scale_is_a_guess() -> None:
+    """Nothing in its view is another surface: albedos are made 0.35 in the mean."""
+    slab = boxes((np.array([-1.0, -0.5, -1]), np.array([1.0, 0.5, 1]), np.array([0.6, 0.6, 0.6])))
+    lone = estimate(painted(slab, LIGHT, 900), slab, SETTINGS)
+    assert lone.confidence.blocked < 0.02
+    assert not lone.confidence.scale_known
+    assert any("the scale is a guess" in line for line in unknown(lone))
+    assert not any("the scale is a guess" in line for line in unknown(found()))
+    assert any(line.startswith("sun ") for line in described(found()))
+
+
+def test_what_cannot_be_estimated_is_said() -> None:
+    splats = painted(yard(), LIGHT, 700)
+    with pytest.raises(RenderError, match="too few to tell"):
+        estimate(
+            replace(splats, means=splats.means + np.float32(0.001), opacities=splats.opacities * 0), yard(), SETTINGS
+        )
+    closed = boxes((np.full(3, -4.0), np.full(3, 4.0), np.full(3, 0.5)))
+    both = replace(
+        yard(),
+        vertices=np.concatenate([yard().vertices, closed.vertices]),
+        faces=np.concatenate([yard().faces, closed.faces + len(yard().vertices)]),
+        vertex_colors=None,
+        albedo=np.full(3, 0.5),
+    )
+    with pytest.raises(RenderError, match="no light comes in from outside"):
+        estimate(splats, both, SETTINGS)
+
+
+def test_patches_share_the_sphere_and_the_map_has_them_where_they_are() -> None:
+    ways = sphere(20_000)
+    patch = patch_of(ways)
+    assert set(patch) == set(range(PATCHES))
+    values = np.arange(PATCHES * 3, dtype=float).reshape(-1, 3)
+    made = Environment(radiance=as_map(values)).pixels
+    rows, columns = made.shape[:2]
+    v = np.degrees(np.arccos(ways[:, 1])) / 180 * rows
+    u = (np.arctan2(ways[:, 2], ways[:, 0]) / (2 * np.pi) + 0.5) % 1 * columns
+    inside = (np.abs(v - np.round(v)) > 0.01) & (np.abs(u - np.round(u)) > 0.01)
+    at = made[np.minimum(v.astype(int), rows - 1), np.minimum(u.astype(int), columns - 1)]
+    np.testing.assert_array_equal(at[inside], values[patch[inside]].astype(np.float32))

@@ -53,6 +53,18 @@ class Keys:
         return digest("level", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm"))
 
     @cached_property
+    def splat_places(self) -> str:
+        """Where each splat lies on the proxy, and on which side."""
+        job = self.job
+        assert job.splats is not None
+        parts = job.splats.digest, self.proxy, job.captured and _light(job.captured), job.render.seed
+        return digest("places", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm", "scipy"))
+
+    def splat_light(self, light_set: LightSet, spp: int) -> str:
+        """The light of a set on each splat."""
+        return digest("splat light", self.splat_places, light_set.digest, spp)
+
+    @cached_property
     def sets(self) -> LightSets:
         """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
         job = self.job

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -207,6 +207,45 @@ class Tracer:
         Raises:
             BackendError: the variant `scalar_rgb`.
         """
+        buffer = self._at_points(lighting, points, normals, spp, separate=False, emission=True, progress=_ignore)
+        return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
+
+    def irradiance_layers(
+        self,
+        lighting: Lighting,
+        points: F64,
+        normals: F64,
+        spp: int,
+        *,
+        emission: bool = True,
+        progress: Progress | None = None,
+    ) -> tuple[Mapping[str, F32], F32]:
+        """As :meth:`irradiance`, for each layer of the lighting by its name; `emission` and `progress` as in
+        :meth:`trace`. Where there are more than `layers.MAX_LAYERS`, lights share one.
+
+        Returns:
+            By layer (N, 3) linear irradiance; (N, 3) the points' albedo.
+        """
+        if not len(points):
+            return {}, np.zeros((0, 3), np.float32)
+        buffer = self._at_points(
+            lighting, points, normals, spp, separate=True, emission=emission, progress=progress or _ignore
+        )
+        inverse = np.pi / np.maximum(buffer.albedo[0], np.float32(1e-4))
+        return {x.name: np.asarray(x.total[0] * inverse, np.float32) for x in buffer.layers}, buffer.albedo[0]
+
+    def _at_points(
+        self,
+        lighting: Lighting,
+        points: F64,
+        normals: F64,
+        spp: int,
+        *,
+        separate: bool,
+        emission: bool,
+        progress: Progress,
+    ) -> LightingBuffer:
+        """A row of pixels, one for each point."""
         from mirelight.lighting.kernel.probes import PointRays
 
         surface = self._on_device()
@@ -214,11 +253,11 @@ class Tracer:
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)
         sky, view = self._sky_of(lighting.environment), PointRays(points, normals)
-        layers = Layers.of(lighting, emissive=self._emissive, separate=False)
-        frame = FrameInProgress(surface, sky, lighting, row, layers, settings, aovs=False, view=view)
-        _sample(frame, settings, _ignore)
-        buffer = frame.develop()
-        return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
+        emission = emission and self._emissive
+        layers = Layers.of(lighting, emissive=emission, separate=separate)
+        frame = FrameInProgress(surface, sky, lighting, row, layers, settings, aovs=False, view=view, emission=emission)
+        _sample(frame, settings, progress)
+        return frame.develop()
 
     def point_layers(
         self,

@@ -48,6 +48,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "executor": {"dataset", "model", "plan", "scene", "stages", "store"},
     "compare": {"*"},
     "realtime": {"*"},
+    "mixing": {"*"},
     "doctor": {"*"},
     "cli": {"*"},
     "__main__": {"cli"},

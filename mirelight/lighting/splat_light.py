@@ -1,0 +1,137 @@
+"""Light on splats: each splat has a place on the proxy, found once, and takes the irradiance there.
+
+A splat's place is the nearest point of the proxy along its own axes, the flattest first; a splat that finds none within
+reach takes the place of the nearest one that does. Its side is the front of the face, unless that is the dark inside of
+something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.errors import RenderError
+from mirelight.lighting.albedo import UNLIT, face_normals
+from mirelight.lighting.trace import Tracer
+from mirelight.model import F32, F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
+
+REACH = 0.02  # of the bounds' diagonal
+SIDE_SPP = 16  # samples a splat, to tell the dark side
+_CHUNK = 1 << 17  # splats at once, which bounds the film's memory: 36 bytes for each of them and of its layers
+_SEED_STEP = 0x9E3779B1  # between chunks, so that they share no random numbers
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Where N splats lie on a proxy."""
+
+    points: F64  # (N, 3) world space
+    normals: F64  # (N, 3) unit, to the side that is seen
+    near: float  # share of splats that found the proxy within reach
+
+
+def tracer_for(proxy: ProxyMesh, settings: RenderSettings) -> Tracer:
+    """A tracer of layers at points. Where the variant is `scalar_rgb`, LLVM is used.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+    """
+    variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
+    return Tracer(proxy, replace(settings, variant=variant, noise=None, denoise=False), aovs=False)
+
+
+def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: Lighting | None) -> Places:
+    """Where splats lie on the proxy.
+
+    Args:
+        splats: N of them, world space.
+        proxy: the tracer's own.
+        tracer: from :func:`tracer_for`.
+        reference: light that the splats were seen in, which tells the side; None: an even sky.
+
+    Raises:
+        RenderError: no splat lies within 2 % of the proxy's diagonal.
+    """
+    from scipy.spatial import cKDTree
+
+    low, high = proxy.bounds
+    reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
+    means = splats.means.astype(np.float64)
+    axes = conventions.rotation_from_quaternion(splats.quats)  # columns
+    by_size = np.argsort(splats.scales, axis=1, kind="stable")
+    face, corners = np.full(len(means), -1, np.int32), np.zeros((len(means), 3), np.float32)
+    for k in range(3):
+        todo = np.flatnonzero(face < 0)
+        if len(todo):
+            ways = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
+            face[todo], corners[todo], _ = tracer.nearest_along(means[todo], ways, reach)
+    found, lost = np.flatnonzero(face >= 0), np.flatnonzero(face < 0)
+    if not len(found):
+        raise RenderError(
+            f"no splat lies within {reach:.3g} world units of the proxy, so none takes light from it; "
+            "check both transforms"
+        )
+    corner = proxy.vertices[proxy.faces[face]].astype(np.float64)
+    points, normals = (corner * corners[:, :, None]).sum(axis=1), face_normals(proxy)[face]
+    if len(lost):
+        _, nearest = cKDTree(points[found]).query(means[lost])
+        points[lost], normals[lost] = points[found[nearest]], normals[found[nearest]]
+    reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
+    front = _brightness(tracer, reference, points, normals)
+    dark = np.flatnonzero(front <= UNLIT * front.mean())
+    if len(dark):
+        behind = dark[_brightness(tracer, reference, points[dark], -normals[dark]) > front[dark]]
+        normals[behind] *= -1
+    return Places(points, normals, len(found) / len(means))
+
+
+def _brightness(tracer: Tracer, lighting: Lighting, points: F64, normals: F64) -> F64:
+    parts = [
+        tracer.irradiance(lighting, points[i : i + _CHUNK], normals[i : i + _CHUNK], SIDE_SPP)
+        for i in range(0, len(points), _CHUNK)
+    ]
+    return np.asarray(np.concatenate(parts).mean(axis=1), np.float64)
+
+
+def layers_at(
+    places: Places, lighting: Lighting, tracer: Tracer, spp: int, *, emission: bool, progress: Progress | None = None
+) -> tuple[dict[str, F32], F32]:
+    """The light of each layer on splats, and the albedo of the proxy under them.
+
+    Args:
+        places: of N splats.
+        lighting: of at most `layers.MAX_LAYERS` layers.
+        tracer: from :func:`tracer_for`; its seed counts, its number of samples does not.
+        spp: samples a splat.
+        emission: whether surfaces that glow do, as a layer named "emission".
+        progress: called with (paths done, paths in all).
+
+    Returns:
+        By layer (N, 3) irradiance / pi, linear; (N, 3) albedo.
+    """
+    count = len(places.points)
+    light: dict[str, F32] = {}
+    albedo = np.zeros((count, 3), np.float32)
+    seed = tracer.settings.seed
+    for i, start in enumerate(range(0, count, _CHUNK)):
+        some = slice(start, start + _CHUNK)
+
+        def report(done: int, total: int, start: int = start) -> None:
+            if progress is not None:
+                progress(start * spp + done, count * spp)
+
+        tracer.settings = replace(tracer.settings, seed=(seed + i * _SEED_STEP) & 0x7FFFFFFF)
+        try:
+            found, albedo[some] = tracer.irradiance_layers(
+                lighting, places.points[some], places.normals[some], spp, emission=emission, progress=report
+            )
+        finally:
+            tracer.settings = replace(tracer.settings, seed=seed)
+        for name, values in found.items():
+            light.setdefault(name, np.zeros((count, 3), np.float32))[some] = values / np.float32(np.pi)
+    return light, albedo

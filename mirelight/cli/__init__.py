@@ -135,6 +135,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.estimate import run_estimate
 
             return run_estimate(args)
+        case "export":
+            from mirelight.cli.export import run_export
+
+            return run_export(args)
         case "schema":
             from mirelight.cli.report import print_json
             from mirelight.io.job import json_schema
@@ -191,6 +195,7 @@ def _parser() -> argparse.ArgumentParser:
     from mirelight.cli.compare import add_compare
     from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
+    from mirelight.cli.export import add_export
     from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
 
@@ -199,6 +204,7 @@ def _parser() -> argparse.ArgumentParser:
     add_explain(commands)
     add_proxy(commands)
     add_estimate(commands)
+    add_export(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -125,6 +126,12 @@ class DataSet:
     def weights(self, lighting: int | str) -> F32:
         """(L, 3) what a lighting takes of the unit lights."""
         return self._weights(self._index.lightings[self._at(lighting, self.lightings, "lighting")])
+
+    @cached_property
+    def strongest(self) -> F32:
+        """(L, 3) the most that any of the job's lightings takes of each unit light; 0 where none has it."""
+        every = [self._weights(x) for x in self._index.lightings]
+        return np.asarray(np.max(every, axis=0) if every else np.zeros((len(self.lights), 3)), dtype=np.float32)
 
     def layers(self, camera: int | str) -> F32:
         """(L, h, w, 3) linear radiance of each unit light on the proxy, premultiplied by its coverage."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture, axes_of
@@ -19,6 +20,8 @@ GROWN = 1.9  # radius of a cell before cutting, in local spacings
 SMALLEST, LARGEST = 2.2, 8.0  # radius, in the capture's spacing
 OVERLAP = 1.1  # how far past the bisector a cell reaches: no cracks for light to leak through
 WELD = 0.2  # of the spacing: corners nearer than that become one
+FLAT_CELL = 2.5  # spacings: in the midst of a plane one disc in a voxel of this size stands for the others
+FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it to be in the midst of one
 _CHUNK = 200_000  # cells cut at once
 
 
@@ -29,11 +32,14 @@ def cells_of(capture: Capture, progress: Progress) -> Soup:
     plane, so that edges between surfaces stay sharp.
     """
     axes, scales = axes_of(capture.splats)
-    discs = _Discs(capture.splats.means.astype(np.float64), axes, scales)
+    discs, s = _Discs(capture.splats.means.astype(np.float64), axes, scales), capture.spacing
     progress("finding neighbours", 0.0)
     near, distance = _neighbours(discs.at, NEIGHBOURS)
-    s = capture.spacing
     radius = np.clip(GROWN * distance[:, 5] / 1.8, SMALLEST * s, LARGEST * s)
+    kept, stands_for_more = _without_flats(discs, near, distance, s)
+    radius = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept]
+    discs = _Discs(discs.at[kept], discs.axes[kept], discs.scales[kept])
+    near, distance = _neighbours(discs.at, NEIGHBOURS)
     corners, faces, start = [], [], 0
     for first in range(0, len(discs.at), _CHUNK):
         progress("cutting cells", 0.2 + 0.6 * first / len(discs.at))
@@ -64,6 +70,26 @@ def _neighbours(points: F64, count: int) -> tuple[Int, F64]:
 
     distance, index = cKDTree(points).query(points, k=min(count + 1, len(points)), workers=-1)
     return index[:, 1:].astype(np.int64), distance[:, 1:]
+
+
+def _without_flats(discs: _Discs, near: Int, distance: F64, s: float) -> tuple[Int, NDArray[np.bool_]]:
+    """Discs that are kept, and (N,) whether one stands for others around it.
+
+    In the midst of a plane one disc in a voxel of `FLAT_CELL` spacings is enough: its cell grows over the others'.
+    """
+    n, k = discs.normal, FLAT_NEIGHBOURS
+    step = discs.at[near[:, :k]] - discs.at[:, None]
+    level = np.abs(np.einsum("nki,ni->nk", step, n)).max(axis=1) < 0.1 * s
+    level &= np.abs(np.einsum("nki,ni->nk", n[near[:, :k]], n)).min(axis=1) > 0.99
+    amid = np.linalg.norm(step.mean(axis=1), axis=1) < 0.25 * distance[:, k - 1]
+    flat = level & amid & (distance[:, k - 1] < 4 * s)
+    rows = np.flatnonzero(flat)
+    i = np.floor((discs.at[rows] - discs.at.min(axis=0)) / (FLAT_CELL * s)).astype(np.int64)
+    axis = np.abs(n[rows]).argmax(axis=1)
+    _, first = np.unique(((i[:, 0] * (1 << 20) + i[:, 1]) * (1 << 20) + i[:, 2]) * 3 + axis, return_index=True)
+    chosen = np.zeros(len(n), bool)
+    chosen[rows[first]] = True
+    return np.flatnonzero(~flat | chosen), chosen
 
 
 def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, s: float) -> Polygons:

@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.errors import OutputError
+from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     from mirelight.model import ProxyMesh, SplatCloud
     from mirelight.proxy import ProxyQuality
     from mirelight.proxy.types import Progress
+
+FEWEST = 100  # triangles: fewer stand for nothing
 
 
 def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -30,6 +32,7 @@ def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     parser.add_argument(
         "--fit", metavar="MESH", help="move this mesh onto the splats (turned, scaled, then bent) instead of making one"
     )
+    parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
 
 
@@ -44,6 +47,9 @@ def run_proxy(args: argparse.Namespace) -> int:
         raise OutputError(f"{out}: a proxy is written as .glb; nothing was written")
     if not out.parent.is_dir():
         raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    if args.triangles is not None and (args.triangles < FEWEST or args.fit is not None):
+        remedy = "leave it out" if args.fit is not None else f"give {FEWEST} or more"
+        raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as told:
         cloud = splats.read(args.splats)
@@ -63,10 +69,10 @@ def _made(
 ) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
     from mirelight.io.mesh import read_mesh
-    from mirelight.proxy import judge, make, register
+    from mirelight.proxy import ProxySettings, judge, make, register
 
     if args.fit is None:
-        made = make(cloud, progress=told, source=args.splats)
+        made = make(cloud, ProxySettings(triangles=args.triangles), told, source=args.splats)
         return f"by {_METHODS[made.method]}, in {made.seconds:.0f} s", made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
     before = judge(cloud, mesh, source=args.splats)

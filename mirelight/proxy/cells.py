@@ -20,6 +20,8 @@ GROWN = 1.9  # radius of a cell before cutting, in local spacings
 SMALLEST, LARGEST = 2.2, 8.0  # radius, in the capture's spacing
 OVERLAP = 1.1  # how far past the bisector a cell reaches: no cracks for light to leak through
 WELD = 0.2  # of the spacing: corners nearer than that become one
+NARROW = 0.6  # middle over longest axis, below which a disc lies at an edge or on something thin
+WIDTH = 1.5  # standard deviations to either side that such a disc's cell is wide: there its alpha has fallen to a third
 FLAT_CELL = 2.5  # spacings: in the midst of a plane one disc in a voxel of this size stands for the others
 FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it to be in the midst of one
 _CHUNK = 200_000  # cells cut at once
@@ -103,6 +105,13 @@ def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, s: float) -> Polygons
     same = np.abs(np.einsum("rki,ri->rk", discs.normal[near], n)) > SAME_PLANE
     on_sheet = same & (rise < STEEP * run)
     inwards = 0.3 * (along * on_sheet[..., None]).sum(axis=1) / np.maximum(on_sheet.sum(axis=1), 1)[:, None]
+    thin = np.flatnonzero(
+        discs.scales[rows, 1] < NARROW * discs.scales[rows, 2]
+    )  # bars, twigs: no wider than they look
+    across = np.zeros((len(rows), 2))
+    for way in (1.0, -1.0):
+        across[:, 0] = way
+        cells.cut(thin, across, WIDTH * discs.scales[rows, 1])
     for k in range(near.shape[1]):
         # the bisector
         length = np.maximum(run[:, k], 1e-30)

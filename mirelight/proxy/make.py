@@ -12,6 +12,7 @@ from mirelight.errors import InputError
 from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.cells import cells_of
+from mirelight.proxy.decimate import decimated
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.inside import HIDDEN, hidden_share, places
@@ -50,7 +51,7 @@ def make(
 
     Raises:
         InputError: splats that have no surface: too few, transparent, fog, too far from the origin.
-        BackendError: the variant cannot run here.
+        BackendError: the variant cannot run here, or `triangles` without pyfqmr.
         RenderError: not enough memory.
     """
     told, began = progress or quiet, time.monotonic()
@@ -64,6 +65,9 @@ def make(
         soup = _fused(capture, maps, settings, part(told, 0.05, 0.9), source)
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
+    if settings.triangles is not None:
+        told("leaving out triangles", 0.92)
+        soup = decimated(soup, settings.triangles)
     local = _mesh(soup)
     told("judging the proxy", 0.95)
     quality = judged(capture, maps, local, None, settings)

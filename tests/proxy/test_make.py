@@ -50,6 +50,13 @@ def test_the_same_bits_on_any_number_of_threads() -> None:
     np.testing.assert_array_equal(one.faces, two.faces)
 
 
+def test_fewer_triangles_are_still_the_ball() -> None:
+    mesh = make(ball(), ProxySettings(triangles=2000)).mesh
+    assert 1000 < len(mesh.faces) <= 2100
+    assert volume(mesh) == pytest.approx(volume(made_ball().mesh), rel=0.01)
+    assert np.linalg.norm(mesh.vertices, axis=1).min() > 0.98
+
+
 def test_a_capture_far_from_the_origin_keeps_its_place() -> None:
     mesh = make(ball(800, centre=(300, -20, 5))).mesh
     np.testing.assert_allclose((mesh.bounds[0] + mesh.bounds[1]) / 2, (300, -20, 5), atol=0.03)

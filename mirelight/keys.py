@@ -5,6 +5,8 @@ docs/job-file.md says for every setting what is made again when it changes; a te
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import cached_property
@@ -22,6 +24,8 @@ class Keys:
 
     def __init__(self, job: Job) -> None:
         self.job = job
+        self._eyes: dict[int, tuple[Camera, str, str]] = {}
+        self._named: dict[int, tuple[Lighting, str]] = {}
 
     # --- made once a scene ---
 
@@ -75,20 +79,19 @@ class Keys:
 
     def composite(self, camera: Camera) -> str:
         """The splats as a camera sees them."""
-        if self.job.splats is None:
-            return "no splats"
-        return digest(self._composite, view(camera))
+        return _joined(self._composite, self._eye(camera)[0])
 
     @cached_property
     def _composite(self) -> str:
         job = self.job
-        assert job.splats is not None
+        if job.splats is None:
+            return "no splats"
         settings = _read(job.compositor, _compositor_reads(job.compositor)), wants_depth(job)
         return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""
-        return digest(self._traced, light_set.digest, view(camera))
+        return _joined(self._traced, light_set.digest, view(camera))
 
     @cached_property
     def _traced(self) -> str:
@@ -129,23 +132,29 @@ class Keys:
         job = self.job
         composite = self.composite(camera)
         if lighting is None:
-            return digest("unlit", composite)
-        seen = relighting.lighting_camera(camera, job.relight)
+            return _joined("unlit", composite)
+        seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen), self._relit]
         if job.splats is not None and compares(job) and job.captured is not None:
             parts += [*self._lit(job.captured, seen), self.captured_level]
-        return digest("frame", *parts)
+        return _joined("frame", *parts)
 
-    def _lit(self, lighting: Lighting, seen: Camera) -> Iterable[str]:
+    def _lit(self, lighting: Lighting, seen: str) -> Iterable[str]:
+        """`seen`: the view of the lighting's camera."""
         mixture = self.mixture(lighting)
-        return [self.light(one, seen) for one in mixture.sets] + [self._weights(mixture)]
+        return [_joined(self._traced, one.digest, seen) for one in mixture.sets] + [mixture.digest]
+
+    def _eye(self, camera: Camera) -> tuple[str, str]:
+        """The view of a camera, and that of the camera which its light is traced for; those of one camera are kept."""
+        found = self._eyes.get(id(camera))
+        if found is None or found[0] is not camera:
+            seen = relighting.lighting_camera(camera, self.job.relight)
+            found = self._eyes[id(camera)] = (camera, view(camera), view(seen))
+        return found[1:]
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made of sets."""
         return self.sets.mixture(lighting)
-
-    def _weights(self, mixture: Mixture) -> str:
-        return mixture.digest
 
     @cached_property
     def _relit(self) -> str:
@@ -164,10 +173,23 @@ class Keys:
 
     def file(self, frame: str, camera: Camera, lighting: Lighting | None, suffix: str) -> str:
         """A file of a frame, whose own key is `frame`: what is in it, and how it is written."""
+        return _joined(self._writing[suffix], frame, json.dumps(camera.name), self._names(lighting))
+
+    @cached_property
+    def _writing(self) -> dict[str, str]:
+        """By suffix, how a file is written."""
         job = self.job
-        names = camera.name, () if lighting is None else (lighting.name, *_names(lighting))
-        settings = exr_settings(job.output) if suffix == ".exr" else job.display
-        return digest(suffix, frame, names, settings, self._versions("OpenEXR" if suffix == ".exr" else "numpy"))
+        exr = digest(".exr", exr_settings(job.output), self._versions("OpenEXR"))
+        return {".exr": exr, ".png": digest(".png", job.display, self._versions("numpy"))}
+
+    def _names(self, lighting: Lighting | None) -> str:
+        """What a lighting and its layers are called; those of one lighting are kept."""
+        if lighting is None:
+            return ""
+        found = self._named.get(id(lighting))
+        if found is None or found[0] is not lighting:
+            found = self._named[id(lighting)] = (lighting, digest(lighting.name, [x.layer for x in terms(lighting)]))
+        return found[1]
 
     @cached_property
     def files(self) -> tuple[str, ...]:
@@ -291,5 +313,6 @@ def _light(lighting: Lighting) -> str:
     return digest("lighting", [(x.unit.digest, x.weight) for x in terms(lighting)])
 
 
-def _names(lighting: Lighting) -> tuple[str, ...]:
-    return tuple(x.layer for x in terms(lighting))
+def _joined(*parts: str) -> str:
+    """SHA-256 (hex) over keys and words, none of which holds a line's end."""
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

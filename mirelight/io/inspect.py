@@ -184,7 +184,7 @@ def _job(path: Path) -> JobFacts:
         mode=work.relight.mode,
         profile=work.compositor.profile,
         output=str(work.output.directory),
-        memory=_render_bytes(splats, proxy, work.cameras, work.lightings),
+        memory=_render_bytes(splats, proxy, work.cameras, work.lightings, denoise=work.render.denoise),
     )
 
 
@@ -207,15 +207,24 @@ _WORK_PER_SPLAT = 150  # bytes: projected record twice, keys, order
 _WORK_PER_TRIANGLE = 220  # bytes: Embree's tree over it
 _WORK_PER_PIXEL = 400  # bytes: images of the composite and of the lighting, AOVs, the finished frame
 _WORK_PER_LAYER = 72  # bytes a pixel: film and arrays of one light's direct and indirect part
+_DENOISING_PER_PIXEL = 600  # bytes: the denoiser's own memory and its guides
+_DENOISING_PER_LAYER = 90  # bytes a pixel: parts of the samples, the noisy layer beside the clean one
 
 
 def _render_bytes(
-    splats: SplatCloud | None, proxy: ProxyMesh | None, cameras: tuple[Camera, ...], lightings: tuple[Lighting, ...]
+    splats: SplatCloud | None,
+    proxy: ProxyMesh | None,
+    cameras: tuple[Camera, ...],
+    lightings: tuple[Lighting, ...],
+    *,
+    denoise: bool,
 ) -> int:
     """About what a render takes at once: files and their copies on the device, one frame of the largest camera."""
     pixels = max((camera.width * camera.height for camera in cameras), default=0)
     layers = max((len(lighting.layer_names) for lighting in lightings), default=0)
     needed = _PROGRAM + pixels * (_WORK_PER_PIXEL + layers * _WORK_PER_LAYER)
+    if denoise:
+        needed += pixels * (_DENOISING_PER_PIXEL + layers * _DENOISING_PER_LAYER)
     if splats is not None:
         needed += 2 * _cloud_bytes(splats) + _WORK_PER_SPLAT * len(splats)
     if proxy is not None:

@@ -139,6 +139,9 @@ def test_inspect_a_job(run: Run, folder: Path) -> None:
     assert [x["name"] for x in facts["cameras"]] == ["front", "orbit.0001", "orbit.0002"]
     text = run("inspect", "job.toml").stdout
     assert "6, written to" in text and "lamp: point, 20 cd" in text
+    (folder / "clean.toml").write_text((folder / "job.toml").read_text() + "denoise = true\n")  # stands in [render]
+    clean = json.loads(run("inspect", "--json", "clean.toml").stdout)
+    assert clean["memory"] - facts["memory"] == 64 * 48 * (600 + 90)  # one layer a lighting
 
 
 def test_inspect_splats_meshes_and_images(run: Run, folder: Path) -> None:

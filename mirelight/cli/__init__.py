@@ -139,6 +139,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.export import run_export
 
             return run_export(args)
+        case "match":
+            from mirelight.cli.match import run_match
+
+            return run_match(args)
         case "schema":
             from mirelight.cli.report import print_json
             from mirelight.io.job import json_schema
@@ -196,6 +200,7 @@ def _parser() -> argparse.ArgumentParser:
     from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
     from mirelight.cli.export import add_export
+    from mirelight.cli.match import add_match
     from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
 
@@ -205,6 +210,7 @@ def _parser() -> argparse.ArgumentParser:
     add_proxy(commands)
     add_estimate(commands)
     add_export(commands)
+    add_match(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

@@ -46,6 +46,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "plan": {"errors", "model", "engine_lights", "keys", "scene", "lighting"},
     "store": BASE | {"io", "keys", "plan"},
     "executor": {"dataset", "model", "plan", "scene", "stages", "store"},
+    "matching": BASE | {"colour", "io", "relighting", "units", "scene", "stages"},
     "compare": {"*"},
     "realtime": {"*"},
     "mixing": {"*"},

@@ -1,0 +1,120 @@
+"""`mirelight match`: lights found from a picture, as a new job file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from mirelight.matching import LayerMatch, Match
+
+
+def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "match",
+        help="find lights from a picture",
+        description="Find intensities and colours of a job's lights with which its frame comes closest to a reference "
+        "picture or paint-over, and write the job with them. Lights stay where they are.",
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+    parser.add_argument(
+        "--target", metavar="PICTURE", required=True, help="the picture: EXR (linear), or PNG or JPEG as displayed"
+    )
+    parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the job file to write (.toml)")
+    parser.add_argument("--camera", metavar="NAME", help="the picture's camera (the job's first)")
+    parser.add_argument("--lighting", metavar="NAME", help="the lighting to fit (the job's first)")
+    parser.add_argument(
+        "--lights", metavar="NAME", nargs="+", action="extend", help="find only these; other lights stay as they are"
+    )
+    parser.add_argument("--mask", metavar="PICTURE", help="where the picture counts: white yes, black no")
+    parser.add_argument("--rotate", action="store_true", help="find the environment's rotation, too")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+
+
+def run_match(args: argparse.Namespace) -> int:
+    """The command. What was found goes to stdout, progress to stderr."""
+    from mirelight.io.atomic import atomic_path
+    from mirelight.io.job import parse
+    from mirelight.io.job.build import build
+    from mirelight.io.job.write import with_lighting
+    from mirelight.matching import match, read_target
+    from mirelight.plan import plan
+    from mirelight.scene import prepare
+
+    out = Path(args.out)
+    if out.suffix.lower() != ".toml":
+        raise OutputError(f"{out}: a job is written as .toml; nothing was written")
+    if out.exists() and out.resolve() == Path(args.job).resolve():
+        raise OutputError(f"{out}: the job itself; give another name")
+    source, table = parse(args.job, args.set)
+    work = build(source, table)
+    chosen = plan(work, args.camera and [args.camera], args.lighting and [args.lighting]).tasks[0]
+    if chosen.lighting is None:
+        raise InputError(work.source, "no light", "a match needs lights to fit", field="lights")
+    with_lighting(source, work, chosen.lighting, out, ())  # what cannot be written is said before anything is traced
+    target = read_target(args.target, args.mask, work.display.tone)
+    with progress(args.quiet) as told:
+        found = match(
+            prepare(work, told=_say(args.quiet)),
+            chosen.camera,
+            chosen.lighting,
+            target,
+            free=args.lights,
+            rotate=args.rotate,
+            report=told,
+        )
+    made = f"{Path(args.job).name} with {found.lighting.name!r} matched to {target.path.name} by mirelight match"
+    text = with_lighting(source, work, found.lighting, out, (made, f"(camera {chosen.camera.name!r}, {_gain(found)})"))
+    with atomic_path(out) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    if not args.quiet:
+        print(f"{out}: {found.lighting.name}, {_gain(found)}")
+        for layer in found.layers:
+            print(f"  {_line(layer)}")
+        if found.rotation is not None:
+            print(f"  environment turned to {found.rotation:g} degrees")
+    return 0
+
+
+def _gain(found: Match) -> str:
+    return f"{found.psnr_before:.1f} dB before, {found.psnr_after:.1f} dB after"
+
+
+def _line(layer: LayerMatch) -> str:
+    def said(values: object) -> str:
+        return "(" + ", ".join(f"{x:.4g}" for x in values) + ")"  # type: ignore[attr-defined]
+
+    if layer.fixed:
+        return f"{layer.name}: {said(layer.before)}, left as it was"
+    if not layer.seen:
+        return f"{layer.name}: the picture does not show its light; left at {said(layer.before)}"
+    return f"{layer.name}: {said(layer.after)}, was {said(layer.before)}"
+
+
+def _say(quiet: bool) -> Callable[[str], None] | None:
+    return None if quiet else lambda line: print(f"mirelight: {line}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """A live bar on a terminal; elsewhere nothing."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda what, done: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        row = bar.add_task("reading the job", total=1.0)
+        yield lambda what, done: bar.update(row, description=what, completed=done)

@@ -1,0 +1,296 @@
+"""Finds what lights must be for a frame to look like a picture.
+
+Relit light is a sum over lights, each times its intensity and colour (both modes are linear in light, up to the ratio's
+upper clamp). So every light is traced once, white and of intensity 1; what each adds to the frame is one column for
+each colour channel, and non-negative least squares finds their weights. What has no colour in a job (an environment's
+picture, a computed sun and sky) gets it as a factor in the job's `mix`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mirelight import colour, stages
+from mirelight.errors import InputError
+from mirelight.matching.solve import Column, fitted
+from mirelight.matching.target import Target, resized
+from mirelight.model import F32, F64, Camera, LayerFactor, Light, Lighting, LightingBuffer, SplatLayer
+from mirelight.model.lights import SKY, SUN
+from mirelight.relighting import apply
+from mirelight.scene import Scene
+from mirelight.units import terms
+
+ROWS = 90  # pixels are averaged in linear light to at most so many rows: noise of both sides counts less
+_CLAMPED = 1e-3  # relative: where the ratio's upper clamp takes that much, light is not linear
+_CLAMP_ROUNDS = 3
+_NO_CLAMP = 1e30
+_COARSE, _FINE = 15.0, 1.0  # degrees: steps of the search for a rotation
+_SHADOW = 0.02  # display-linear light added where the slope of the transfer curve is taken: black is no better known
+
+Report = Callable[[str, float], None]  # what is being done, how much of it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LayerMatch:
+    """What became of a light, a group, an environment or a sky."""
+
+    name: str
+    before: F64  # (3,) colour times intensity; of a group the factor of what its lights have
+    after: F64
+    seen: bool  # False: the picture says nothing about it, and it stays as it was
+    fixed: bool = False  # it was not to be changed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Match:
+    """A lighting with which the frame comes closest to the picture."""
+
+    lighting: Lighting
+    layers: tuple[LayerMatch, ...]
+    psnr_before: float  # dB of display values, averaged as the fit was
+    psnr_after: float
+    rotation: float | None  # degrees, of the environment, where it was searched
+
+
+def match(
+    scene: Scene,
+    camera: Camera,
+    lighting: Lighting,
+    target: Target,
+    *,
+    free: Sequence[str] | None = None,
+    rotate: bool = False,
+    report: Report = lambda what, done: None,
+) -> Match:
+    """Fit a lighting to a picture.
+
+    Args:
+        scene: a prepared job with splats and a proxy, in a mode that is linear in light.
+        camera: from which the picture was taken.
+        lighting: where the lights stand; their intensities and colours are only said as what was before.
+        target: the picture.
+        free: names of the layers to find (None: all); others stay as they are.
+        rotate: search the environment's rotation, too.
+        report: hears what is being done.
+
+    Raises:
+        InputError: a job whose light is not linear; unknown names; no environment to turn; a picture that does not fit.
+    """
+    _require_linear(scene, lighting, free, rotate)
+    rotation: float | None = None
+    if rotate:
+        rotation = _rotation(scene, camera, lighting, target, free, report)
+        assert lighting.environment is not None
+        lighting = replace(lighting, environment=replace(lighting.environment, rotation=rotation))
+    fit = _Fit(scene, camera, lighting, target, free, lambda done: report("tracing the lights", done))
+    report("fitting", 0.0)
+    found = fit.solved()
+    return Match(
+        lighting=_with(lighting, {x.name: x.after for x in found}),
+        layers=found,
+        psnr_before=fit.psnr({x.name: x.before for x in found}),
+        psnr_after=fit.psnr({x.name: x.after for x in found}),
+        rotation=rotation,
+    )
+
+
+def _require_linear(scene: Scene, lighting: Lighting, free: Sequence[str] | None, rotate: bool) -> None:
+    job = scene.job
+    if job.splats is None or job.proxy is None:
+        raise InputError(job.source, "no splats or no proxy", "a match needs both")
+    if scene.mixture(white(lighting)).sets[0].whole is not None:
+        found = "light that is traced lighting by lighting, so single lights are not known"
+        remedy = "match in the profile physical, without render.noise, with output.layers and at most 12 lights"
+        raise InputError(job.source, found, remedy)
+    if job.relight.space != "linear":
+        raise InputError(job.source, "a factor in display space", "set it to linear", field="relight.space")
+    names = [x.layer for x in terms(lighting)]
+    for name in free or ():
+        if name not in names:
+            raise InputError(job.source, f"no light named {name!r} in {lighting.name!r}", f"it has: {', '.join(names)}")
+    if not names:
+        raise InputError(job.source, f"no lights in {lighting.name!r}", "name another lighting")
+    around = lighting.environment
+    if rotate and (around is None or around.is_constant):
+        raise InputError(job.source, f"no environment with a picture in {lighting.name!r}", "leave out --rotate")
+
+
+# --- one rotation ----------------------------------------------------------------------------------------------------
+
+
+class _Fit:
+    """The columns of one lighting, and the picture on the same few pixels."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        lighting: Lighting,
+        target: Target,
+        free: Sequence[str] | None,
+        report: Callable[[float], None],
+    ) -> None:
+        self._scene, self._lighting, self._free = scene, lighting, free
+        splats = stages.composite(scene, camera)
+        assert splats is not None
+        self._splats: SplatLayer = splats
+        lit = stages.light(scene, camera, white(lighting), progress=lambda done, total: report(done / max(total, 1)))
+        self._new, self._captured = lit.new, lit.captured
+        small = min(camera.height, ROWS)
+        self._size = small, max(1, round(small * camera.width / camera.height))
+        self._before = {x.layer: np.asarray(x.weight, np.float64) for x in terms(lighting)}
+        light, counts = target.light(1 - splats.transmittance, scene.job.display)
+        share = resized(counts, self._size).astype(np.float64).reshape(-1, 3)
+        summed_up = resized(light * counts, self._size).astype(np.float64).reshape(-1, 3)
+        self._counts, self._inside = share, counts
+        self._target = summed_up / np.maximum(share, 1e-12)
+        self._dark = self._small(self._relit({name: np.zeros(3) for name in self._before}, clamped=False))
+        self._columns = {name: self._small(self._alone(name)) - self._dark for name in self._before}
+        gain = 2.0**scene.job.display.exposure
+        shown = np.maximum(self._target, 0) * gain + _SHADOW
+        self._slope = gain * 1.055 / 2.4 * shown ** (1 / 2.4 - 1)  # of the sRGB curve
+
+    def solved(self) -> tuple[LayerMatch, ...]:
+        """The layers with their weights."""
+        free = [name for name in self._before if self._free is None or name in self._free]
+        fixed = [name for name in self._before if name not in free]
+        rest = self._target - self._dark - sum(self._columns[n] * self._before[n] for n in fixed)
+        columns = [Column(self._columns[name], k) for name in free for k in range(3)]
+        after, told = dict(self._before), dict.fromkeys(self._before, True)
+        counts = self._counts
+        for _ in range(_CLAMP_ROUNDS):
+            found, seen = fitted(columns, rest, self._slope * np.sqrt(counts))
+            for i, name in enumerate(free):
+                told[name] = bool(seen[3 * i : 3 * i + 3].any())
+                after[name] = found[3 * i : 3 * i + 3] if told[name] else self._before[name]
+            straight: F64 = np.sum([self._dark, *(self._columns[n] * after[n] for n in after)], axis=0)
+            held = self._small(self._relit(after, clamped=True))
+            left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)
+            if np.array_equal(left, counts) or not left.any():
+                break
+            counts = left
+        self.residual = float(self._error(straight, counts))
+        return tuple(
+            LayerMatch(name=n, before=self._before[n], after=after[n], seen=told[n], fixed=n in fixed) for n in after
+        )
+
+    def psnr(self, weights: dict[str, F64]) -> float:
+        """dB of display values of the frame with these weights."""
+        error = self._error(self._small(self._relit(weights, clamped=True)), self._counts)
+        return float(-10 * np.log10(max(error, 1e-12)))
+
+    def _error(self, picture: F64, counts: F64) -> float:
+        gain = 2.0**self._scene.job.display.exposure
+        a, b = (np.clip(colour.srgb_encode(x * gain), 0, 1).astype(np.float64) for x in (picture, self._target))
+        return float((counts * (a - b) ** 2).sum() / counts.sum())
+
+    def _alone(self, name: str) -> F32:
+        return self._relit({n: np.full(3, float(n == name)) for n in self._before}, clamped=False)
+
+    def _relit(self, weights: dict[str, F64], *, clamped: bool) -> F32:
+        """(H, W, 3) the frame with the unit lights times these weights."""
+        job = self._scene.job
+        settings = job.relight if clamped else replace(job.relight, max_ratio=_NO_CLAMP)
+        new = replace(_light_alone(self._new), variance=None).reweighted(weights)
+        level = self._scene.captured_level if self._captured is not None else None
+        frame = apply(self._splats, new, settings, captured=self._captured, captured_level=level, noise=False)
+        return np.asarray(frame.rgba[..., :3])
+
+    def _small(self, picture: F32) -> F64:
+        """(P, 3) means over what counts of each block."""
+        inside = resized(picture * self._inside, self._size).astype(np.float64).reshape(-1, 3)
+        return np.asarray(inside / np.maximum(self._counts, 1e-12))
+
+
+def _light_alone(buffer: LightingBuffer) -> LightingBuffer:
+    """Without what a match does not read."""
+    layers = tuple(replace(x, variance=None, half=None, quarter=None, other_quarter=None) for x in buffer.layers)
+    return replace(buffer, layers=layers, noisy=())
+
+
+def _rotation(
+    scene: Scene, camera: Camera, lighting: Lighting, target: Target, free: Sequence[str] | None, report: Report
+) -> float:
+    """Degrees of the environment that come closest: in steps all around, then by halves about the best."""
+    around = lighting.environment
+    assert around is not None
+    rows = min(camera.height, ROWS)
+    small = camera.resized(max(1, round(rows * camera.width / camera.height)), rows)
+    known: dict[float, float] = {}
+    steps = [float(x) for x in np.arange(0, 360, _COARSE)]
+    count = len(steps) + 2 * int(np.ceil(np.log2(_COARSE / _FINE)))
+
+    def error(turn: float) -> float:
+        turn %= 360
+        if turn not in known:
+            report("turning the environment", len(known) / count)
+            turned = replace(lighting, environment=replace(around, rotation=_upright(around.rotation + turn)))
+            fit = _Fit(scene, small, turned, target, free, lambda done: None)
+            fit.solved()
+            known[turn] = fit.residual
+        return known[turn]
+
+    best = min(steps, key=error)
+    step = _COARSE / 2
+    while step >= _FINE / 2:
+        best = min((best, best - step, best + step), key=error)
+        step /= 2
+    return _upright(around.rotation + best)
+
+
+def _upright(degrees: float) -> float:
+    """-180 to 180."""
+    return (degrees + 180) % 360 - 180
+
+
+# --- lightings -------------------------------------------------------------------------------------------------------
+
+
+def white(lighting: Lighting) -> Lighting:
+    """The lighting with every light white and of intensity 1; those of a group as they are."""
+    around, sky = lighting.environment, lighting.sky
+    return replace(
+        lighting,
+        mix=(),
+        lights=tuple(
+            x if x.group is not None else replace(x, color=np.ones(3), intensity=1.0) for x in lighting.lights
+        ),
+        environment=None if around is None else replace(around, intensity=1.0),
+        sky=None if sky is None else replace(sky, intensity=1.0),
+    )
+
+
+def _with(lighting: Lighting, weights: dict[str, F64]) -> Lighting:
+    """The lighting with the weights as intensities and colours; what has no colour of its own gets a factor."""
+    around, sky = lighting.environment, lighting.sky
+    mix: list[LayerFactor] = []
+    if around is not None:
+        weight = weights[around.name]
+        top = float(weight.max())
+        around = replace(around, intensity=_rounded(top))
+        if top > 0:
+            mix.append(LayerFactor(layer=around.name, factor=_colour(weight / top)))
+    if sky is not None:
+        sky = replace(sky, intensity=sky.intensity or 1.0)
+        mix += [LayerFactor(layer=part, factor=_colour(weights[part] / sky.intensity)) for part in (SUN, SKY)]
+    lights = tuple(_light(x, weights[x.group or x.name]) for x in lighting.lights)
+    return replace(lighting, lights=lights, environment=around, sky=sky, mix=tuple(mix))
+
+
+def _light(light: Light, weight: F64) -> Light:
+    """`weight`: colour times intensity, or what multiplies them for a light of a group."""
+    total = weight if light.group is None else weight * light.color * light.intensity
+    top = float(total.max())
+    return replace(light, color=_colour(total / top) if top > 0 else light.color, intensity=_rounded(top))
+
+
+def _colour(values: F64) -> F64:
+    return np.array([_rounded(float(x)) for x in values])
+
+
+def _rounded(value: float) -> float:
+    """To six digits: what is beyond is noise."""
+    return float(f"{value:.6g}")

@@ -1,0 +1,196 @@
+"""Lights found again from frames that they made: a ball over a floor under two lamps and a sky."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight import stages
+from mirelight.errors import InputError
+from mirelight.matching import Match, Target, match
+from mirelight.model import (
+    F32,
+    Camera,
+    Deferred,
+    Environment,
+    Job,
+    LayerFactor,
+    Lighting,
+    PointLight,
+    ProxyMesh,
+    RelightSettings,
+    RenderSettings,
+    SplatCloud,
+    digest,
+)
+from mirelight.scene import Scene, prepare
+
+CAMERA = Camera.look_at([0, 3, 6], [0, 0, 0], 64, 48, name="front")
+
+
+def panorama() -> F32:
+    """Brighter to one side, so that its rotation shows."""
+    sky = np.full((16, 32, 3), 0.05, np.float32)
+    sky[3:8, 4:9] = (6, 5, 4)
+    return sky
+
+
+def splats() -> SplatCloud:
+    """Flat discs on the floor."""
+    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-2.9, 2.9, 40), np.linspace(-2.9, 2.9, 40)))
+    n = len(x)
+    return SplatCloud(
+        means=np.stack([x, np.full(n, -1.0), z], axis=1).astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+        scales=np.tile(np.array([0.1, 0.002, 0.1], np.float32), (n, 1)),
+        opacities=np.full(n, 0.95, np.float32),
+        sh=np.random.default_rng(0).normal(scale=0.4, size=(n, 1, 3)).astype(np.float32),
+    )
+
+
+def proxy() -> ProxyMesh:
+    """The floor, and a wall that throws a shadow."""
+    floor = [[-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]]
+    wall = [[-1, -1, -0.5], [1, -1, -0.5], [1, 0.5, -0.5], [-1, 0.5, -0.5]]
+    return ProxyMesh(
+        vertices=np.array(floor + wall, np.float32),
+        faces=np.array([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]], np.int32),
+    )
+
+
+def lamp(
+    name: str, position: tuple[float, float, float], color: tuple[float, float, float], intensity: float, **more: str
+) -> PointLight:
+    return PointLight(name=name, position=np.array(position), color=np.array(color), intensity=intensity, **more)  # type: ignore[arg-type]
+
+
+TRUE = Lighting(
+    name="true",
+    lights=(
+        lamp("left", (-2, 1.5, 1.0), (1, 0.5, 0.2), 8.0),
+        lamp("right", (2, 1.0, -1.5), (0.3, 0.6, 1), 5.0),
+        lamp("a", (0, 2.0, 2.0), (1, 1, 1), 2.0, group="row"),
+        lamp("b", (1, 2.0, 2.0), (1, 0.5, 1), 1.0, group="row"),
+    ),
+    environment=Environment(radiance=panorama(), intensity=0.8, rotation=40.0),
+    mix=(LayerFactor(layer="environment", factor=np.array([1, 0.5, 0.8])),),
+)
+START = replace(
+    TRUE,
+    name="start",
+    mix=(LayerFactor(layer="left", factor=np.full(3, 9.0)),),
+    lights=(
+        lamp("left", (-2, 1.5, 1.0), (1, 1, 1), 1.0),
+        lamp("right", (2, 1.0, -1.5), (1, 0, 0), 0.0),
+        lamp("a", (0, 2.0, 2.0), (1, 1, 1), 4.0, group="row"),
+        lamp("b", (1, 2.0, 2.0), (1, 0.5, 1), 2.0, group="row"),
+    ),
+    environment=Environment(radiance=panorama(), intensity=3.0, rotation=40.0),
+)
+CAPTURED = Lighting(name="captured", environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
+
+
+def job(**relight: object) -> Job:
+    cloud, mesh = splats(), proxy()
+    return Job(
+        source=Path("test.toml"),
+        splats=Deferred(digest("splats"), lambda: cloud),
+        proxy=Deferred(digest("proxy"), lambda: mesh),
+        cameras=(CAMERA,),
+        lightings=(START,),
+        captured=CAPTURED,
+        render=RenderSettings(spp=32, max_depth=3),
+        relight=RelightSettings(**{"mode": "ratio", **relight}),  # type: ignore[arg-type]
+    )
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return prepare(job())
+
+
+def picture(scene: Scene, lighting: Lighting = TRUE) -> F32:
+    return stages.frame(scene, CAMERA, lighting).rgba[..., :3]
+
+
+@pytest.fixture(scope="module")
+def true(scene: Scene) -> F32:
+    return picture(scene)
+
+
+def target(values: F32, mask: F32 | None = None) -> Target:
+    counts = np.ones(values.shape[:2], np.float32) if mask is None else mask
+    return Target(path=Path("target.exr"), values=values, linear=True, mask=counts)
+
+
+def weights(lighting: Lighting) -> np.ndarray:
+    lights = [x.color * x.intensity for x in lighting.lights]
+    assert lighting.environment is not None
+    factor = lighting.factors().get("environment", np.ones(3))
+    return np.array([*lights, lighting.environment.intensity * factor])
+
+
+def test_lights_are_found_from_their_own_frame(scene: Scene, true: F32) -> None:
+    found = match(scene, CAMERA, START, target(true))
+    np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.01, atol=0.01)
+    assert found.psnr_after > 60 > found.psnr_before
+    assert [x.name for x in found.layers] == ["left", "right", "row", "environment"]
+    assert all(x.seen for x in found.layers)
+
+
+def test_lights_are_found_in_the_mode_tint(true: F32) -> None:
+    tint = prepare(job(mode="tint"))
+    found = match(tint, CAMERA, START, target(picture(tint)))
+    np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.01, atol=0.01)
+
+
+def test_a_painted_corner_is_masked_out(scene: Scene, true: F32) -> None:
+    painted, mask = true.copy(), np.ones(true.shape[:2], np.float32)
+    painted[:24, :40] = (3, 0, 0)
+    mask[:24, :40] = 0
+    found = match(scene, CAMERA, START, target(painted, mask))
+    np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.02, atol=0.02)
+
+
+def test_other_lights_stay(scene: Scene) -> None:
+    only = replace(START, mix=(), lights=(replace(START.lights[0], intensity=6.0), *START.lights[1:]))
+    found = match(scene, CAMERA, START, target(picture(scene, only)), free=["left"])
+    np.testing.assert_allclose(weights(found.lighting), weights(only), rtol=0.01, atol=0.01)
+    assert [x.fixed for x in found.layers] == [False, True, True, True]
+
+
+def test_a_light_that_the_picture_does_not_show_stays(scene: Scene) -> None:
+    below = lamp("below", (0, -5, 0), (1, 1, 1), 7.0)  # under the floor, which is seen from above
+    found = match(scene, CAMERA, replace(START, lights=(*START.lights, below)), target(picture(scene)))
+    assert [x.name for x in found.layers if not x.seen] == ["below"]
+    assert found.lighting.lights[-1].intensity == 7.0
+
+
+def test_the_environments_rotation_is_found(true: F32) -> None:
+    sky = prepare(replace(job(), render=RenderSettings(spp=16, max_depth=2)))
+    alone = Lighting(name="sky", environment=TRUE.environment)
+    assert alone.environment is not None
+    start = replace(alone, environment=replace(alone.environment, rotation=-100.0, intensity=1.0))
+    found = match(sky, CAMERA, start, target(picture(sky, alone)), rotate=True)
+    assert found.rotation == pytest.approx(40, abs=1)
+    assert found.lighting.environment is not None
+    assert found.lighting.environment.intensity == pytest.approx(0.8, rel=0.02)
+
+
+def test_the_same_numbers_again(scene: Scene, true: F32) -> None:
+    first: Match = match(scene, CAMERA, START, target(true))
+    again = match(scene, CAMERA, START, target(true))
+    np.testing.assert_array_equal(weights(first.lighting), weights(again.lighting))
+
+
+def test_what_cannot_be_matched_is_refused(scene: Scene, true: F32) -> None:
+    with pytest.raises(InputError, match="no light named 'key'"):
+        match(scene, CAMERA, START, target(true), free=["key"])
+    with pytest.raises(InputError, match="leave out --rotate"):
+        match(scene, CAMERA, CAPTURED, target(true), rotate=True)
+    noisy = prepare(replace(job(), render=RenderSettings(spp=16, noise=0.1)))
+    with pytest.raises(InputError, match=r"render\.noise"):
+        match(noisy, CAMERA, START, target(true))

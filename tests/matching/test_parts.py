@@ -1,0 +1,107 @@
+"""The solver against SciPy's, pictures against the writer that made them, curves against their inverses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from mirelight import colour
+from mirelight.errors import InputError
+from mirelight.io.png import encode_display, write_png
+from mirelight.matching.solve import Column, fitted, nonnegative
+from mirelight.matching.target import read_target, resized
+from mirelight.matching.tone import CURVES, inverse
+from mirelight.model import DisplaySettings, ToneCurve
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_same_weights_as_scipy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 20))
+    a = rng.random((60, n)) ** 3
+    b = a @ rng.normal(size=n) + rng.normal(size=60)  # about half of them want to be negative
+    np.testing.assert_allclose(nonnegative(a.T @ a, a.T @ b), nnls(a, b)[0], atol=1e-8)
+
+
+def test_a_column_without_light_and_a_doubled_one() -> None:
+    a = np.array([[1.0, 0, 1], [2, 0, 2], [3, 0, 3]])
+    found = nonnegative(a.T @ a, a.T @ np.array([2.0, 4, 6]))
+    assert found[1] == 0
+    assert found.sum() == pytest.approx(2)
+
+
+def test_outliers_move_the_fit_little() -> None:
+    """A tenth of the picture is painted over: least squares alone would be off by a third."""
+    rng = np.random.default_rng(3)
+    columns = [Column(rng.random((900, 3)), 1), Column(rng.random((900, 3)), 1)]
+    true = np.array([2.0, 0.7])
+    picture = 2.0 * columns[0].picture + 0.7 * columns[1].picture
+    picture += rng.normal(scale=0.005, size=picture.shape)
+    picture[:90] += 3
+    weight = np.ones((900, 3)) * [0, 1, 0]
+    found, seen = fitted(columns, picture, weight)
+    assert seen.all()
+    np.testing.assert_allclose(found, true, rtol=0.01)
+
+
+def test_what_a_picture_does_not_show_is_said() -> None:
+    rng = np.random.default_rng(0)
+    columns = [Column(rng.random((50, 3)), 0), Column(np.zeros((50, 3)), 0)]
+    found, seen = fitted(columns, 3 * columns[0].picture, np.ones((50, 3)))
+    assert seen.tolist() == [True, False]
+    np.testing.assert_allclose(found, [3, 0])
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_tone_curves_are_turned_back(curve: ToneCurve) -> None:
+    light = (np.random.default_rng(1).random((4000, 3)) ** 3 * 2).astype(np.float32)
+    shown = colour.tone_map(light, curve)
+    back, known = inverse(np.minimum(shown, 1), curve)
+    inside = known & (shown.max(axis=1, keepdims=True) < 0.98)
+    assert inside.mean() > 0.3
+    np.testing.assert_allclose(back[inside], light[inside], rtol=2e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_a_displayed_frame_gives_its_light_back(tmp_path: Path, curve: ToneCurve) -> None:
+    rng = np.random.default_rng(2)
+    alpha = rng.random((30, 40)).astype(np.float32)
+    light = (rng.random((30, 40, 3)) * 0.9 * alpha[..., None]).astype(np.float32)
+    display = DisplaySettings(exposure=-0.5, tone=curve, background=(0.2, 0.5, 0.1))
+    write_png(tmp_path / "a.png", encode_display(np.dstack([light, alpha]), display), {})
+    found, counts = read_target(tmp_path / "a.png", None, curve).light(alpha, display)
+    assert (counts > 0).mean() > 0.7
+    thick = (counts > 0) & (alpha[..., None] > 0.3)
+    np.testing.assert_allclose(found[thick], light[thick], atol=0.03)
+    assert abs(float(np.mean((found - light)[thick]))) < 1e-3
+
+
+def test_clipped_and_masked_pixels_do_not_count(tmp_path: Path) -> None:
+    pixels = np.full((20, 30, 3), 100, np.uint8)
+    pixels[:5, :, 0] = 255
+    mask = np.full((20, 30, 3), 255, np.uint8)
+    mask[:, 20:] = 0
+    write_png(tmp_path / "a.png", pixels, {})
+    write_png(tmp_path / "mask.png", mask, {})
+    target = read_target(tmp_path / "a.png", tmp_path / "mask.png", "none")
+    _, counts = target.light(np.ones((20, 30), np.float32), DisplaySettings())
+    assert not counts[:5, :, 0].any() and counts[:5, :20, 1].all() and not counts[:, 20:].any()
+
+
+def test_pictures_of_another_shape_or_curve_are_refused(tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", np.full((20, 30, 3), 100, np.uint8), {})
+    target = read_target(tmp_path / "a.png", None, "none")
+    with pytest.raises(InputError, match="30 x 20 pixels"):
+        target.light(np.ones((20, 20), np.float32), DisplaySettings())
+    with pytest.raises(InputError, match="agx"):
+        read_target(tmp_path / "a.png", None, "agx")
+
+
+def test_areas_keep_their_mean() -> None:
+    image = np.random.default_rng(5).random((37, 53, 3)).astype(np.float32)
+    np.testing.assert_allclose(resized(image, (9, 16)).mean(axis=(0, 1)), image.mean(axis=(0, 1)), rtol=1e-5)
+    blocks = image[:36, :52].reshape(9, 4, 13, 4, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(resized(image[:36, :52], (9, 13)), blocks, rtol=1e-5)

@@ -19,7 +19,7 @@ proxy = "proxy.glb"
 captured = { environment = { radiance = 0.5 } }
 
 [[cameras]]
-name = "a \\"quoted\\" name"
+name = "front view"
 position = [0, 1, 6]
 target = [0, 0, 0]
 

@@ -23,8 +23,8 @@ def joined(splats: SplatCloud, most: int) -> SplatCloud:
     """
     means = splats.means.astype(np.float64)
     low, extent = means.min(axis=0), float((means.max(axis=0) - means.min(axis=0)).max())
-    fine, coarse = extent / (1 << 20), extent
-    group: Int | None = None
+    fine, coarse = extent / (1 << 20), 2 * extent
+    group: Int = np.zeros(len(means), np.int64)
     for _ in range(_TRIES):
         size = float(np.sqrt(fine * coarse))
         found = np.unique(_keys(means - low, size), return_inverse=True)[1]
@@ -35,7 +35,6 @@ def joined(splats: SplatCloud, most: int) -> SplatCloud:
         group, coarse = found, size
         if count > 0.9 * most:
             break
-    assert group is not None, "one voxel holds them all"
     axes, scales = axes_of(splats)
     weight = splats.opacities.astype(np.float64) * np.maximum(scales[:, 1] * scales[:, 2], 1e-30)
     total = _sums(group, weight)

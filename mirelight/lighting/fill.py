@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from mirelight.lighting.develop import refuse_if_too_large
 from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, Camera, CellLight, Lighting, RenderSettings, SurfaceCache, SurfaceCells
@@ -65,6 +66,9 @@ def fill(
         samples: of each cell, in two independent halves.
         emission: False: surfaces that glow do not.
         progress: called with samples done and in all.
+
+    Raises:
+        RenderError: the light of so many cells does not fit in memory.
     """
     names = Layers.of(lighting, emissive=emission).names
     layers = _with_met(lighting, emission)
@@ -73,6 +77,7 @@ def fill(
         return _cache(cells, names, [nothing] * 2, lighting, emission)
     rounds = [PASS] * (WARM - 1) + [LAST_WARM * PASS] + [max(samples // 2 // PASS, 1) * PASS] * 2
     row = Camera.perspective(np.eye(4), len(cells), 1, yfov=45, name="cells")
+    refuse_if_too_large(row, layers)
     read: DeviceCells | None = None
     halves: list[_Light] = []
     for generation, count in enumerate(rounds):

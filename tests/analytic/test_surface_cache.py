@@ -199,6 +199,15 @@ def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
     assert len(digests) == 1
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e5])
+def test_a_cell_is_half_as_wide_as_walls_are_thick(scale: float) -> None:
+    slab = room((0, 0, 0), (2 * scale, 0.1 * scale, 2 * scale))
+    view = Camera.look_at([3 * scale, 2 * scale, 3 * scale], [scale, 0, scale], 16, 12, near=0.01 * scale)
+    cells = Tracer(slab, SURFACE).cells([view])
+    assert cells.size == pytest.approx(0.05 * scale, rel=0.01)
+    assert len(cells) > 100
+
+
 # --- points ----------------------------------------------------------------------------------------------------------
 
 

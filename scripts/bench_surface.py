@@ -1,0 +1,109 @@
+"""What light on the surface gains: error² x CPU seconds of a frame, against the traced one of as many samples.
+
+The benchmark's scenes, every layer, error against a frame of many samples and more bounces, whose own variance is taken
+off; bias and the cache's noise are in it (half of the frames read one fill, half another). The fill is stated apart: it
+serves every camera and every mix of the lights.
+
+    python scripts/bench_surface.py [--scenes interior courtyard night] [--size 0.1] [--samples 256] [--frames 4]
+                                    [--truth 1024] [--picture FILE.png]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from bench_lighting_scenes import Array, BenchScene, scenes
+from PIL import Image
+
+from mirelight.colour import srgb_encode
+from mirelight.lighting import Tracer
+from mirelight.model import Indirect, LightingBuffer, RenderSettings
+
+T = TypeVar("T")
+MODES: tuple[Indirect, ...] = ("traced", "surface", "near")
+
+
+def timed(make: Callable[[], T]) -> tuple[T, float]:
+    """What it makes, and the CPU seconds that it takes."""
+    start = time.process_time()
+    made = make()
+    return made, time.process_time() - start
+
+
+def measure(scene: BenchScene, size: float | None, samples: int, frames: int, truth_spp: int) -> list[Array]:
+    """Print one scene's figures; the truth's beauty and the last frame of each mode."""
+    tracer = Tracer(scene.proxy, RenderSettings(spp=truth_spp, max_depth=24, seed=777), aovs=False)
+    truth = tracer.trace(scene.lighting, scene.camera)
+    covered = truth.coverage > 0
+    bright = truth.beauty[covered].astype(np.float64)
+    weight = 1 / (bright**2 + 0.01 * bright.mean() ** 2)
+
+    def weighted(values: Array) -> float:
+        return float((values[covered] * weight).mean())
+
+    own = weighted(np.asarray(truth.variance, np.float64))
+    settings = RenderSettings(spp=16)
+    tracer.settings = settings
+    cells, found = timed(lambda: tracer.cells([scene.camera], size))
+    caches = []
+    for seed in (100, 101):
+        tracer.settings = replace(settings, seed=seed)
+        cache, filled = timed(lambda: tracer.fill(cells, scene.lighting, samples=samples))
+        caches.append(cache)
+    print(f"{scene.name}: {len(cells)} cells of {cells.size:.3f}, {found:.1f} + {filled:.1f} s of CPU to find and fill")
+    pictures, base = [truth.beauty.astype(np.float64)], 0.0
+    for mode in MODES:
+        squared, stated, cpu = [], [], []
+        for k in range(frames + 1):
+            tracer.settings = replace(settings, indirect=mode, seed=k)
+
+            def render(cache: int = k % 2) -> LightingBuffer:
+                return tracer.trace(scene.lighting, scene.camera, cache=caches[cache])
+
+            made, seconds = timed(render)
+            if k == 0:  # compiles
+                continue
+            squared.append(weighted((made.beauty - truth.beauty).astype(np.float64) ** 2) - own)
+            stated.append(weighted(np.asarray(made.variance, np.float64)))
+            cpu.append(seconds)
+        figure = float(np.mean(squared)) * min(cpu)
+        base = base or figure
+        print(
+            f"  {mode:8} error {np.sqrt(np.mean(squared)):.4f} (stated {np.sqrt(np.mean(stated)):.4f}), "
+            f"{min(cpu):.3f} s of CPU, gain {base / figure:.1f}",
+            flush=True,
+        )
+        pictures.append(made.beauty.astype(np.float64))
+    return pictures
+
+
+def main() -> None:
+    """Measure the scenes that were asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else "")
+    parser.add_argument("--scenes", nargs="+", default=["interior", "courtyard", "night"])
+    parser.add_argument("--size", type=float, help="edge of a cell; default: from the mesh")
+    parser.add_argument("--samples", type=int, default=256, help="of a cell")
+    parser.add_argument("--frames", type=int, default=4)
+    parser.add_argument("--truth", type=int, default=1024, help="samples a pixel of the truth")
+    parser.add_argument("--resolution", type=int, nargs=2, default=[160, 90])
+    parser.add_argument("--picture", type=Path, help="truth | surface | difference x 10, one row a scene")
+    chosen = parser.parse_args()
+    rows = []
+    for scene in scenes(chosen.resolution[0], chosen.resolution[1], 220):
+        if scene.name in chosen.scenes:
+            truth, _, surface, _ = measure(scene, chosen.size, chosen.samples, chosen.frames, chosen.truth)
+            level = 0.3 / truth.mean()
+            parts = [truth * level, surface * level, 10 * level * np.abs(surface - truth)]
+            rows.append(np.concatenate([srgb_encode(np.clip(x, 0, 1)) for x in parts], axis=1))
+    if chosen.picture:
+        Image.fromarray(np.round(255 * np.concatenate(rows)).astype(np.uint8)).save(chosen.picture)
+
+
+if __name__ == "__main__":
+    main()

@@ -12,7 +12,7 @@ from dataclasses import fields
 from functools import cached_property
 
 from mirelight import provenance, relighting
-from mirelight.model import Camera, CompositorSettings, Job, Lighting, OutputSettings, digest
+from mirelight.model import Camera, CompositorSettings, EstimatedSky, Job, Lighting, OutputSettings, digest
 from mirelight.model.profiles import rules_of
 from mirelight.units import GLOW, LightSet, LightSets, Mixture, Rules, terms
 
@@ -55,6 +55,10 @@ class Keys:
         assert job.captured is not None
         parts = job.splats and job.splats.digest, self.proxy, _light(job.captured), job.render.seed
         return digest("level", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm"))
+
+    def estimate(self, sky: EstimatedSky) -> str:
+        """The light that the splats were captured under, found from splats and proxy."""
+        return digest("estimate", sky, self._versions("mitsuba", "drjit", "llvm", "numpy"), self.job.render.variant)
 
     @cached_property
     def splat_places(self) -> str:

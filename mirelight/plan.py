@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from mirelight import engine_lights, keys
 from mirelight.errors import InputError
-from mirelight.model import Camera, Job, Lighting
+from mirelight.model import Camera, EstimatedSky, Job, Lighting
 from mirelight.scene import check
 
 
@@ -118,7 +118,8 @@ def _engine_warnings(
 
         proxy, variant = job.proxy.value, job.render.variant
         found.append(("proxy", culling_warnings(proxy, cameras, variant)))
-        found += [(x.name, engine_lights.to_engine(resolved(x, variant), proxy)[1]) for x in lightings]
+        known = [x for x in lightings if not isinstance(x.sky, EstimatedSky)]
+        found += [(x.name, engine_lights.to_engine(resolved(x, variant), proxy)[1]) for x in known]
     return found
 
 

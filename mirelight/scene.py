@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
     Camera,
+    EstimatedSky,
     Job,
     Lighting,
     ProxyMesh,
@@ -74,6 +76,7 @@ class Scene:
         self.kept = kept
         self._surface_caches: dict[str, SurfaceCache] = {}
         self._told = told
+        self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
         self._view: ViewLight | None = None
 
     def __repr__(self) -> str:
@@ -147,10 +150,36 @@ class Scene:
         return float(found[0])
 
     def resolved(self, lighting: Lighting) -> Lighting:
-        """The lighting with a sun and a map in place of its sky model."""
+        """The lighting with a sun and a map in place of its sky model, or of captured light that is to be estimated."""
         from mirelight.lighting.sunsky import resolved
 
+        sky = lighting.sky
+        if isinstance(sky, EstimatedSky):
+            found = self._estimated(sky)
+            around = found.environment
+            assert around is not None
+            suns = tuple(replace(x, intensity=x.intensity * sky.intensity) for x in found.lights)
+            around = replace(around, intensity=around.intensity * sky.intensity)
+            lighting = replace(lighting, lights=(*lighting.lights, *suns), environment=around, sky=None)
         return resolved(lighting, self.job.render.variant)
+
+    def _estimated(self, sky: EstimatedSky) -> Lighting:
+        """The light that the splats were captured under: found where it was kept, or estimated."""
+        from mirelight.estimate import estimate, lighting_of
+
+        key = self.keys.estimate(sky)
+        known = self._estimates.get(key)
+        if known is None:
+            packed = self.kept.array(key)
+            if packed is None:
+                splats, mesh = self.splats, self.mesh
+                assert splats is not None and mesh is not None
+                self._tell("estimating the captured light from the splats; it is kept for the next time")
+                found = estimate(splats, mesh, replace(self.job.render, seed=sky.seed), sky.exposure)
+                packed = found.packed().astype(np.float32)
+                self.kept.keep_array(key, packed)
+            known = self._estimates[key] = lighting_of(packed.astype(np.float64))
+        return known
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made of sets of unit lights."""

@@ -18,6 +18,7 @@ from mirelight.model import (
     F64,
     DirectionalLight,
     Environment,
+    EstimatedSky,
     Light,
     Lighting,
     SkyModel,
@@ -36,7 +37,7 @@ class Unit:
 
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
-    sky: SkyModel | None = None
+    sky: SkyModel | EstimatedSky | None = None
     part: str = ""  # SUN or SKY: of the sky model
 
     @cached_property

@@ -121,6 +121,8 @@ def _job(facts: JobFacts) -> Rows:
 def _lighting(title: str, facts: LightingFacts) -> Rows:
     yield title, facts.name
     yield from _many("  light", [_light(x) for x in facts.lights])
+    if facts.estimated:
+        yield "  sun and sky", "estimated from the splats when something is rendered"
     if facts.sky is not None:
         yield "  sun and sky", f"{facts.sky.elevation:g}° above the horizon, turbidity {facts.sky.turbidity:g}"
     if facts.environment is not None:

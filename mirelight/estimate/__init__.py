@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mirelight.estimate.solve import VERSION, estimate
+from mirelight.estimate.solve import estimate
 from mirelight.estimate.types import Confidence, Estimate, lighting_of
 
-__all__ = ["VERSION", "Confidence", "Estimate", "estimate", "lighting_of"]
+__all__ = ["Confidence", "Estimate", "estimate", "lighting_of"]

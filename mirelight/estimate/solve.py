@@ -17,7 +17,6 @@ from mirelight.estimate.transport import Places, places_of
 from mirelight.estimate.types import Confidence, Estimate
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
 
-VERSION = 1  # of the method: kept estimates of another are made again
 LEAST_OPEN = 0.003  # share of the view that must be sky
 LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which scale cannot be told
 MEAN_ALBEDO = 0.35  # where it cannot

@@ -13,6 +13,7 @@ from mirelight.model import (
     AreaLight,
     Camera,
     DirectionalLight,
+    EstimatedSky,
     Light,
     Lighting,
     PointLight,
@@ -99,6 +100,7 @@ class LightingFacts:
     lights: tuple[LightFacts, ...]
     environment: EnvironmentFacts | None
     sky: SkyFacts | None
+    estimated: bool = False  # its light is told from the splats when something is rendered
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,7 +216,8 @@ def lighting_facts(lighting: Lighting) -> LightingFacts:
         name=lighting.name,
         lights=tuple(light_facts(x) for x in lighting.lights),
         environment=environment,
-        sky=None if lighting.sky is None else _sky_facts(lighting.sky),
+        sky=_sky_facts(lighting.sky) if isinstance(lighting.sky, SkyModel) else None,
+        estimated=isinstance(lighting.sky, EstimatedSky),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mirelight import backend
 from mirelight.colour import luminance
-from mirelight.model import F64, Environment, Lighting, SkyModel, SunLight, Variant
+from mirelight.model import F64, Environment, EstimatedSky, Lighting, SkyModel, SunLight, Variant
 from mirelight.model.lights import SKY, SUN
 
 LUMINANCE = 683.002 * 106.7502593994140625  # cd/m² of 1 in the plugin's units
@@ -35,6 +35,8 @@ def resolved(lighting: Lighting, variant: Variant = "llvm_ad_rgb") -> Lighting:
     Raises:
         BackendError: the variant cannot be used on this machine.
     """
+    if isinstance(lighting.sky, EstimatedSky):
+        raise TypeError("captured light that is to be estimated: a prepared scene resolves it")
     if lighting.sky is not None:
         sun, sky = _parts(lighting.sky, variant)
         lighting = replace(lighting, lights=(*lighting.lights, sun), environment=sky, sky=None)

@@ -159,6 +159,19 @@ class SkyModel(ArrayHolder):
         freeze(self, "to_sun", (3,), np.float64)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatedSky:
+    """Captured light that is still to be estimated (`mirelight.estimate`), known by what it is estimated from. Two
+    layers, as a sky model has: "sun" and "sky"."""
+
+    splats: str  # digest of the splats
+    proxy: str  # digest of the proxy
+    seed: int
+    exposure: float = 0.0  # stops that the estimate is made stronger by
+    intensity: float = 1.0  # multiplies lux and radiance
+    method: int = 1  # of estimating; counted up when the same splats give another light
+
+
 SUN, SKY = "sun", "sky"  # names of a sky model's layers
 
 
@@ -180,7 +193,8 @@ class Lighting:
     name: str = "lighting"
     lights: tuple[Light, ...] = ()
     environment: Environment | None = None
-    sky: SkyModel | None = None  # instead of an environment; `lighting.sunsky.resolved` makes a sun and a map of it
+    # Instead of an environment; a prepared scene makes a sun and a map of it (`lighting.sunsky.resolved` of a model).
+    sky: SkyModel | EstimatedSky | None = None
     mix: tuple[LayerFactor, ...] = ()  # multiply light as given above; of layers that are not named: 1
 
     def __repr__(self) -> str:

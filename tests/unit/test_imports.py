@@ -41,7 +41,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "keys": {"model", "units", "provenance", "relighting", "lighting"},
     "kept": {"model"},
     "view_light": {"model", "units", "mix", "keys", "kept", "lighting"},
-    "scene": {"errors", "model", "units", "keys", "kept", "backend", "lighting", "compositor", "view_light"},
+    "scene": {"errors", "model", "units", "keys", "kept", "backend", "lighting", "compositor", "view_light"}
+    | {"estimate"},
     "stages": {"model", "keys", "provenance", "relighting", "scene", "view_light"},
     "plan": {"errors", "model", "engine_lights", "keys", "scene", "lighting"},
     "store": BASE | {"io", "keys", "plan"},

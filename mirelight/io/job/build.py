@@ -19,7 +19,7 @@ from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
-from mirelight.model import F32, Deferred, Job, Light, Lighting, ProxyMesh, SplatCloud
+from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -116,6 +116,7 @@ def build(source: Source, table: JobTable) -> Job:
     splats = assets.splats(table.splats) if table.splats else None
     made = _made_of_splats(source, table, splats)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
+    captured = captured or _estimated(table, splats, proxy)
     found = cameras.of_job(table, assets, cameras.Extent(splats, proxy), wrong)
     source.refuse(wrong)
     return Job(
@@ -227,8 +228,19 @@ def _lightings(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[L
 def _captured(
     table: JobTable, lightings: tuple[Lighting, ...], assets: Assets, wrong: list[Mistake]
 ) -> Lighting | None:
-    if table.captured is None:
+    if table.captured is None or table.captured.estimate:
         return None
     if table.captured.lighting is not None:
         return next(x for x in lightings if x.name == table.captured.lighting)
     return lighting.lighting("captured", table.captured, ("captured",), assets, wrong)
+
+
+def _estimated(
+    table: JobTable, splats: Deferred[SplatCloud] | None, proxy: Deferred[ProxyMesh] | None
+) -> Lighting | None:
+    """Captured light that a prepared scene estimates; None where the job does not ask for it."""
+    if table.captured is None or not table.captured.estimate or splats is None or proxy is None:
+        return None
+    seed, exposure = table.render.seed, table.captured.exposure
+    sky = EstimatedSky(splats=splats.digest, proxy=proxy.digest, seed=seed, exposure=exposure)
+    return Lighting(name="captured", sky=sky)

@@ -7,6 +7,7 @@ from typing import Any
 
 from mirelight.io.job import mixing
 from mirelight.io.job.fields import PROXY, SPLATS
+from mirelight.io.job.light_tables import ESTIMATE
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
@@ -55,6 +56,12 @@ def _one_way_to_light(data: dict[str, Any]) -> Iterator[Mistake]:
 def _captured(data: dict[str, Any]) -> Iterator[Mistake]:
     captured = data.get("captured")
     name = captured.get("lighting") if isinstance(captured, dict) else captured
+    estimated = captured.get("estimate") is True if isinstance(captured, dict) else captured == ESTIMATE
+    if estimated:
+        if "splats" not in data:
+            found = "an estimate of captured light, but no splats to tell it from"
+            yield Mistake(("captured",), found, "name splats, or describe the light", at_key=True)
+        return
     if not isinstance(name, str):
         return
     names = [x.get("name") for x in _tables(data, "lightings")]

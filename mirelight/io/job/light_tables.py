@@ -32,6 +32,7 @@ _TARGET = "[x, y, z], a point to shine at; instead of direction."
 _RADIUS = "Radius of a glowing sphere of the same candela, in world units; 0: hard shadows."
 _CANDELA = "Luminous intensity in candela."
 _GROUP = "Lights of one group share a layer of this name. Default: a layer of its own."
+ESTIMATE = "estimate"  # as `captured`
 _LUX = "Illuminance of a surface that faces the light, in lux."
 _RANGE = "Distance in world units at which the light has faded to nothing (the window of KHR). Default: no end."
 
@@ -291,14 +292,26 @@ class LightingTable(Lit):
 
 
 class CapturedTable(Lit):
-    """The lighting under which the splats were captured: given here, or one of the job's lightings."""
+    """The lighting under which the splats were captured: given here, one of the job's lightings, or estimated."""
 
     lighting: str | None = Field(
         default=None, description="Name of one of the job's lightings; instead of the other keys."
     )
+    estimate: bool = Field(
+        default=False, description="Whether it is estimated from the splats and the proxy; instead of the other keys."
+    )
+    exposure: float = Field(
+        default=0.0, ge=-20, le=20, allow_inf_nan=False, description="Stops by which an estimate is made stronger."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> CapturedTable:
+        if self.estimate:
+            if self.lighting is not None or self.lights or self.lights_from or self.environment:
+                raise wrong("an estimate and a lighting", "keep one of them", at="estimate")
+            return self
+        if "exposure" in self.model_fields_set:
+            raise wrong("the exposure of an estimate", "add estimate = true, or leave it out", at="exposure")
         if self.lighting is None:
             _lit(self)
         elif self.lights or self.lights_from or self.environment:
@@ -312,6 +325,8 @@ def _lit(table: Lit) -> None:
 
 
 def _name_as_table(value: Any) -> Any:
+    if value == ESTIMATE:
+        return {"estimate": True}
     return {"lighting": value} if isinstance(value, str) else value
 
 

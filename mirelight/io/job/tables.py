@@ -42,7 +42,8 @@ class JobTable(Lit):
     )
     captured: Captured | None = Field(
         default=None,
-        description="The lighting under which the splats were captured: a table like a lighting, or a lighting's name.",
+        description="The lighting under which the splats were captured: a table like a lighting, the name of one, or "
+        '"estimate".',
     )
     sweep: SweepTable | None = Field(default=None, description="Many lightings out of those of the job.")
     mix: MixTable = Field(

@@ -10,6 +10,7 @@ import pytest
 from mirelight.io import job
 from mirelight.io.facts import lighting_facts
 from mirelight.io.job.sun_position import sun_position, to_sun
+from mirelight.model import SkyModel
 
 from .conftest import WriteJob
 
@@ -55,7 +56,9 @@ rotation = 14.34
     lighting = job.load(write_job(SCENE + text)).lightings[0]
     assert lighting.layer_names == ("sun-2", "sun", "sky") and lighting.environment is None
     sky = lighting.sky
-    assert sky is not None and (sky.turbidity, sky.intensity) == (5, 1e-5) and sky.albedo.tolist() == [0.1] * 3
+    assert (
+        isinstance(sky, SkyModel) and (sky.turbidity, sky.intensity) == (5, 1e-5) and sky.albedo.tolist() == [0.1] * 3
+    )
     height = np.radians(39.872)
     np.testing.assert_allclose(sky.to_sun, [0, np.sin(height), np.cos(height)], atol=2e-4)
 
@@ -64,7 +67,7 @@ def test_a_time_may_be_set_on_the_command_line(write_job: WriteJob) -> None:
     path = write_job(SCENE + "environment = { sky = { latitude = 0, longitude = 0, time = 2026-03-20T12:00:00Z } }\n")
     noon = job.load(path).lightings[0].sky
     later = job.load(path, ["environment.sky.time=2026-03-20T15:00:00Z"]).lightings[0].sky
-    assert noon is not None and later is not None
+    assert isinstance(noon, SkyModel) and isinstance(later, SkyModel)
     assert noon.to_sun[1] > 0.99 and later.to_sun[1] == pytest.approx(np.cos(np.radians(43)), abs=0.01)
     assert later.to_sun[0] < 0  # west
 

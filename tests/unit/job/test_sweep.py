@@ -11,7 +11,7 @@ import pytest
 from mirelight import colour, keys
 from mirelight.errors import InputError
 from mirelight.io import job
-from mirelight.model import Job, PointLight, SunLight
+from mirelight.model import Job, PointLight, SkyModel, SunLight
 
 from .conftest import Complaints, WriteJob
 
@@ -86,7 +86,7 @@ def test_the_sun_of_a_day_follows_the_clock(write_job: WriteJob) -> None:
     sky = "[environment]\nsky = { latitude = 48.2, longitude = 16.4, time = 2026-06-21T12:00:00+02:00 }\n"
     day = "range = [2026-06-21T06:00:00+02:00, 2026-06-21T20:00:00+02:00]\nsteps = 15\n"
     work = job.load(write_job(f'{HEAD}{sky}[[sweep.axes]]\nfield = "environment.sky.time"\n{day}'))
-    heights = [x.sky.to_sun[1] for x in work.lightings if x.sky]
+    heights = [x.sky.to_sun[1] for x in work.lightings if isinstance(x.sky, SkyModel)]
     assert len(heights) == 15 and 6 <= int(np.argmax(heights)) <= 8  # noon by the sun is at 13:00 there
     assert work.lightings[0].name == "lighting-time20260621T060000"
 

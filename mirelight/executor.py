@@ -7,18 +7,23 @@ spreads work (worker processes, shards, a farm) calls :func:`run` with its part 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from mirelight import stages
+import numpy as np
+
+from mirelight import advice, stages
 from mirelight.dataset import describe, index
-from mirelight.model import SplatLayer
+from mirelight.model import Frame, SplatLayer
 from mirelight.plan import FrameTask, Group, Plan
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
+from mirelight.units import terms
 
+_MOST_SAID = 3  # lines of one kind of finding
 _WAIT = 0.25  # seconds between two looks at cameras that others work on
 
 
@@ -80,6 +85,7 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
     scene = prepare(plan.job, store, heard.note)
     if plan.job.output.store != "frames" and plan.job.lightings:
         index.write(describe.describe(plan), store.folder)
+    said = _Said(heard)
     open_groups, skipped = _open(plan, store, heard)
     rendered = 0
     while open_groups:
@@ -89,13 +95,14 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
                 if not mine:
                     left.append(group)
                     continue
-                made = _make(scene, group, store, heard)
+                made = _make(scene, group, store, heard, said)
             rendered += made
             skipped += len(group.tasks) - made
         if len(left) == len(open_groups):
             heard.waiting(len(left))
             time.sleep(_WAIT)
         open_groups = left
+    said.rest()
     return RenderSummary(rendered=rendered, skipped=skipped)
 
 
@@ -114,7 +121,29 @@ def _open(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], in
     return left, there
 
 
-def _make(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
+class _Said:
+    """What is wrong with frames, told after each; of each kind the first few, then how many more."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._counts: Counter[str] = Counter()
+
+    def look(self, scene: Scene, task: FrameTask, frame: Frame) -> None:
+        """Tell what is wrong with a frame."""
+        off = [x.layer for x in terms(task.lighting) if not np.any(x.weight)] if task.lighting else []
+        for finding in advice.of_frame(frame, scene.job.display, off=off):
+            self._counts[finding.kind] += 1
+            if self._counts[finding.kind] <= _MOST_SAID:
+                self._progress.note(f"{task.name}: {finding}")
+
+    def rest(self) -> None:
+        """Tell how much was left out."""
+        more = sum(max(count - _MOST_SAID, 0) for count in self._counts.values())
+        if more:
+            self._progress.note(f"the like was found {more} more times")
+
+
+def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: _Said) -> int:
     """Make what is missing of a camera's frames; says how many that were."""
     if group.layers:
         return _make_layers(scene, group, store, progress)
@@ -136,8 +165,10 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
             if stopped.lit is not None:
                 store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
             raise
-        store.put(task, stages.relight(scene, splats, lit), seconds=time.monotonic() - began)
+        frame = stages.relight(scene, splats, lit)
+        store.put(task, frame, seconds=time.monotonic() - began)
         progress.finished(task, False)
+        said.look(scene, task, frame)
     return len(missing)
 
 

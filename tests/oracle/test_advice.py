@@ -1,0 +1,113 @@
+"""What is said about frames: right ones nothing, wrong ones the right thing. On the shipped stage, small."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mirelight
+from mirelight import advice
+from mirelight.model import DisplaySettings, Frame
+from mirelight.scene import Scene
+
+STAGE = Path(__file__).resolve().parents[2] / "scenes" / "stage" / "job.toml"
+FAST = [
+    "resolution=[160,90]",
+    "render.spp=4",
+    'proxy={path="proxy.glb"}',
+    """cameras_from={path="proxy",transform="none"}""",
+]
+PROXY = 'proxy={path="proxy.glb",transform=%s}'
+
+
+def frame_of(*overrides: str, lighting: int = 2, camera: int = 0) -> tuple[Scene, Frame]:
+    job = mirelight.load(STAGE, [*FAST, *overrides])
+    scene = mirelight.prepare(job)
+    view = job.cameras[camera]
+    lit = mirelight.light(scene, view, job.lightings[lighting])
+    return scene, mirelight.relight(scene, mirelight.composite(scene, view), lit)
+
+
+def kinds(scene: Scene, frame: Frame) -> list[str]:
+    return [x.kind for x in advice.of_frame(frame, scene.job.display)]
+
+
+@pytest.fixture(scope="module")
+def right() -> tuple[Scene, Frame]:
+    return frame_of()
+
+
+def test_right_frames_are_silent(right: tuple[Scene, Frame]) -> None:
+    assert kinds(*right) == []
+    scene = right[0]
+    splats = mirelight.composite(scene, scene.job.cameras[1])
+    for lighting in scene.job.lightings:
+        lit = mirelight.light(scene, scene.job.cameras[1], lighting)
+        assert kinds(scene, mirelight.relight(scene, splats, lit)) == [], lighting.name
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        "{rotation_euler=[180,0,0]}",
+        "{rotation_euler=[0,0,90]}",
+        "{translation=[3,0,0]}",
+        "{scale=0.01}",
+        "{scale=0.5}",
+    ],
+)
+def test_a_proxy_that_is_turned_moved_or_scaled_is_said(transform: str) -> None:
+    found = kinds(*frame_of(PROXY % transform))
+    assert found[:1] in (["uncovered"], ["gap"]), found
+
+
+def test_a_proxy_that_swallows_the_camera_is_said() -> None:
+    scene, frame = frame_of(PROXY % "{scale=100}")
+    found = advice.of_frame(frame, scene.job.display)
+    assert found and found[0].kind in ("uncovered", "gap")
+
+
+def test_too_bright_and_too_dark(right: tuple[Scene, Frame]) -> None:
+    scene, frame = right
+    for stops, kind in ((6.0, "white"), (-7.5, "black")):
+        (found,) = advice.of_frame(frame, replace(scene.job.display, exposure=stops))
+        assert found.kind == kind
+        by = float(found.remedy.split("about ")[1].split(",")[0])
+        # the remedy, followed, silences it
+        mended = replace(scene.job.display, exposure=stops + float(np.log2(by)))
+        assert advice.of_frame(frame, mended) == ()
+
+
+def test_no_light_at_all() -> None:
+    scene, frame = frame_of("lightings=[]", 'lights=[{type="point",position=[0,2,4],intensity=0}]', lighting=0)
+    (found,) = advice.of_frame(frame, scene.job.display)
+    assert found.kind == "black" and "no light reaches them" in found.remedy
+
+
+def test_a_light_inside_a_thing_or_switched_off() -> None:
+    lights = (
+        'lights=[{type="point",name="lost",position=[0,-50,0],intensity=9},'
+        '{type="sun",direction=[0,-1,-0.5],intensity=3}]'
+    )
+    scene, frame = frame_of("lightings=[]", lights, "environment={radiance=0.3}", "render.max_depth=1", lighting=0)
+    found = advice.of_frame(frame, scene.job.display)
+    assert [x.kind for x in found] == ["light"] and "'lost'" in found[0].text
+    assert advice.of_frame(frame, scene.job.display, off=["lost"]) == ()
+
+
+def test_a_camera_that_sees_nothing() -> None:
+    away = "cameras=[{position=[0,1,9],target=[0,1,20]}]"
+    scene, frame = frame_of(away, "cameras_from=[]")
+    (found,) = advice.of_frame(frame, scene.job.display)
+    assert found.kind == "nothing" and "the camera sees nothing" in found.text
+
+
+def test_bright_captures_are_not_taken_for_too_much_light(right: tuple[Scene, Frame]) -> None:
+    _, frame = right
+    assert frame.unlit is not None
+    white = np.concatenate([frame.unlit[..., 3:].repeat(3, axis=-1), frame.unlit[..., 3:]], axis=-1)
+    shown = replace(frame, rgba=white, unlit=white)
+    assert advice.of_frame(shown, DisplaySettings()) == ()

@@ -87,7 +87,7 @@ def _close_stdout(error: OSError) -> None:
 
 def _subject(args: argparse.Namespace) -> str:
     """The file that a command is about."""
-    for name in ("job", "file", "paths"):
+    for name in ("job", "file", "capture", "paths"):
         found = getattr(args, name, None)
         if found:
             return str(found if isinstance(found, str) else found[0])
@@ -107,6 +107,10 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
 
 def _run(args: argparse.Namespace) -> int:
     match args.command:
+        case "new":
+            from mirelight.cli.new import run_new
+
+            return run_new(args)
         case "render":
             from mirelight.cli.render import run_render
 
@@ -165,13 +169,17 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"mirelight {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
 
+    from mirelight.cli.new import add_new
+
+    add_new(commands)
     render = commands.add_parser(
         "render",
         help="render the frames of a job file",
         description="Render every camera of a job under every lighting. Frames that exist with unchanged inputs are "
         "skipped, so an interrupted run goes on when it is started again.",
     )
-    render.add_argument("job", metavar="JOB", help="job file (TOML)")
+    render.add_argument("job", metavar="JOB", help="job file (TOML), or a splat file together with --light")
+    render.add_argument("--light", metavar="LIGHT", help="of a splat file: sun, point, or a file (.hdr, .exr, .glb)")
     render.add_argument(
         "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
     )

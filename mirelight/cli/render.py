@@ -11,7 +11,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mirelight import executor
-from mirelight.cli import progress, stop
+from mirelight.cli import new, progress, stop
+from mirelight.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job
@@ -25,7 +26,7 @@ def run_render(args: argparse.Namespace) -> int:
     store: Store | None = None
     try:
         with tally:
-            work = _load(args)
+            work = _load(args, tally)
             frames = plan(
                 work,
                 cameras=named(args.camera, [x.name for x in work.cameras]),
@@ -53,8 +54,15 @@ def run_render(args: argparse.Namespace) -> int:
     return 0
 
 
-def _load(args: argparse.Namespace) -> Job:
-    work = job.load(args.job, _overrides(args))
+def _load(args: argparse.Namespace, told: progress.Tally) -> Job:
+    if args.light is not None and not new.is_capture(args.job):
+        raise InputError(args.job, "a job together with --light", "change its lights, or name a splat file")
+    if args.light is not None:
+        told.note("mirelight: looking at the capture")
+        work = new.first_job(args.job, args.light, _overrides(args))
+    else:
+        new.refuse_capture(args.job)
+        work = job.load(args.job, _overrides(args))
     if args.out is None:
         return work
     return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))

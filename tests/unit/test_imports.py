@@ -26,6 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "colour": BASE,
     "sh": BASE,
     "viewing": BASE,
+    "first": {"*"},
     "advice": BASE | {"colour"},
     "engine_lights": BASE | {"colour"},
     "io": BASE | TOOLS | {"engine_lights", "machine", "proxy", "units"},

@@ -16,7 +16,7 @@ from mirelight.io.job.tables import JobTable, json_schema
 from mirelight.io.job.validate import validated
 from mirelight.model import Job
 
-__all__ = ["JobTable", "Override", "Source", "json_schema", "load", "parse"]
+__all__ = ["JobTable", "Override", "Source", "json_schema", "load", "load_text", "parse"]
 
 
 def load(path: str | Path, overrides: Sequence[str | Override] = ()) -> Job:
@@ -32,6 +32,12 @@ def load(path: str | Path, overrides: Sequence[str | Override] = ()) -> Job:
     """
     source, table = parse(path, overrides)
     return build(source, table)
+
+
+def load_text(text: str, path: str | Path, overrides: Sequence[str | Override] = ()) -> Job:
+    """As :func:`load`, of a job that is in no file; `path` is where it would be, which its paths are relative to."""
+    found = read(path, overrides, text)
+    return build(found, validated(found))
 
 
 def parse(path: str | Path, overrides: Sequence[str | Override] = ()) -> tuple[Source, JobTable]:

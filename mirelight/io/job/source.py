@@ -84,14 +84,14 @@ class Source:
         return next(iter(above if in_file else above + below), None)
 
 
-def read(path: str | Path, overrides: Sequence[str | Override] = ()) -> Source:
-    """Read a job file and lay overrides (``render.spp=256``) over it.
+def read(path: str | Path, overrides: Sequence[str | Override] = (), text: str | None = None) -> Source:
+    """Read a job file and lay overrides (``render.spp=256``) over it; `text`: what would be in the file.
 
     Raises:
         InputError: the file cannot be read or is no TOML (with line and column); an override does not fit.
     """
     over = tuple(overriding.parse(o) if isinstance(o, str) else o for o in overrides)
-    text = _text(Path(path))
+    text = _text(Path(path)) if text is None else text
     data = _data(path, text)
     source = Source(
         path=Path(path).absolute(),

@@ -1,0 +1,81 @@
+"""`mirelight new`: a first job for a capture; and the same without a file, for `mirelight render CAPTURE --light …`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from mirelight.errors import InputError, OutputError
+from mirelight.io.job.overrides import Override
+from mirelight.model import Job
+
+_SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf")
+
+
+def add_new(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "new",
+        help="write a first job for a capture",
+        description="Look at a capture, which way is up in it, how bright it is and what lies beside it, and write a "
+        "commented job that renders well as it stands.",
+    )
+    parser.add_argument("capture", metavar="CAPTURE", help="any splat file")
+    parser.add_argument("-o", "--out", metavar="JOB", default="job.toml", help="the job to write (default: job.toml)")
+    parser.add_argument("--light", metavar="LIGHT", default="", help="sun, point, or a file: .hdr, .exr, .glb, .gltf")
+
+
+def run_new(args: argparse.Namespace) -> int:
+    """The command. What was found goes to stdout."""
+    from mirelight.first import Wish, job_text
+    from mirelight.io.atomic import atomic_path
+
+    out = Path(args.out)
+    if out.suffix.lower() != ".toml":
+        raise OutputError(f"{out}: a job is written as .toml; nothing was written")
+    if out.exists():
+        raise OutputError(f"{out}: is there already; name another with -o")
+    if not out.parent.is_dir():
+        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    text = job_text(_capture(args.capture), out.parent, Wish(light=args.light))
+    with atomic_path(out) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    for line in text.splitlines():
+        if line.startswith("# ") and ("Up, which" in line or "As captured" in line or "does not fit" in line):
+            print(line.removeprefix("# "))
+    print(f"{out} is written; go on with: mirelight render {out}")
+    return 0
+
+
+def is_capture(path: str) -> bool:
+    """Whether `mirelight render` is given splats in place of a job."""
+    return not path.lower().endswith(".toml")
+
+
+def refuse_capture(path: str) -> None:
+    """Raises InputError where splats are given in place of a job, and nothing to light them by."""
+    if path.lower().endswith(_SPLATS):
+        raise InputError(path, "splats, not a job", f"add --light sun, or write a job with: mirelight new {path}")
+
+
+def first_job(path: str, light: str, overrides: list[Override]) -> Job:
+    """The job that `mirelight new` would write here, without a file.
+
+    Raises:
+        InputError: the capture or the light cannot be used.
+    """
+    from mirelight.first import Wish, job_text
+    from mirelight.io import job
+
+    capture = _capture(path)
+    text = job_text(capture, Path.cwd(), Wish(light=light))
+    return job.load_text(text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)
+
+
+def _capture(name: str) -> Path:
+    path = Path(name)
+    if not path.exists():
+        raise InputError(name, "there is no such file", "name a splat file")
+    if path.suffix.lower() == ".toml":
+        raise InputError(name, "a job, not a capture", "name a splat file")
+    return path

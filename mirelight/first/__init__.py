@@ -1,0 +1,7 @@
+"""First contact with a capture: what it is, and a job for it that renders well as it stands."""
+
+from __future__ import annotations
+
+from mirelight.first.job_text import Wish, job_text
+
+__all__ = ["Wish", "job_text"]

@@ -1,0 +1,161 @@
+"""What lies beside a capture: a proxy that fits it, its cameras, lights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mirelight import colour
+from mirelight.errors import InputError
+from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
+
+MOST_LIGHTS = 3  # files of lights that are taken
+_MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+_PANORAMAS = (".hdr", ".exr")
+_CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
+_POINTS = 5_000
+_NEAR = 0.02  # of the capture's size: so near does its proxy lie to most splats
+_MOST = 0.8
+_SUN = 3.5  # lux that a light of a file is brought to at the capture's middle
+
+LightKind = Literal["panorama", "glTF"]
+
+
+@dataclass(frozen=True, slots=True)
+class Proxy:
+    """A mesh file that fits the splats."""
+
+    path: Path
+    turned: bool  # it lies in the splats' own axes, so that it takes their transform
+
+
+@dataclass(frozen=True, slots=True)
+class Lights:
+    """A file of lights, and the factor that brings it to the capture's exposure."""
+
+    path: Path
+    kind: LightKind
+    intensity: float
+
+
+def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Path | None]:
+    """The first mesh beside a capture that fits it, and else one that does not.
+
+    Args:
+        capture: the splat file.
+        cloud: as the file has it.
+        turn: (3, 3) rotation from its axes to the world.
+    """
+    misfit: Path | None = None
+    for path in _meshes(capture):
+        mesh = _mesh(path)
+        if mesh is None:
+            continue
+        for turned in (False, True):
+            if _fits(cloud, mesh, np.eye(3) if turned else turn):
+                same = np.allclose(turn, np.eye(3))
+                return Proxy(path, turned and not same), None
+        misfit = misfit or path
+    return None, misfit
+
+
+def cameras(capture: Path) -> Path | None:
+    """A file or folder of the capture's cameras beside it."""
+    from mirelight.io.cameras import open_file
+
+    for name in _CAMERAS:
+        path = capture.parent / name
+        if path.exists():
+            try:
+                open_file(path)
+            except InputError:
+                continue
+            return path
+    return None
+
+
+def lights(capture: Path, middle: F64, taken: Path | None) -> tuple[Lights, ...]:
+    """Files of lights beside a capture.
+
+    Args:
+        capture: the splat file.
+        middle: (3,) of the capture, in the world.
+        taken: the proxy's file, whose lights are left alone.
+    """
+    found: list[Lights] = []
+    for path in sorted(capture.parent.iterdir()):
+        if path in (capture, taken) or len(found) == MOST_LIGHTS:
+            continue
+        try:
+            one = of_file(path, middle)
+        except InputError:
+            continue
+        if one is not None:
+            found.append(one)
+    return tuple(found)
+
+
+def of_file(path: Path, middle: F64) -> Lights | None:
+    """A file's light, brought to about the exposure of the capture; None where there is none in it.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _PANORAMAS:
+        from mirelight.io.environment import read_environment
+
+        picture = read_environment(path)
+        if picture.shape[1] != 2 * picture.shape[0]:
+            return None
+        rows = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)
+        mean = float(np.average(colour.luminance(picture).mean(axis=1), weights=rows))
+        return Lights(path, "panorama", 1 / mean) if mean > 0 else None
+    if suffix in (".glb", ".gltf"):
+        from mirelight.io.gltf.scene import read_lights
+
+        total = 0.0
+        for light in read_lights(path):
+            strength = light.intensity * float(colour.luminance(np.asarray(light.color)))
+            if isinstance(light, PointLight | SpotLight):
+                strength /= max(float(np.sum((light.position - middle) ** 2)), 1e-12)
+            total += strength
+        return Lights(path, "glTF", _SUN / total) if total > 0 else None
+    return None
+
+
+def _meshes(capture: Path) -> list[Path]:
+    """Files that may be the proxy, the likeliest first."""
+    stem = capture.name.split(".")[0].lower()
+    names = [f"{stem}.proxy", "proxy", f"{stem}.mesh", "mesh", stem]
+    there = [p for p in sorted(capture.parent.iterdir()) if p.suffix.lower() in _MESHES and p != capture]
+    return [p for name in names for p in there if p.stem.lower() == name]
+
+
+def _mesh(path: Path) -> ProxyMesh | None:
+    from mirelight.io.mesh import read_mesh
+
+    try:
+        return read_mesh(path, textures=False)
+    except InputError:
+        return None
+
+
+def _fits(cloud: SplatCloud, mesh: ProxyMesh, turn: F64) -> bool:
+    """Whether most splats lie near a mesh, and the mesh near the splats."""
+    from scipy.spatial import cKDTree
+
+    from mirelight.proxy.sampling import spread
+
+    solid = cloud.means[cloud.opacities > 0.3].astype(np.float64)
+    if len(solid) < 10 or not len(mesh.faces):
+        return False
+    means = solid[:: max(1, len(solid) // _POINTS)] @ turn.T
+    low, high = np.quantile(means, [0.01, 0.99], axis=0)
+    size = float(np.linalg.norm(high - low))
+    points = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), 4 * _POINTS)
+    there, back = cKDTree(points).query(means)[0], cKDTree(means).query(points)[0]
+    return bool((there < _NEAR * size).mean() > _MOST and (back < 2 * _NEAR * size).mean() > _MOST / 2)

@@ -1,0 +1,252 @@
+"""A commented job for a capture, that renders well as it stands.
+
+Light is chosen so that its ratio to a captured light of 1 cd/m² all around is about 1: the picture is as bright as the
+capture, whatever its scale.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from mirelight import conventions
+from mirelight.errors import InputError
+from mirelight.first import beside, up, view
+from mirelight.model import F64, Camera, SplatCloud
+
+LIGHTS = ("sun", "point")
+_FILL = 0.35  # cd/m² all around, under the sun
+_SUN = 3.2  # lux: a surface that faces it is lit 1.4 times as brightly as it was captured
+_POINT = 4.5  # lux at the capture's middle
+_FROM_LEFT = (-0.75, 0.8, 0.45)  # towards the light: along the picture's right, up, towards the camera
+_DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a person asks of a first job."""
+
+    light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
+    resolution: tuple[int, int] = (960, 540)
+
+
+def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
+    """The job.
+
+    Args:
+        capture: a splat file.
+        folder: where the job will be, which its paths are relative to.
+        wish: what is asked of it.
+
+    Raises:
+        InputError: the capture, or the light that was asked for, cannot be used.
+        BackendError: this machine cannot composite.
+    """
+    from mirelight.io import splats
+
+    cloud = splats.read(capture)
+    if len(cloud) == 0:
+        raise InputError(capture, "no splats", "give a capture")
+    _refuse_far(capture, cloud)
+    camera_file = beside.cameras(capture)
+    poses = _poses(camera_file)
+    found = up.find(cloud, capture, poses)
+    turn = conventions.rotation_from_euler(found.euler)
+    m = np.eye(4)
+    m[:3, :3] = turn
+    world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
+    proxy, misfit = beside.proxy(capture, cloud, turn)
+    seen = view.best(world, str(capture))
+    named = _Names(folder)
+    lines = [
+        f"# {capture.name}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
+        *_scene(capture, cloud, found, proxy, misfit, camera_file, named),
+        *_camera(seen, wish),
+        *_captured(seen),
+        *_lightings(capture, seen, wish, proxy, named),
+        *_rest(),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+class _Names:
+    """Paths as a job in a folder has them."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+
+    def __call__(self, path: Path) -> str:
+        return json.dumps(Path(os.path.relpath(path.resolve(), self._folder)).as_posix(), ensure_ascii=False)
+
+
+def _refuse_far(capture: Path, cloud: SplatCloud) -> None:
+    """Single precision leaves nothing of a small thing far from the origin."""
+    low, high = np.quantile(cloud.means.astype(np.float64), [0.01, 0.99], axis=0)
+    size, far = float(np.linalg.norm(high - low)), float(np.abs((low + high) / 2).max())
+    if size > 0 and float(np.spacing(np.float32(far))) > 1e-4 * size:
+        found = f"it lies {far:.3g} units from the origin and is {size:.3g} in size"
+        raise InputError(capture, found, "single precision is too coarse there: move it to the origin before saving")
+
+
+def _poses(path: Path | None) -> Sequence[F64]:
+    if path is None:
+        return ()
+    from mirelight.io.cameras import open_file
+
+    try:
+        return [c.world_from_camera for c in open_file(path).read()]
+    except InputError:
+        return ()
+
+
+def _scene(
+    capture: Path,
+    cloud: SplatCloud,
+    found: up.Up,
+    proxy: beside.Proxy | None,
+    misfit: Path | None,
+    camera_file: Path | None,
+    named: _Names,
+) -> Iterator[str]:
+    turned = found.euler != (0, 0, 0)
+    place = f", transform = {{ rotation_euler = {_vector(found.euler)} }}" if turned else ""
+    yield ""
+    yield f"# {len(cloud):,} splats. Up, which is +Y in a job: {found.why}."
+    if found.guessed:
+        yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
+    yield f"splats = {{ path = {named(capture)}{place} }}" if place else f"splats = {named(capture)}"
+    yield ""
+    if proxy is not None:
+        yield "# The mesh that light falls on. This one was beside the capture, and fits it."
+        yield f"proxy = {{ path = {named(proxy.path)}{place if proxy.turned else ''} }}"
+    else:
+        if misfit is not None:
+            yield f"# {misfit.name} beside the capture does not fit it (`mirelight proxy` can register it)."
+        yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
+        yield 'proxy = "splats"'
+    if camera_file is not None:
+        yield ""
+        yield "# Cameras of the capture; without the #, every one of them is rendered too."
+        yield f"# cameras_from = {named(camera_file)}"
+
+
+def _camera(seen: view.View, wish: Wish) -> Iterator[str]:
+    width, height = wish.resolution
+    yield ""
+    yield f"resolution = [{width}, {height}]"
+    yield ""
+    yield "[[cameras]]"
+    yield 'name = "first"'
+    yield f"position = {_vector(seen.camera.position)}"
+    ahead = -seen.camera.world_from_camera[:3, 2]
+    away = float(np.linalg.norm(seen.target - seen.camera.position))
+    yield f"target = {_vector(seen.camera.position + ahead * away)}"
+    yfov = 2 * np.degrees(np.arctan(seen.camera.height / 2 / seen.camera.fy))
+    yield f"yfov = {yfov:.4g} # degrees"
+    yield f"near = {away / 1000:.3g}"
+
+
+def _captured(seen: view.View) -> Iterator[str]:
+    yield ""
+    white = f"{seen.white:.1%} of their pixels are white"
+    yield f"# As captured, the splats' mean luminance is {seen.luminance:.2f}; {white}."
+    yield "# The light they were captured under is not known: an even one all around is assumed. New light is divided"
+    yield "# by it, so a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here"
+    yield "# (docs/relighting.md)."
+    yield "[captured]"
+    yield "environment = { radiance = 1.0 }"
+
+
+def _lightings(capture: Path, seen: view.View, wish: Wish, proxy: beside.Proxy | None, named: _Names) -> Iterator[str]:
+    middle = seen.target
+    if wish.light and wish.light not in LIGHTS:
+        path = Path(wish.light)
+        one = beside.of_file(path, middle) if path.exists() else None
+        if one is None:
+            found = "no light in it" if path.exists() else "no such file"
+            raise InputError(path, found, "give sun, point, an .hdr or .exr panorama, or a glTF with lights")
+        yield from _file(one, named)
+        return
+    kind = wish.light or ("point" if seen.room else "sun")
+    yield from (_point(seen) if kind == "point" else _sun(seen))
+    if not wish.light:
+        for one in beside.lights(capture, middle, proxy.path if proxy else None):
+            yield from _file(one, named)
+
+
+def _towards_light(camera: Camera) -> F64:
+    right = camera.world_from_camera[:3, 0]
+    back = np.cross(right, (0.0, 1.0, 0.0))
+    back = back if np.linalg.norm(back) > 1e-6 else np.array([0.0, 0.0, 1.0])
+    x, y, z = _FROM_LEFT
+    return conventions.unit(x * right + y * np.array([0.0, 1.0, 0.0]) + z * conventions.unit(back))
+
+
+def _sun(seen: view.View) -> Iterator[str]:
+    yield ""
+    yield "# A sun from the left, and the sky's light all around."
+    yield "[[lightings]]"
+    yield 'name = "sun"'
+    yield f"environment = {{ radiance = [{0.8 * _FILL:.3g}, {_FILL:.3g}, {1.35 * _FILL:.3g}] }} # cd/m²"
+    yield ""
+    yield "[[lightings.lights]]"
+    yield 'type = "sun"'
+    yield f"direction = {_vector(-_towards_light(seen.camera))} # the way the light travels"
+    yield "color = [1, 0.9, 0.74]"
+    yield f"intensity = {_SUN} # lux"
+    yield "angular_diameter = 1.5 # degrees; more gives softer shadows"
+
+
+def _point(seen: view.View) -> Iterator[str]:
+    away = float(np.linalg.norm(seen.target - seen.camera.position))
+    if seen.room:
+        place, reach = seen.target + np.array([0.0, 0.25 * away, 0.0]), away
+    else:
+        reach = 0.7 * away
+        place = seen.target + reach * _towards_light(seen.camera)
+    yield ""
+    yield "# A warm lamp, and a little light all around."
+    yield "[[lightings]]"
+    yield 'name = "lamp"'
+    yield "environment = { radiance = [0.1, 0.12, 0.16] } # cd/m²"
+    yield ""
+    yield "[[lightings.lights]]"
+    yield 'type = "point"'
+    yield f"position = {_vector(place)}"
+    yield "color = [1, 0.85, 0.62]"
+    yield f"intensity = {_POINT * reach**2:.3g} # candela: {_POINT} lux in the capture's middle"
+    yield f"radius = {0.03 * reach:.2g}"
+
+
+def _file(one: beside.Lights, named: _Names) -> Iterator[str]:
+    yield ""
+    yield "[[lightings]]"
+    yield f"name = {json.dumps(one.path.stem)}"
+    if one.kind == "panorama":
+        yield "# The intensity brings its mean to 1 cd/m²."
+        yield f"environment = {{ path = {named(one.path)}, intensity = {one.intensity:.3g} }}"
+    else:
+        yield "# The intensity brings its lights to the capture's exposure."
+        yield f"lights_from = {{ path = {named(one.path)}, intensity = {one.intensity:.3g} }}"
+        yield "environment = { radiance = 0.08 } # cd/m²"
+
+
+def _rest() -> Iterator[str]:
+    yield ""
+    yield "[render]"
+    yield "spp = 64 # samples per pixel; more is cleaner and slower"
+    if find_spec("pyoidn") is not None:
+        yield "denoise = true"
+    yield ""
+    yield "[output]"
+    yield 'directory = "out"'
+
+
+def _vector(values: Sequence[float] | F64) -> str:
+    return "[" + ", ".join(f"{round(float(v), _DIGITS) + 0.0:g}" for v in values) + "]"

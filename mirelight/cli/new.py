@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mirelight.errors import InputError, OutputError
-from mirelight.io.job.overrides import Override
-from mirelight.model import Job
+
+if TYPE_CHECKING:
+    from mirelight.io.job.overrides import Override
+    from mirelight.model import Job
 
 _SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf")
 

@@ -127,6 +127,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.realtime import run_realtime
 
             return run_realtime(args)
+        case "mix":
+            from mirelight.cli.mix import run_mix
+
+            return run_mix(args)
         case "explain":
             from mirelight.cli.explain import run_explain
 
@@ -209,11 +213,13 @@ def _parser() -> argparse.ArgumentParser:
     from mirelight.cli.explain import add_explain
     from mirelight.cli.export import add_export
     from mirelight.cli.match import add_match
+    from mirelight.cli.mix import add_mix
     from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
 
     add_compare(commands)
     add_realtime(commands)
+    add_mix(commands)
     add_explain(commands)
     add_proxy(commands)
     add_estimate(commands)

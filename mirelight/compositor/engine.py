@@ -33,7 +33,9 @@ class EngineDrawing:
 # --- order -----------------------------------------------------------------------------------------------------------
 
 
-def engine_rank(splats: SplatCloud, camera: Camera, *, radial: bool = False) -> NDArray[np.uint32]:
+def engine_rank(
+    splats: SplatCloud, camera: Camera, *, radial: bool = False, reordered: bool = True
+) -> NDArray[np.uint32]:
     """(N,) the place of each splat, front to back, in the order that the engine sorts a PLY file of this cloud into.
 
     It reorders an uncompressed file along a Morton curve, then sorts by counting: depths fall into buckets, finer near
@@ -43,6 +45,7 @@ def engine_rank(splats: SplatCloud, camera: Camera, *, radial: bool = False) -> 
         splats: in the file's order; world space.
         camera: perspective.
         radial: by distance to the eye instead of depth.
+        reordered: along that curve; False: the file was loaded with `reorder: false`.
     """
     count = len(splats)
     if not count:
@@ -59,7 +62,7 @@ def engine_rank(splats: SplatCloud, camera: Camera, *, radial: bool = False) -> 
         low, span = float(ends.min()), float(np.ptp(ends))
         camera_bin = int(np.clip(np.floor(-low / span * _BINS), 0, _BINS - 1)) if span > 0 else 0
         keys = bucket_keys((means - camera.position) @ back - low, span, camera_bin)
-    order = np.lexsort((_morton_place(means), -keys))
+    order = np.lexsort((_morton_place(means) if reordered else np.arange(count), -keys))
     rank = np.empty(count, dtype=np.uint32)
     rank[order] = np.arange(count, dtype=np.uint32)
     return rank

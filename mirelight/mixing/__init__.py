@@ -1,5 +1,6 @@
-"""The light mixer: one layer of path-traced light on the splats for each light of a job."""
+"""The light mixer: a capture with one layer of path-traced light for each of its lights, mixed live in a browser."""
 
+from mirelight.mixing.bundle import Exported, export
 from mirelight.mixing.layers import Fader, Mixed, MixLayers, check, make
 
-__all__ = ["Fader", "MixLayers", "Mixed", "check", "make"]
+__all__ = ["Exported", "Fader", "MixLayers", "Mixed", "check", "export", "make"]

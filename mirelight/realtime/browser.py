@@ -130,13 +130,31 @@ def run_page(exported: Exported, browser: str | None = None, seconds: float = SE
 
 def _drive(folder: Path, browser: str, seconds: float) -> dict[str, bytes]:
     """Open the capture page and collect what it sends."""
-    # Chromium's helpers may write a last file into the profile while it is being removed
-    kept = tempfile.TemporaryDirectory(prefix="mirelight-", ignore_cleanup_errors=True)
     pages = {name: page_file(name) for name in _CAPTURE_PAGE}
     limits = dict.fromkeys(_TEXTS, _TEXT_LIMIT) | dict.fromkeys((*_IMAGES, *_BUFFERS), _BUFFER_LIMIT)
+    return drive(folder, browser, seconds, page=_CAPTURE_PAGE[0], pages=pages, limits=limits)
+
+
+def drive(
+    folder: Path, browser: str, seconds: float, *, page: str, pages: Mapping[str, bytes], limits: Mapping[str, int]
+) -> dict[str, bytes]:
+    """Open a page of a folder and collect what it sends, until it sends "done" or "failed".
+
+    Args:
+        folder: what is served.
+        browser: from :func:`find_browser`.
+        seconds: the most that it may take without a word.
+        page: what to open.
+        pages, limits: as for `mirelight.realtime.server.serve`.
+
+    Raises:
+        RenderError: the page sent "failed", or nothing more.
+    """
+    # Chromium's helpers may write a last file into the profile while it is being removed
+    kept = tempfile.TemporaryDirectory(prefix="mirelight-", ignore_cleanup_errors=True)
     with serve(folder, pages, limits) as (address, inbox), kept as profile:
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # Chromium refuses root
-        command = [browser, *FLAGS, *sandbox, f"--user-data-dir={profile}", f"{address}/capture.html"]
+        command = [browser, *FLAGS, *sandbox, f"--user-data-dir={profile}", f"{address}/{page}"]
         log = Path(profile) / "browser.log"
         with log.open("wb") as sink:
             process = subprocess.Popen(

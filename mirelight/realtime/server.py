@@ -27,6 +27,7 @@ Inbox = queue.Queue[tuple[str, bytes]]
 
 _TYPES = {
     ".html": "text/html; charset=utf-8",
+    ".css": "text/css",
     ".mjs": "text/javascript",
     ".js": "text/javascript",
     ".json": "application/json",

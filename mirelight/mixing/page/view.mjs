@@ -1,0 +1,141 @@
+// The capture in the engine, with its layers of light: weights go in, a picture comes out.
+import * as pc from 'playcanvas';
+import { CameraControls } from './engine/camera-controls.mjs';
+
+const CURVES = { none: pc.TONEMAP_NONE, aces: pc.TONEMAP_ACES, neutral: pc.TONEMAP_NEUTRAL, agx: pc.TONEMAP_NONE };
+const COMPONENTS = ['x', 'y', 'z', 'w'];
+
+// Runs where splats are copied to the work buffer: display-encoded colour in and out, the light linear between.
+function modifier(count, space) {
+    const textures = Math.ceil(count / 4);
+    const terms = Array.from({ length: count }, (_, i) =>
+        `    light += uMix[${i}] * unpacked(layers${i >> 2}.${COMPONENTS[i & 3]});`);
+    const reads = Array.from({ length: textures }, (_, k) => `    uvec4 layers${k} = loadMix${k}();`);
+    return `
+uniform vec3 uMix[${count}];
+uniform vec3 uShown;  // share of the mix, largest factor, exposure
+vec3 unpacked(uint v) {
+    return vec3(uvec3(v, v >> 9u, v >> 18u) & 511u) * exp2(float(v >> 27u) - 24.0);
+}
+vec3 decoded(vec3 c) {
+    return mix(c / 12.92, pow((max(c, 0.0) + 0.055) / 1.055, vec3(2.4)), vec3(greaterThan(c, vec3(0.04045))));
+}
+vec3 encoded(vec3 c) {
+    return mix(c * 12.92, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, vec3(greaterThan(c, vec3(0.0031308))));
+}
+void modifySplatCenter(inout vec3 center) {}
+void modifySplatRotationScale(vec3 originalCenter, vec3 modifiedCenter, inout vec4 rotation, inout vec3 scale) {}
+void modifySplatColor(vec3 center, inout vec4 color) {
+    vec3 light = vec3(0.0);
+${reads.join('\n')}
+${terms.join('\n')}
+    light = mix(vec3(1.0), min(light, vec3(uShown.y)), uShown.x);
+    vec3 shown = max(color.xyz, 0.0);
+${space === 'display' ? '    shown = decoded(shown * light);' : '    shown = decoded(shown) * light;'}
+    color.xyz = encoded(shown * uShown.z);
+}`;
+}
+
+function load(app, url) {
+    return new Promise((resolve, reject) => {
+        // unsorted, so that splats keep the order of their layers
+        const asset = new pc.Asset('splats', 'gsplat', { url, filename: url }, { reorder: false });
+        asset.once('load', () => resolve(asset));
+        asset.once('error', (error) => reject(new Error(`${url}: ${error}`)));
+        app.assets.add(asset);
+        app.assets.load(asset);
+    });
+}
+
+async function createApp(canvas) {
+    let device;
+    try {
+        device = await pc.createGraphicsDevice(canvas, { deviceTypes: ['webgl2'], antialias: false, preserveDrawingBuffer: true });
+    } catch {
+        device = null;
+    }
+    if (!device?.isWebGL2) throw new Error('This browser shows no WebGL 2: use a newer one, or switch its graphics acceleration on');
+    device.maxPixelRatio = 1;
+    const options = new pc.AppOptions();
+    options.graphicsDevice = device;
+    options.componentSystems = [pc.CameraComponentSystem, pc.ScriptComponentSystem, pc.GSplatComponentSystem];
+    options.resourceHandlers = [pc.TextureHandler, pc.ScriptHandler, pc.GSplatHandler];
+    const app = new pc.AppBase(canvas);
+    app.init(options);
+    return app;
+}
+
+function upload(app, component, resource, count, layers, layerCount) {
+    const textures = Math.ceil(layerCount / 4);
+    const names = Array.from({ length: textures }, (_, k) => `mix${k}`);
+    resource.format.addExtraStreams(names.map((name) => ({ name, format: pc.PIXELFORMAT_RGBA32U })));
+    resource.streams?.syncWithFormat?.(resource.format);
+    names.forEach((name, k) => {
+        const texture = resource.getTexture(name);
+        const texels = new Uint32Array(4 * texture.width * texture.height);
+        for (let c = 0; c < 4 && 4 * k + c < layerCount; c++) {
+            const start = (4 * k + c) * count;
+            for (let i = 0; i < count; i++) texels[4 * i + c] = layers[start + i];
+        }
+        texture.lock().set(texels);
+        texture.unlock();
+    });
+}
+
+export async function createView(canvas, description, layers) {
+    const app = await createApp(canvas);
+    app.setCanvasFillMode(pc.FILLMODE_NONE);
+    app.setCanvasResolution(pc.RESOLUTION_AUTO);
+    app.scene.gsplat.dataFormat = pc.GSPLATDATA_LARGE;  // colours above 4 are kept until they are blended
+    app.start();
+
+    const camera = new pc.Entity('camera');
+    camera.addComponent('camera', {
+        clearColor: new pc.Color(...description.background, 1), toneMapping: CURVES[description.tone],
+        layers: [pc.LAYERID_WORLD, pc.LAYERID_UI, pc.LAYERID_IMMEDIATE]
+    });
+    camera.addComponent('script');
+    app.root.addChild(camera);
+    const controls = camera.script.create(CameraControls);
+
+    const asset = await load(app, description.splats.file);
+    const count = description.layers.length;
+    const entity = new pc.Entity('splats');
+    entity.addComponent('gsplat', { asset, unified: true });
+    upload(app, entity.gsplat, asset.resource, description.count, layers, count);
+    entity.gsplat.setWorkBufferModifier({ glsl: modifier(count, description.space) });
+    app.root.addChild(entity);
+
+    let bookmark = null, width = 1, height = 1;
+    const fit = () => {
+        if (!bookmark) return;
+        // where there is less room than the frame is wide, the view opens until the whole frame is seen
+        const narrower = Math.max(1, bookmark.aspect / (width / height));
+        camera.camera.fov = 2 * Math.atan(Math.tan(bookmark.fov * Math.PI / 360) * narrower) * 180 / Math.PI;
+    };
+
+    return {
+        app, camera,
+        // weights: an array of [r, g, b] for each layer; share: 0 as captured, 1 the mix; exposure in stops
+        show(weights, share, exposure) {
+            const values = new Float32Array(3 * count);
+            weights.forEach((rgb, i) => rgb.forEach((x, c) => { values[3 * i + c] = x * description.layers[i].scale; }));
+            entity.gsplat.setParameter('uMix[0]', values);
+            entity.gsplat.setParameter('uShown', [share, description.limit ?? 1e30, 2 ** exposure]);
+        },
+        resize(...size) {
+            [width, height] = size.map((x) => Math.max(Math.floor(x), 1));
+            app.resizeCanvas(width, height);
+            fit();
+        },
+        go(to) {
+            bookmark = to;
+            camera.camera.nearClip = to.near;
+            camera.camera.farClip = to.far;
+            camera.setPosition(...to.position);
+            camera.lookAt(new pc.Vec3(to.target), new pc.Vec3(to.up));
+            controls.reset(new pc.Vec3(to.target), new pc.Vec3(to.position));
+            fit();
+        }
+    };
+}

@@ -1,0 +1,310 @@
+"""The mixer's page in a real browser: its picture against splats relit offline, what it exports, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mirelight
+from mirelight import colour, mixing, sh, stages
+from mirelight.compositor import Compositor
+from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
+from mirelight.compositor.source import uploaded
+from mirelight.errors import RenderError
+from mirelight.io import job as jobs
+from mirelight.io import splats
+from mirelight.io.gltf.write import write_glb
+from mirelight.mixing.bundle import export, page_file
+from mirelight.model import CompositorSettings, Frame, Job, ProxyMesh, SplatCloud
+from mirelight.realtime import browser
+from mirelight.scene import prepare
+
+WIDTH, HEIGHT = 160, 120
+JOB = """
+splats = "splats.ply"
+proxy = "proxy.glb"
+resolution = [160, 120]
+
+[captured]
+environment = { radiance = [1, 1, 1] }
+
+[[cameras]]
+name = "front"
+type = "perspective"
+position = [0.5, 1.6, 4.2]
+target = [0, 0.4, 0]
+yfov = 40
+near = 0.1
+far = 50
+
+[[lightings]]
+name = "day"
+environment = { radiance = [0.2, 0.3, 0.5] }
+[[lightings.lights]]
+type = "point"
+name = "lamp"
+position = [1, 1.5, 1]
+intensity = 5
+color = [1, 0.7, 0.4]
+
+[[lightings]]
+name = "night"
+[[lightings.lights]]
+type = "point"
+name = "lamp"
+position = [-1, 0.8, 0.5]
+intensity = 2
+[[lightings.lights]]
+type = "point"
+name = "glow worm"
+position = [0.8, 0.3, 1.2]
+intensity = 0.3
+color = [0.3, 1, 0.4]
+"""
+# Changes the mix as a person would, and sends pictures and the exported text.
+DRIVER = """
+const send = (name, body) => fetch(`captured/${name}`, { method: 'PUT', body });
+try {
+    const page = await globalThis.mixer;
+    const { app } = page.view;
+    const frames = (count) => new Promise((resolve) => {
+        const handle = app.on('frameend', () => { if (--count <= 0) { handle.off(); resolve(); } });
+    });
+    const picture = async (name) => {
+        page.view.resize(160, 120);
+        await frames(30);  // the camera comes to rest
+        page.jump();  // splats are copied and sorted again
+        const gl = app.graphicsDevice.gl;
+        let [before, same] = [new Uint8Array(4 * 160 * 120), 0];
+        for (let tries = 0; tries < 100 && same < 4; tries++) {  // sorting runs in a worker
+            await frames(8);
+            const pixels = new Uint8Array(before.length);
+            gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+            gl.readPixels(0, 0, 160, 120, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+            same = pixels.every((x, i) => x === before[i]) ? same + 1 : 0;
+            before = pixels;
+        }
+        await send(name, before);
+    };
+    const set = (label, value) => {
+        const input = document.querySelector(`[aria-label="${label}"]`);
+        input.value = value;
+        input.dispatchEvent(new Event('input'));
+    };
+    await new Promise((resolve) => {
+        const handle = app.systems.gsplat.on('frame:ready', (camera, layer, ready, loading) => {
+            if (ready && loading === 0) { handle.off(); resolve(); }
+        });
+    });
+    await picture('day');
+    page.choose(1);
+    page.jump();
+    await picture('night');
+    set('glow worm: strength', 0.75);
+    set('lamp: strength', 0.4);
+    set('lamp: colour', '#ff8040');
+    document.getElementById('exposure').value = 0.5;
+    document.getElementById('exposure').dispatchEvent(new Event('input'));
+    await picture('edited');
+    document.getElementById('export').click();
+    await send('text', document.querySelector('#exported pre').textContent);
+    page.actions.captured();
+    page.jump();
+    await picture('captured');
+    await send('done', '');
+} catch (error) {
+    await send('failed', document.getElementById('message').textContent || String(error?.stack ?? error));
+}
+"""
+LIMITS = dict.fromkeys(("day", "night", "edited", "captured"), 1 << 20) | dict.fromkeys(
+    ("text", "done", "failed"), 1 << 16
+)
+
+
+def walls() -> tuple[SplatCloud, ProxyMesh]:
+    """A floor and a wall of flat splats in a coarse pattern, and the mesh below them."""
+    s = np.linspace(-1.95, 1.95, 40)
+    a, b = (x.ravel() for x in np.meshgrid(s, s))
+    floor = np.stack([a, np.zeros_like(a), b], axis=1)
+    wall = np.stack([a, b + 2, np.full_like(a, -2)], axis=1)
+    pattern = np.where((np.floor(a) + np.floor(b)) % 2 > 0, 0.7, 0.4)
+    shown = np.concatenate([pattern[:, None] * [1, 0.9, 0.8], pattern[:, None] * [0.7, 0.9, 1]])
+    flat = np.tile([[0.08, 0.002, 0.08]], (len(a), 1)), np.tile([[0.08, 0.08, 0.002]], (len(a), 1))
+    count = 2 * len(a)
+    cloud = SplatCloud(
+        means=np.concatenate([floor, wall]).astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        scales=np.concatenate(flat).astype(np.float32),
+        opacities=np.full(count, 0.95, np.float32),
+        sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32),
+    )
+    corners = [[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2], [-2, 4, -2], [2, 4, -2]]
+    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]]
+    return cloud, ProxyMesh(vertices=np.array(corners, np.float32), faces=np.array(faces, np.int32))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """job.toml with its scene."""
+    out = tmp_path_factory.mktemp("mixer")
+    cloud, proxy = walls()
+    splats.write(cloud, out / "splats.ply")
+    write_glb(out / "proxy.glb", proxy, (), ())
+    (out / "job.toml").write_text(JOB)
+    return out
+
+
+@pytest.fixture(scope="module")
+def job(folder: Path) -> Job:
+    return jobs.load(folder / "job.toml")
+
+
+@pytest.fixture(scope="module")
+def page(job: Job, folder: Path) -> tuple[Path, mixing.MixLayers]:
+    made = export(prepare(job), folder / "page", spp=256)
+    assert made.warnings == ()
+    return made.folder, made.layers
+
+
+@pytest.fixture(scope="module")
+def seen(page: tuple[Path, mixing.MixLayers]) -> dict[str, bytes]:
+    return drive(page[0])
+
+
+def drive(folder: Path) -> dict[str, bytes]:
+    """What the driver sends from the page."""
+    html = (
+        page_file("index.html").decode().replace("</body>", '<script type="module" src="driver.mjs"></script></body>')
+    )
+    pages = {"driver.html": html.encode(), "driver.mjs": DRIVER.encode()}
+    return browser.drive(folder, browser.find_browser(), 600, page="driver.html", pages=pages, limits=LIMITS)
+
+
+def picture(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """(H, W, 3) 0..1, the top row first."""
+    return np.frombuffer(data, np.uint8).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3] / 255
+
+
+def decibels(a: np.ndarray, b: np.ndarray) -> float:
+    return float(-10 * np.log10(np.mean((a - b) ** 2)))
+
+
+def relit(job: Job, factor: np.ndarray) -> np.ndarray:
+    """The splats in the colours that the factor gives them, composited offline with the engine's rules."""
+    assert job.splats is not None
+    cloud = job.splats.value
+    shown = colour.srgb_encode(colour.srgb_decode(0.5 + sh.C0 * cloud.sh[:, 0]) * factor)
+    new = replace(cloud, sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32))
+    settings = CompositorSettings(profile="playcanvas", work_buffer="large")
+    drawing = EngineDrawing(engine_rank(cloud, job.cameras[0], reordered=False), SOFTWARE_BITS)
+    drawn = Compositor(uploaded(new), settings).composite(job.cameras[0], depth=False, drawing=drawing)
+    return np.clip(drawn.color, 0, 1)
+
+
+def displayed(frame: Frame, stops: float) -> np.ndarray:
+    return np.clip(colour.srgb_encode(frame.rgba[..., :3] * np.float32(2**stops)), 0, 1)
+
+
+def test_the_page_shows_the_splats_times_the_mixed_layers(
+    seen: dict[str, bytes], page: tuple[Path, mixing.MixLayers], job: Job
+) -> None:
+    layers = page[1]
+    for index, name in enumerate(("day", "night")):
+        assert decibels(picture(seen[name]), relit(job, layers.factor(layers.weights(index)))) >= 50
+    ones = np.ones((len(layers.values[0]), 3), np.float32)
+    assert decibels(picture(seen["captured"]), relit(job, ones * np.float32(2**0.5))) >= 50
+    assert decibels(picture(seen["day"]), picture(seen["night"])) < 25
+
+
+def test_the_page_and_the_offline_frame_agree(seen: dict[str, bytes], job: Job) -> None:
+    scene = prepare(job)
+    for name, lighting in zip(("day", "night"), job.lightings, strict=True):
+        assert decibels(picture(seen[name]), displayed(stages.frame(scene, job.cameras[0], lighting), 0)) >= 30
+
+
+def test_what_the_page_exports_renders_offline(seen: dict[str, bytes], folder: Path) -> None:
+    text = seen["text"].decode()
+    assert text.startswith("[mix.night]\n")
+    (folder / "edited.toml").write_text(JOB + "\n" + text)
+    edited = mirelight.load(folder / "edited.toml")
+    assert edited.display.exposure == 0.5
+    factors = edited.lightings[1].factors()
+    np.testing.assert_allclose(factors["glow worm"], 8 * 0.75**3, rtol=1e-5)
+    lamp = 8 * 0.4**3 * colour.srgb_decode(np.array([255, 128, 64]) / 255)
+    np.testing.assert_allclose(factors["lamp"], lamp, rtol=1e-5)
+    offline = stages.frame(prepare(edited), edited.cameras[0], edited.lightings[1])
+    assert decibels(picture(seen["edited"]), displayed(offline, 0.5)) >= 30
+
+
+def test_the_jobs_own_mix_is_where_the_sliders_start(job: Job, folder: Path, tmp_path: Path) -> None:
+    mixed = jobs.load(folder / "job.toml", ["mix.night={ lamp = [0.5, 0.25, 0] }"])
+    export(prepare(mixed), tmp_path, spp=1)
+    described = json.loads((tmp_path / "layers.json").read_text())
+    assert described["lightings"][1]["faders"][0]["factor"] == [0.5, 0.25, 0]
+    assert described["lightings"][1]["faders"][0]["weight"] == [2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        ("splats.ply", "splats.ply is not the file that the layers were made for: run mirelight mix again"),
+        ("layers.bin", "layers.bin is not the file that layers.json describes: run mirelight mix again"),
+        ("layers.json", "layers.json cannot be loaded (404): run mirelight mix again"),
+    ],
+)
+def test_files_that_do_not_belong_together_are_one_line(
+    page: tuple[Path, mixing.MixLayers], tmp_path: Path, spoil: str, said: str
+) -> None:
+    broken = tmp_path / "page"
+    shutil.copytree(page[0], broken)
+    path = broken / spoil
+    if spoil == "layers.json":
+        path.unlink()
+    else:
+        data = bytearray(path.read_bytes())
+        data[-5] ^= 1
+        path.write_bytes(data if spoil == "splats.ply" else data[:-4])
+    with pytest.raises(RenderError, match="the engine failed") as told:
+        drive(broken)
+    assert said in str(told.value)
+
+
+def test_two_exports_are_the_same_to_the_bit(page: tuple[Path, mixing.MixLayers], job: Job, tmp_path: Path) -> None:
+    again = replace(job, render=replace(job.render, threads=1))
+    made = export(prepare(again), tmp_path, spp=256)
+    for name in ("layers.bin", "splats.ply"):
+        assert (made.folder / name).read_bytes() == (page[0] / name).read_bytes()
+
+
+def test_the_command_writes_a_page_and_refuses_in_one_line(folder: Path, tmp_path: Path) -> None:
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "mirelight", "mix", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    inside = f'output.directory="{tmp_path / "out"}"'
+    told = run(
+        str(folder / "job.toml"), "-o", str(tmp_path / "page"), "--spp", "1", "--lighting", "night", "--set", inside
+    )
+    assert (told.returncode, told.stderr) == (0, "")
+    assert told.stdout.strip() == str(tmp_path / "page" / "index.html")
+    described = json.loads((tmp_path / "page" / "layers.json").read_text())
+    assert [x["name"] for x in described["lightings"]] == ["night"]
+    assert [x["name"] for x in described["layers"]] == ["lamp", "glow worm", "base"]
+    (tmp_path / "plain.toml").write_text(f'splats = "{folder / "splats.ply"}"\n')
+    for arguments, said in (
+        ([str(tmp_path / "plain.toml")], "no proxy mesh for light to fall on; name a proxy"),
+        ([str(folder / "job.toml"), "--spp", "0"], "--spp: 0; give 1 to 1000000"),
+        ([str(folder / "job.toml"), "--lighting", "dusk"], "no lighting named 'dusk'; there are: day, night"),
+    ):
+        told = run(*arguments, "-o", str(tmp_path / "no"))
+        assert told.returncode == 2
+        assert said in told.stderr
+        assert len(told.stderr.splitlines()) == 1
+    assert not (tmp_path / "no").exists()

@@ -147,6 +147,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.export import run_export
 
             return run_export(args)
+        case "bake":
+            from mirelight.cli.bake import run_bake
+
+            return run_bake(args)
         case "match":
             from mirelight.cli.match import run_match
 
@@ -208,6 +212,7 @@ def _parser() -> argparse.ArgumentParser:
     inspect.add_argument("file", metavar="FILE", help="the file")
     inspect.add_argument("--json", action="store_true", help="as JSON")
 
+    from mirelight.cli.bake import add_bake
     from mirelight.cli.compare import add_compare
     from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
@@ -225,6 +230,7 @@ def _parser() -> argparse.ArgumentParser:
     add_estimate(commands)
     add_export(commands)
     add_match(commands)
+    add_bake(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

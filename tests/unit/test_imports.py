@@ -53,6 +53,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "compare": {"*"},
     "realtime": {"*"},
     "mixing": {"*"},
+    "baking": {"colour", "mixing", "model", "scene", "sh"},
     "doctor": {"*"},
     "cli": {"*"},
     "__main__": {"cli"},

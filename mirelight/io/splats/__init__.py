@@ -7,8 +7,9 @@ own (Y up). Turn a capture upright with :func:`transform`, as a viewer's 180-deg
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from mirelight.errors import InputError
@@ -64,10 +65,11 @@ def summary(path: str | Path, *, lod: int | None = None) -> SplatFileInfo:
     return _recognise(existing(path), lod).summary()
 
 
-def write(cloud: SplatCloud, path: str | Path) -> None:
+def write(cloud: SplatCloud, path: str | Path, *, comments: Sequence[str] = ()) -> None:
     """Write splats; the suffix names the format: .compressed.ply, .ply, .spz (version 3) or .splat.
 
     Values go as they are: a cloud moved by :func:`transform` is written moved. SPZ is written in its own axes.
+    `comments` are lines of text in PLY headers; other formats have no place for them.
 
     Raises:
         OutputError: it cannot be written; nothing half-written is left.
@@ -75,9 +77,9 @@ def write(cloud: SplatCloud, path: str | Path) -> None:
     """
     path = Path(path)
     name = path.name.lower()
-    writers = {
-        ".compressed.ply": compressed_ply.write,
-        ".ply": ply.write,
+    writers: dict[str, Callable[[SplatCloud, Path], None]] = {
+        ".compressed.ply": partial(compressed_ply.write, comments=comments),
+        ".ply": partial(ply.write, comments=comments),
         ".spz": spz.write,
         ".splat": dot_splat.write,
     }

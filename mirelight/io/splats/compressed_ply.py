@@ -6,6 +6,7 @@ the largest component (wxyz) and 10 for each other. Scales are logarithmic insid
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
-from mirelight.io.splats.ply_header import Element, PlyHeader, blocks, read_ply_header
+from mirelight.io.splats.ply_header import Element, PlyHeader, blocks, comment_lines, read_ply_header
 from mirelight.model import F32, SplatCloud
 from mirelight.sh import degree_of
 
@@ -71,7 +72,7 @@ def read(path: Path) -> SplatCloud:
     return builder.cloud(antialiased=header.antialiased)
 
 
-def write(cloud: SplatCloud, path: Path) -> None:
+def write(cloud: SplatCloud, path: Path, comments: Sequence[str] = ()) -> None:
     """Write a compressed PLY file; splats come out in Morton order, so that a chunk is a small box.
 
     Raises:
@@ -82,6 +83,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     count, chunks = len(order), -(-len(order) // CHUNK)
     order = np.concatenate([order, np.full(chunks * CHUNK - count, order[-1])])
     comment = ["comment SplatRenderMode: mip"] if cloud.antialiased else []
+    comment += comment_lines(comments)
     lines = ["ply", "format binary_little_endian 1.0", *comment, f"element chunk {chunks}"]
     lines += [f"property float {name}" for name in _BOUNDS + _SCALE_BOUNDS + _COLOR_BOUNDS]
     lines += [f"element vertex {count}"] + [f"property uint {name}" for name in _PACKED]

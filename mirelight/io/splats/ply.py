@@ -17,7 +17,7 @@ from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
-from mirelight.io.splats.ply_header import Element, PlyHeader, blocks, read_ply_header
+from mirelight.io.splats.ply_header import Element, PlyHeader, blocks, comment_lines, read_ply_header
 from mirelight.model import F32, SplatCloud
 from mirelight.sh import COEFFICIENTS, degree_of
 
@@ -77,7 +77,7 @@ def read(path: Path) -> SplatCloud:
     return builder.cloud(antialiased=header.antialiased or _FILTER in vertex.names)
 
 
-def write(cloud: SplatCloud, path: Path) -> None:
+def write(cloud: SplatCloud, path: Path, comments: Sequence[str] = ()) -> None:
     """Write an INRIA PLY file with INRIA's property order (normals included, zero). Raises OutputError."""
     k = cloud.sh.shape[1]
     names = [
@@ -92,6 +92,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
         *_QUATS,
     ]
     comment = ["comment SplatRenderMode: mip"] if cloud.antialiased else []
+    comment += comment_lines(comments)
     lines = ["ply", "format binary_little_endian 1.0", *comment, f"element vertex {len(cloud)}"]
     lines += [f"property float {name}" for name in names] + ["end_header", ""]
     with atomic_path(path) as temporary, temporary.open("wb") as file:

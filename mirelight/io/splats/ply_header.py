@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.errors import InputError, printable
 from mirelight.io.safety import open_binary
 
 _LONGEST_HEADER = 1 << 18  # bytes
@@ -172,3 +172,9 @@ def _parse(
     if not order:
         raise header.fail("no format line", "the file is damaged")
     return order, tables, comments
+
+
+def comment_lines(comments: Sequence[str]) -> list[str]:
+    """Header lines of comments; what is not printable ASCII becomes an escape."""
+    clean = (" ".join(x.split()).encode("ascii", "backslashreplace").decode("ascii") for x in comments)
+    return [f"comment {printable(x)}" for x in clean]

@@ -1,0 +1,61 @@
+"""Relit splats: new light written into the splats' own colours, for any viewer.
+
+Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy (`mirelight.mixing.layers`,
+the same light as the mixer's). Splats are blended in display space, so a surface whose splats share a factor keeps its
+look up to the curvature of enc(f dec(c)) over the colours that meet in a pixel. What a colour does with the view
+(SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mirelight import colour
+from mirelight.mixing import layers
+from mirelight.model import F32, F64, Lighting, SplatCloud
+from mirelight.scene import Scene
+from mirelight.sh import C0
+
+_STEP = 1e-3  # of display values, for the slope
+
+
+def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: layers.Progress | None = None) -> F32:
+    """(N, 3) what the linear colours of the scene's splats are multiplied by under one of the job's lightings.
+
+    Args:
+        scene: a prepared job.
+        lighting: one of the job's.
+        spp: samples a splat.
+        progress: hears what is traced.
+
+    Raises:
+        InputError: no splats, proxy or lights; the profile playcanvas.
+        RenderError: no splat lies on the proxy.
+        BackendError: the variant cannot be used on this machine.
+    """
+    layers.check(scene.job)
+    made = layers.make(scene, spp=spp, lightings=(lighting,), progress=progress)
+    blend = scene.job.relight.blend
+    return np.asarray(1 - blend + blend * made.factor(made.weights(0)), np.float32)
+
+
+def relit(cloud: SplatCloud, factor: F32) -> SplatCloud:
+    """Splats with the light in their colours.
+
+    Args:
+        cloud: N splats, in any axes.
+        factor: (N, 3) linear, 0 or more.
+    """
+    shown = 0.5 + C0 * cloud.sh[:, 0].astype(np.float64)
+    new = _relit(shown, factor)
+    slope = (_relit(shown + _STEP, factor) - _relit(shown - _STEP, factor)) / (2 * _STEP)
+    sh = cloud.sh * slope[:, None, :].astype(np.float32)
+    sh[:, 0] = (new - 0.5) / C0
+    return replace(cloud, sh=sh)
+
+
+def _relit(shown: F64, factor: F32) -> F64:
+    """enc(f dec(c)); colours below black stay there."""
+    return colour.srgb_encode(colour.srgb_decode(shown) * factor).astype(np.float64)

@@ -1,0 +1,84 @@
+"""`mirelight bake`: relit splats as a splat file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from mirelight.io.job import JobTable, Source
+    from mirelight.model import Job, SplatCloud
+
+_SUFFIXES = (".compressed.ply", ".ply", ".spz", ".splat")
+
+
+def add_bake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's arguments; loads nothing heavy."""
+    parser = commands.add_parser(
+        "bake",
+        help="write relit splats for any viewer",
+        description="Write the splats of a job with the light of one of its lightings in their colours.",
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", required=True, help=f"the splats to write ({', '.join(_SUFFIXES)})"
+    )
+    parser.add_argument("--lighting", metavar="NAME", help="the lighting (the job's first)")
+    parser.add_argument("--spp", metavar="N", type=int, default=64, help="samples a splat (64)")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+
+
+def run_bake(args: argparse.Namespace) -> int:
+    """The command. What was written goes to stdout, progress to stderr."""
+    from mirelight import __version__, baking
+    from mirelight.cli.match import progress
+    from mirelight.io import splats
+    from mirelight.io.job import parse
+    from mirelight.io.job.build import build
+    from mirelight.plan import plan
+    from mirelight.scene import prepare
+
+    out = Path(args.out)
+    if not out.name.lower().endswith(_SUFFIXES):
+        raise OutputError(f"{out}: splats are written as {', '.join(_SUFFIXES)}; nothing was written")
+    if not out.parent.is_dir():
+        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    if not 1 <= args.spp <= 1 << 20:
+        raise InputError("--spp", f"{args.spp} samples", "give 1 to 1048576")
+    source, table = parse(args.job, args.set)
+    work = build(source, table)
+    lighting = plan(work, None, args.lighting and [args.lighting]).tasks[0].lighting
+    if lighting is None:
+        raise InputError(work.source, "no light", "a bake needs lights", field="lights")
+    with progress(args.quiet) as told:
+
+        def hear(what: str, done: int, total: int) -> None:
+            told(what, done / max(total, 1))
+
+        factor = baking.factors(prepare(work), lighting, spp=args.spp, progress=hear)
+        baked = baking.relit(_as_named(source, table, work), factor)
+        comments = (f"relit by mirelight {__version__}: {work.source.name}, lighting {lighting.name}, {args.spp} spp",)
+        splats.write(baked, out, comments=comments)
+    if not args.quiet:
+        print(f"{out}: {len(baked):,} splats under {lighting.name!r}")
+        if len(table.splats or []) > 1:
+            print("mirelight: several splat files are written as one, in world space", file=sys.stderr)
+    return 0
+
+
+def _as_named(source: Source, table: JobTable, work: Job) -> SplatCloud:
+    """The splats in their file's own axes, as the capture's viewer had them; of several files, in world space."""
+    from mirelight.io import splats
+
+    assert work.splats is not None
+    tables = table.splats or []
+    if len(tables) == 1:
+        return splats.read(source.folder / tables[0].path, lod=tables[0].lod)
+    return work.splats.value

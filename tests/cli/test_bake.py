@@ -1,0 +1,112 @@
+"""`mirelight bake`: the formula, a small scene against its relit frame, and the command as a real process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight import baking, colour, prepare, stages
+from mirelight.compositor import Compositor
+from mirelight.io import job, splats
+from mirelight.model import SplatCloud
+from mirelight.relighting.frame import unlit_rgba
+from mirelight.sh import C0
+
+from .conftest import Run
+
+FLOOR = """\
+splats = "floor.ply"
+proxy = "proxy.glb"
+resolution = [64, 48]
+captured = { environment = { radiance = 1 } }
+
+[[cameras]]
+name = "front"
+position = [0, 2, 6]
+target = [0, -1, 0]
+
+[[lights]]
+type = "point"
+name = "lamp"
+position = [1, 1.5, 1]
+color = [1, 0.6, 0.3]
+intensity = 15
+
+[render]
+spp = 64
+"""
+
+
+def floor() -> SplatCloud:
+    """Discs on the floor of the tests' proxy, y = -1."""
+    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-2.9, 2.9, 50), np.linspace(-2.9, 2.9, 50)))
+    n = len(x)
+    return SplatCloud(
+        means=np.stack([x, np.full(n, -1.0), z], axis=1).astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+        scales=np.tile(np.array([0.08, 0.002, 0.08], np.float32), (n, 1)),
+        opacities=np.full(n, 0.95, np.float32),
+        sh=np.random.default_rng(0).normal(scale=0.2, size=(n, 4, 3)).astype(np.float32),
+    )
+
+
+def shown(rgba: np.ndarray) -> np.ndarray:
+    return np.clip(colour.srgb_encode(rgba[..., :3]), 0, 1).astype(np.float64)
+
+
+def test_light_multiplies_the_linear_colour_and_one_changes_nothing() -> None:
+    cloud = floor()
+    same = baking.relit(cloud, np.ones((len(cloud), 3), np.float32))
+    np.testing.assert_allclose(same.sh, cloud.sh, rtol=1e-3, atol=1e-5)
+    factor = np.random.default_rng(1).uniform(0, 3, (len(cloud), 3)).astype(np.float32)
+    new = baking.relit(cloud, factor)
+    before, after = (colour.srgb_decode(0.5 + C0 * x.sh[:, 0]) for x in (cloud, new))
+    np.testing.assert_allclose(after, before * factor, rtol=1e-4, atol=1e-6)
+
+
+def test_what_a_colour_does_with_the_view_follows_to_first_order() -> None:
+    cloud = floor()
+    factor = np.full((len(cloud), 3), 0.3, np.float32)
+    new = baking.relit(cloud, factor)
+    step = 0.01  # of the first direction-dependent coefficient
+    wanted = colour.srgb_encode(colour.srgb_decode(0.5 + C0 * cloud.sh[:, 0] + step * cloud.sh[:, 1]) * factor)
+    found = 0.5 + C0 * new.sh[:, 0] + step * new.sh[:, 1]
+    np.testing.assert_allclose(found, wanted, atol=1e-5)
+
+
+def test_baked_splats_look_like_the_relit_frame(folder: Path) -> None:
+    splats.write(floor(), folder / "floor.ply")
+    (folder / "job.toml").write_text(FLOOR, encoding="utf-8")
+    work = job.load(folder / "job.toml")
+    scene = prepare(work)
+    baked = baking.relit(floor(), baking.factors(scene, work.lightings[0], spp=64))
+    a = shown(unlit_rgba(Compositor(baked).composite(work.cameras[0])))
+    frame = stages.frame(scene, work.cameras[0], work.lightings[0])
+    assert frame.unlit is not None
+    b, old = shown(frame.rgba), shown(frame.unlit)
+    assert -10 * np.log10(np.mean((a - b) ** 2)) > 35 > 25 > -10 * np.log10(np.mean((old - b) ** 2))
+
+
+@pytest.mark.parametrize("name", ["relit.ply", "relit.compressed.ply", "relit.spz", "relit.splat"])
+def test_every_format_is_written(run: Run, folder: Path, name: str) -> None:
+    splats.write(floor(), folder / "floor.ply")
+    (folder / "job.toml").write_text(FLOOR, encoding="utf-8")
+    done = run("bake", "job.toml", "-o", name, "--spp", "4")
+    assert done.returncode == 0, done.stderr
+    assert len(splats.read(folder / name)) == 2500
+    if name.endswith(".ply"):
+        assert b"comment relit by mirelight" in (folder / name).read_bytes()[:2000]
+
+
+def test_what_is_wrong_is_said_in_a_line(run: Run, folder: Path) -> None:
+    cases = {
+        ("-o", "relit.sog"): "splats are written as",
+        ("-o", "none/relit.ply"): "folder does not exist",
+        ("-o", "relit.ply", "--spp", "0"): "0 samples",
+        ("-o", "relit.ply", "--lighting", "dusk"): "no lighting named 'dusk'",
+    }
+    for arguments, said in cases.items():
+        done = run("bake", "job.toml", *arguments)
+        assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr

@@ -178,7 +178,7 @@ def test_a_wrong_word_for_a_transform(write_job: WriteJob, tmp_path: Path) -> No
     colmap_text(tmp_path / "sparse", views(1))
     with pytest.raises(InputError, match=r"job.toml:3:47: cameras_from.transform: 'splat'; did you mean \"splats\"\?"):
         cameras(write_job(SCENE + 'cameras_from = { path = "sparse", transform = "splat" }\n'))
-    with pytest.raises(InputError, match=r"cameras_from.transform.scale: -1; give a number above 0"):
+    with pytest.raises(InputError, match=r"cameras_from.transform.scale: -1; give a number of at least 1e-06"):
         cameras(write_job(SCENE + 'cameras_from = { path = "sparse", transform = { scale = -1 } }\n'))
 
 

@@ -203,6 +203,7 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb or scalar_rgb")
     render.add_argument("--threads", metavar="N", help="CPU threads")
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")
 
     inspect = commands.add_parser(
         "inspect",

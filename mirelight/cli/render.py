@@ -13,6 +13,7 @@ from pathlib import Path
 from mirelight import executor
 from mirelight.cli import new, progress, stop
 from mirelight.errors import InputError
+from mirelight.forecast import Forecast, forecast
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job
@@ -34,6 +35,9 @@ def run_render(args: argparse.Namespace) -> int:
             )
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")
+            if args.dry_run:
+                _say_forecast(forecast(frames))
+                return 0
             store = Store(work)
             store.open()
             with stop.Watched(tally) as watched:
@@ -52,6 +56,14 @@ def run_render(args: argparse.Namespace) -> int:
         existed = f", {tally.skipped} of them already there" if tally.skipped else ""
         print(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
     return 0
+
+
+def _say_forecast(found: Forecast) -> None:
+    views = f"{found.cameras} cameras, {found.lightings} lightings"
+    traces = f"{found.traces} trace{'' if found.traces == 1 else 's'} of unit lights"
+    print(f"{_frames(found.frames)} ({views}), {found.there} of them there")
+    print(f"{traces}; about {progress.duration(found.seconds)} on this machine as it is now")
+    print(f"about {found.bytes / 1e6:,.1f} MB of new files")
 
 
 def _load(args: argparse.Namespace, told: progress.Tally) -> Job:

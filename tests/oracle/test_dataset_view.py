@@ -336,3 +336,22 @@ def test_what_cannot_be_exported(
     }.items():
         assert cli.main(["export", str(folders[1]), "-o", str(tmp_path / "x"), *more]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_a_dry_run_counts_and_makes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_scene(tmp_path)
+    path = tmp_path / "job.toml"
+    path.write_text(JOB + "[sweep]\none_at_a_time = true\nlightings = ['lamps']\n")
+    assert cli.main(["render", str(path), "--dry-run"]) == 0
+    first = capsys.readouterr().out.splitlines()
+    assert first[0] == "10 frames (2 cameras, 5 lightings), 0 of them there"
+    assert first[1].startswith("2 traces of")  # one of each camera: a sweep pools the day's lights and the lamps
+    assert not (tmp_path / "out").exists()
+    assert cli.main(["render", str(path), "-q", "--camera", "side"]) == 0
+    assert cli.main(["render", str(path), "--dry-run"]) == 0
+    second = capsys.readouterr().out.splitlines()
+    assert second[0] == "10 frames (2 cameras, 5 lightings), 5 of them there"
+    assert second[1].startswith("1 trace of")
+    made = sum(x.stat().st_size for x in (tmp_path / "out").rglob("*") if x.is_file())
+    forecast = float(second[2].split()[1]) * 1e6
+    assert 0.5 < forecast / made < 2  # the other camera's files

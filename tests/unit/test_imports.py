@@ -49,6 +49,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "plan": {"errors", "model", "engine_lights", "keys", "scene", "lighting"},
     "store": BASE | {"io", "keys", "plan"},
     "executor": {"advice", "dataset", "model", "plan", "scene", "stages", "store", "units"},
+    "forecast": {"keys", "model", "plan", "relighting", "scene", "stages", "store"},
     "matching": BASE | {"colour", "io", "relighting", "units", "scene", "stages"},
     "compare": {"*"},
     "realtime": {"*"},

@@ -61,9 +61,9 @@ def run_estimate(args: argparse.Namespace) -> int:
         raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
     work = job.load(args.job, [parse(text) for text in args.set])
     if work.splats is None or work.proxy is None:
-        missing = "splats" if work.splats is None else "a proxy"
+        missing = "splats" if work.splats is None else "proxy"
         remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
-        raise InputError(work.source, f"no {missing}", remedy, field="splats" if work.splats is None else "proxy")
+        raise InputError(work.source, f"no {missing}", remedy, field=missing)
     if out.exists() and out.samefile(work.source):
         raise OutputError(f"{out}: it is the job itself; write the table beside it; nothing was written")
     camera = _camera(work, args.camera)

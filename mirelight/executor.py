@@ -1,22 +1,24 @@
 """Runs a plan: the frames that a store does not have yet, camera by camera, until all are there.
 
-Several processes and machines may run one plan in one folder: each camera is claimed by one of them. Every engine that
-spreads work (worker processes, shards, a farm) calls :func:`run` with its part of the plan.
+Several processes and machines may run one plan in one folder: each camera is claimed by one of them. Everything that
+spreads work (worker processes, shards, a farm) ends in :func:`attempt`: the missing frames of one camera.
 """
 
 from __future__ import annotations
 
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
 
 from mirelight import advice, stages
 from mirelight.dataset import describe, index
+from mirelight.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.model import Frame, SplatLayer
 from mirelight.plan import FrameTask, Group, Plan
 from mirelight.scene import Scene, prepare
@@ -25,6 +27,7 @@ from mirelight.units import terms
 
 _MOST_SAID = 3  # lines of one kind of finding
 _WAIT = 0.25  # seconds between two looks at cameras that others work on
+_OF_ALL = (InputError, ManyInputsError, OutputError, BackendError)  # trouble that the next frame would meet, too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +36,14 @@ class RenderSummary:
 
     rendered: int
     skipped: int
+    failed: int = 0  # tried twice, and recorded as failed
+
+    def __add__(self, other: RenderSummary) -> RenderSummary:
+        return RenderSummary(
+            rendered=self.rendered + other.rendered,
+            skipped=self.skipped + other.skipped,
+            failed=self.failed + other.failed,
+        )
 
 
 class Progress(Protocol):
@@ -51,6 +62,12 @@ class Progress(Protocol):
     def note(self, line: str) -> None:
         """Something to know: what takes long now, or what is wrong with a frame that was made."""
 
+    def failed(self, task: FrameTask, error: str) -> None:
+        """A frame could not be made, twice; the rest goes on."""
+
+    def working(self, frames: Sequence[str]) -> None:
+        """What worker processes are on now; said a few times a second while there are some."""
+
     def waiting(self, cameras: int) -> None:
         """All that is left is being made by other processes: so many cameras."""
 
@@ -66,6 +83,10 @@ class Silent:
 
     def note(self, line: str) -> None: ...
 
+    def failed(self, task: FrameTask, error: str) -> None: ...
+
+    def working(self, frames: Sequence[str]) -> None: ...
+
     def waiting(self, cameras: int) -> None: ...
 
 
@@ -73,55 +94,54 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
     """Make the frames of a plan that the store does not have, and put each there as soon as it is made.
 
     Whatever is in the store before an error or an interrupt stays; running again goes on after it. The frame that
-    Ctrl-C stops while it is lit is kept as far as it got, apart from the finished ones.
+    Ctrl-C stops while it is lit is kept as far as it got, apart from the finished ones. A frame that fails twice is
+    recorded as failed, and the rest goes on; the next run tries it again.
 
     Raises:
         InputError: a file that the job names cannot be used.
         OutputError: a file cannot be written.
-        BackendError, RenderError: see `mirelight.stages`.
+        BackendError: see `mirelight.stages`.
     """
     heard = progress or Silent()
     heard.started(plan.tasks)
     scene = prepare(plan.job, store, heard.note)
-    if plan.job.output.store != "frames" and plan.job.lightings:
-        index.write(describe.describe(plan), store.folder)
-    said = _Said(heard)
-    open_groups, skipped = _open(plan, store, heard)
-    rendered = 0
-    while open_groups:
-        left: list[Group] = []
-        for group in open_groups:
-            with store.claim(group.name) as mine:
-                if not mine:
-                    left.append(group)
-                    continue
-                made = _make(scene, group, store, heard, said)
-            rendered += made
-            skipped += len(group.tasks) - made
-        if len(left) == len(open_groups):
+    said = Said(heard)
+    left, done = unfinished(plan, store, heard)
+    while left:
+        busy: list[Group] = []
+        for group in left:
+            made = attempt(scene, group, store, heard, said)
+            if made is None:
+                busy.append(group)
+            else:
+                done += made
+        if len(busy) == len(left):
             heard.waiting(len(left))
             time.sleep(_WAIT)
-        open_groups = left
+        left = busy
     said.rest()
-    return RenderSummary(rendered=rendered, skipped=skipped)
+    return done
 
 
-def _open(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], int]:
-    """The groups with something left to make, and how many frames of the others are there."""
-    index = store.index()
+def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], RenderSummary]:
+    """The groups with something left to make, and how many frames of the others are there. Writes the index of what is
+    kept besides frames."""
+    if plan.job.output.store != "frames" and plan.job.lightings:
+        index.write(describe.describe(plan), store.folder)
+    known = store.index()
     left: list[Group] = []
     there = 0
     for group in plan.groups:
-        if all(index.has(task) for task in group.tasks) and store.has_layers(group.layers):
+        if all(known.has(task) for task in group.tasks) and store.has_layers(group.layers):
             there += len(group.tasks)
             for task in group.tasks:
                 progress.finished(task, True)
         else:
             left.append(group)
-    return left, there
+    return left, RenderSummary(rendered=0, skipped=there)
 
 
-class _Said:
+class Said:
     """What is wrong with frames, told after each; of each kind the first few, then how many more."""
 
     def __init__(self, progress: Progress) -> None:
@@ -143,37 +163,84 @@ class _Said:
             self._progress.note(f"the like was found {more} more times")
 
 
-def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: _Said) -> int:
-    """Make what is missing of a camera's frames; says how many that were."""
+def attempt(scene: Scene, group: Group, store: Store, progress: Progress, said: Said) -> RenderSummary | None:
+    """Make what is missing of a camera's frames, unless another process is at it: then None, at once.
+
+    Raises:
+        InputError, OutputError, BackendError: see :func:`run`.
+    """
+    with store.claim(group.name) as mine:
+        return _make(scene, group, store, progress, said) if mine else None
+
+
+def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: Said) -> RenderSummary:
     if group.layers:
         return _make_layers(scene, group, store, progress)
+    store.refresh()
     missing: list[FrameTask] = []
     for task in group.tasks:
         if store.has(task):  # asked now: another process may have made it meanwhile
             progress.finished(task, True)
         else:
             missing.append(task)
-    if not missing:
-        return 0
-    splats = _composite(scene, group, store)
+    view = _View(scene, group, store)
+    failed = 0
     for task in missing:
-        began = time.monotonic()
-        report: Callable[[int, int], None] = partial(progress.samples, task)
+        error = _tried(view, task, store, progress, said)
+        if error:
+            failed += 1
+            store.put_failed(task, error)
+            progress.failed(task, error)
+        else:
+            progress.finished(task, False)
+    return RenderSummary(rendered=len(missing) - failed, skipped=len(group.tasks) - len(missing), failed=failed)
+
+
+class _View:
+    """A camera's frames, whose composite is made once."""
+
+    def __init__(self, scene: Scene, group: Group, store: Store) -> None:
+        self.scene, self._group, self._store = scene, group, store
+
+    @cached_property
+    def splats(self) -> SplatLayer | None:
+        return _composite(self.scene, self._group, self._store)
+
+
+def _tried(view: _View, task: FrameTask, store: Store, progress: Progress, said: Said) -> str:
+    """Make a frame, a second time where the first fails. Returns what went wrong, "" where nothing did."""
+    error = ""
+    for _ in range(2):
         try:
-            lit = stages.light(scene, task.camera, task.lighting, progress=report) if task.lighting else None
-        except stages.Stopped as stopped:
-            if stopped.lit is not None:
-                store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
+            frame = _make_one(view, task, store, progress)
+            said.look(view.scene, task, frame)
+            return ""
+        except _OF_ALL:
             raise
-        frame = stages.relight(scene, splats, lit)
-        store.put(task, frame, seconds=time.monotonic() - began)
-        progress.finished(task, False)
-        said.look(scene, task, frame)
-    return len(missing)
+        except Exception as e:
+            if _interrupted(e):
+                raise
+            error = str(e) if isinstance(e, MirelightError) else "".join(traceback.format_exception(e)).strip()
+    return error
 
 
-def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -> int:
-    """Make what is missing of the layers that a camera's frames are mixed from; says how many frames those give."""
+def _make_one(view: _View, task: FrameTask, store: Store, progress: Progress) -> Frame:
+    scene, splats = view.scene, view.splats
+    began = time.monotonic()
+    report: Callable[[int, int], None] = partial(progress.samples, task)
+    try:
+        lit = stages.light(scene, task.camera, task.lighting, progress=report) if task.lighting else None
+    except stages.Stopped as stopped:
+        if stopped.lit is not None:
+            store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
+        raise
+    frame = stages.relight(scene, splats, lit)
+    store.put(task, frame, seconds=time.monotonic() - began)
+    return frame
+
+
+def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -> RenderSummary:
+    """Make what is missing of the layers that a camera's frames are mixed from."""
     there = store.has_layers(group.layers)
     if not there:
         began = time.monotonic()
@@ -184,7 +251,8 @@ def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -
         store.add_row(group.name, time.monotonic() - began)
     for task in group.tasks:
         progress.finished(task, there)
-    return 0 if there else len(group.tasks)
+    count = len(group.tasks)
+    return RenderSummary(rendered=0 if there else count, skipped=count if there else 0)
 
 
 def _composite(scene: Scene, group: Group, store: Store) -> SplatLayer | None:
@@ -192,3 +260,12 @@ def _composite(scene: Scene, group: Group, store: Store) -> SplatLayer | None:
     if splats is not None:
         store.keep_composite(scene.keys.composite(group.camera), splats)
     return splats
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """True where an error came of a signal: what Ctrl-C breaks off may end as another error."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt | SystemExit):
+            return True
+        error = error.__cause__ or error.__context__
+    return False

@@ -202,6 +202,8 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("-o", "--out", metavar="DIR", help="write there, relative to the current folder")
     render.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb or scalar_rgb")
     render.add_argument("--threads", metavar="N", help="CPU threads")
+    render.add_argument("--workers", metavar="N", help="render with N processes of this machine")
+    render.add_argument("--shard", metavar="I/N", help="only the I-th of N parts of the cameras")
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")
 

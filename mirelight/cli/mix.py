@@ -28,8 +28,8 @@ def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
 def run_mix(args: argparse.Namespace) -> int:
     """The command. The page's path goes to stdout, the rest to stderr."""
     from mirelight import mixing
-    from mirelight.cli.render import named
     from mirelight.errors import InputError
+    from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
     from mirelight.mixing.layers import check

@@ -18,8 +18,12 @@ class Tally:
         self.total = 0
         self.rendered = 0
         self.skipped = 0
-        self.samples_done = 0  # of the frame in progress
+        self.failures: list[tuple[str, str]] = []  # frame, and what went wrong
+        self.samples_done = 0  # of the frame in progress that was last heard of
         self.samples_total = 0
+        self._begun: dict[str, float] = {}  # by frame in progress how much of it is done
+        self._ended: list[float] = []  # when frames were made, seconds since the beginning
+        self._workers = 1  # frames in progress at once, at most so far
         self._began = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -38,14 +42,30 @@ class Tally:
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """Samples of the frame in progress."""
         self.samples_done, self.samples_total = done, total
+        self._begun[task.name] = done / total if total else 0.0
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """A frame is there."""
-        self.samples_done = self.samples_total = 0
+        self._over(task)
         if skipped:
             self.skipped += 1
         else:
             self.rendered += 1
+            self._ended.append(self.elapsed)
+
+    def failed(self, task: FrameTask, error: str) -> None:
+        """A frame could not be made; said at once."""
+        self._over(task)
+        self.failures.append((task.name, error))
+        self.note(f"mirelight: {task.name}: failed twice: {last_line(error)}")
+
+    def _over(self, task: FrameTask) -> None:
+        self.samples_done = self.samples_total = 0
+        self._begun.pop(task.name, None)
+
+    def working(self, frames: Sequence[str]) -> None:
+        """What worker processes are on now."""
+        self._workers = max(self._workers, len(frames))
 
     def waiting(self, cameras: int) -> None:
         """Other processes make what is left."""
@@ -68,14 +88,17 @@ class Tally:
 
     @property
     def begun(self) -> float:
-        """How much of the frame in progress is done, 0 to 1."""
-        return self.samples_done / self.samples_total if self.samples_total else 0.0
+        """How much of the frames in progress is done, in frames."""
+        return sum(self._begun.values())
 
     @property
     def left(self) -> float | None:
         """Seconds that the rest will take at the pace so far; None while there is no pace."""
-        made = self.rendered + self.begun
-        return self.elapsed / made * (self.total - self.skipped - made) if made > 0 else None
+        left = self.total - self.skipped - len(self.failures) - self.rendered - self.begun
+        warm = self._workers if len(self._ended) >= 3 * self._workers else 0  # frames that met cold kernels
+        since = self._ended[warm - 1] if warm else 0.0
+        made = self.rendered + self.begun - warm
+        return (self.elapsed - since) / made * left if made > 0 else None
 
 
 class Lines(Tally):
@@ -135,16 +158,21 @@ class Bar(Tally):
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """Samples of the frame in progress."""
         super().samples(task, done, total)
-        self._show(task)
+        self._show(task.name)
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """A frame is there."""
         super().finished(task, skipped)
-        self._show(task)
+        self._show(task.name)
 
     def waiting(self, cameras: int) -> None:
         """Says so in place of the frame's name."""
         self._bar.update(self._row, frame=f"waiting for {cameras} cameras that others render")
+
+    def working(self, frames: Sequence[str]) -> None:
+        """How many workers there are, in place of the frame's name."""
+        super().working(frames)
+        self._show(f"{len(frames)} workers")
 
     def note(self, line: str) -> None:
         """As a line above the bar."""
@@ -154,12 +182,12 @@ class Bar(Tally):
         """Says so in place of the frame's name."""
         self._bar.update(self._row, frame="stopping")
 
-    def _show(self, task: FrameTask) -> None:
+    def _show(self, frame: str) -> None:
         left = f", {duration(self.left)} left" if self.left is not None else ""
         self._bar.update(
             self._row,
             completed=(self.there + self.begun) / max(self.total, 1),
-            frame=task.name,
+            frame=frame,
             samples=samples_of(self.samples_done, self.samples_total),
             frames=f"{self.there}/{self.total} frames",
             clock=duration(self.elapsed) + left,
@@ -171,6 +199,11 @@ def chosen(quiet: bool) -> Tally:
     if quiet:
         return Tally()
     return Bar() if sys.stderr.isatty() else Lines()
+
+
+def last_line(error: str) -> str:
+    """The line of an error that says what it was: the last one of a traceback."""
+    return error.strip().rpartition("\n")[2]
 
 
 def samples_of(done: int, total: int) -> str:

@@ -34,7 +34,7 @@ def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run_realtime(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, what the engine cannot follow to stderr."""
     from mirelight import realtime
-    from mirelight.cli.render import named
+    from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
     from mirelight.plan import plan

@@ -5,19 +5,16 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 from mirelight import executor
-from mirelight.cli import new, progress, stop
+from mirelight.cli import BAD, new, progress, stop
 from mirelight.errors import InputError
+from mirelight.farm import Order, Shard, crew
 from mirelight.forecast import Forecast, forecast
-from mirelight.io import job
-from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job
-from mirelight.plan import light_keys, plan, warnings
+from mirelight.plan import light_keys, warnings
 from mirelight.store import Store
 
 
@@ -25,14 +22,14 @@ def run_render(args: argparse.Namespace) -> int:
     """The command. Progress goes to stderr, one line at the end to stdout."""
     tally = progress.chosen(args.quiet)
     store: Store | None = None
+    order = order_of(args)
+    shard = None if args.shard is None else Shard.parse(args.shard)
+    workers = _count(args.workers, "--workers")
     try:
         with tally:
-            work = _load(args, tally)
-            frames = plan(
-                work,
-                cameras=named(args.camera, [x.name for x in work.cameras]),
-                lightings=named(args.lighting, [x.name for x in work.lightings]),
-            )
+            work = _load(args, order, tally)
+            whole = order.plan(work)
+            frames = whole if shard is None else shard.of(whole)
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")
             if args.dry_run:
@@ -40,8 +37,13 @@ def run_render(args: argparse.Namespace) -> int:
                 return 0
             store = Store(work)
             store.open()
+            every = order.cameras is None and order.lightings is None
+            store.planned.keep(whole, order.arguments()[1:], whole=every)
             with stop.Watched(tally) as watched:
-                executor.run(frames, store, watched)
+                if workers is not None:
+                    crew.run(order, frames, store, workers, watched)
+                else:
+                    executor.run(frames, store, watched)
             store.tidy(light_keys(work))
     except BaseException as e:
         code = stop.exit_code(e)
@@ -55,6 +57,10 @@ def run_render(args: argparse.Namespace) -> int:
     if not args.quiet:
         existed = f", {tally.skipped} of them already there" if tally.skipped else ""
         print(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
+    if tally.failures:
+        failed = f"{_frames(len(tally.failures))} failed; the others are there"
+        print(f"mirelight: {failed}; the same command tries them again", file=sys.stderr)
+        return BAD
     return 0
 
 
@@ -66,42 +72,40 @@ def _say_forecast(found: Forecast) -> None:
     print(f"about {found.bytes / 1e6:,.1f} MB of new files")
 
 
-def _load(args: argparse.Namespace, told: progress.Tally) -> Job:
-    if args.light is not None and not new.is_capture(args.job):
-        raise InputError(args.job, "a job together with --light", "change its lights, or name a splat file")
-    if args.light is not None:
-        told.note("mirelight: looking at the capture")
-        work = new.first_job(args.job, args.light, _overrides(args))
-    else:
+def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
+    if args.light is None:
         new.refuse_capture(args.job)
-        work = job.load(args.job, _overrides(args))
+        return order.load()
+    if not new.is_capture(args.job):
+        raise InputError(args.job, "a job together with --light", "change its lights, or name a splat file")
+    if args.workers is not None:
+        raise InputError(args.job, "a splat file together with --workers", "write a job file first: mirelight new")
+    tally.note("mirelight: looking at the capture")
+    work = new.first_job(args.job, args.light, order.overrides())
     if args.out is None:
         return work
     return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))
 
 
-def _overrides(args: argparse.Namespace) -> list[Override]:
-    found = [parse(text) for text in args.set]
-    if args.variant is not None:
-        found.append(Override(f"--variant {args.variant}", ("render", "variant"), args.variant))
-    if args.threads is not None:
-        found.append(replace(parse(f"render.threads={args.threads}"), source=f"--threads {args.threads}"))
-    return found
+def order_of(args: argparse.Namespace) -> Order:
+    """The command's arguments as an order."""
+    return Order(
+        job=args.job,
+        settings=tuple(args.set),
+        variant=args.variant,
+        threads=args.threads,
+        out=args.out,
+        cameras=None if args.camera is None else tuple(args.camera),
+        lightings=None if args.lighting is None else tuple(args.lighting),
+    )
 
 
-def named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | None:
-    """The names that are meant: by name, by pattern, or all frames of a sequence (orbit: orbit.0001, …).
-
-    What fits nothing is left as it is, for `plan` to refuse.
-    """
-    if wanted is None:
+def _count(text: str | None, option: str) -> int | None:
+    if text is None:
         return None
-    found: list[str] = []
-    for name in wanted:
-        sequence = re.compile(re.escape(name) + r"\.\d{4,}")
-        fits = [x for x in names if x == name or fnmatchcase(x, name) or sequence.fullmatch(x)]
-        found += fits or [name]
-    return found
+    if not re.fullmatch(r"[1-9]\d{0,3}", text):
+        raise InputError(f"{option} {text}", "not a number of processes", "give a whole number from 1 on")
+    return int(text)
 
 
 def _say_what_is_left(tally: progress.Tally, store: Store | None) -> None:

@@ -55,6 +55,16 @@ class Watched:
         self._tally.note(f"mirelight: {line}")
         self._raise_noted()
 
+    def failed(self, task: FrameTask, error: str) -> None:
+        """A frame could not be made."""
+        self._tally.failed(task, error)
+        self._raise_noted()
+
+    def working(self, frames: Sequence[str]) -> None:
+        """What worker processes are on."""
+        self._tally.working(frames)
+        self._raise_noted()
+
     def waiting(self, cameras: int) -> None:
         """Others make what is left."""
         self._tally.waiting(cameras)

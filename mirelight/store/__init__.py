@@ -7,7 +7,6 @@ artefacts (traced unit lights, so that a changed colour or intensity traces noth
 
 from __future__ import annotations
 
-import hashlib
 import os
 import tempfile
 from collections.abc import Collection, Iterator
@@ -35,8 +34,11 @@ from mirelight.model import (
 )
 from mirelight.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
+from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
+from mirelight.store.index import Index, digest_of
 from mirelight.store.journal import FileRow, Journal, Row, sync_folder
+from mirelight.store.planned import PlannedRuns
 
 __all__ = ["Index", "Row", "Store", "write"]
 
@@ -55,11 +57,13 @@ class Store:
         self.folder = job.output.directory
         self._output, self._display = job.output, job.display
         aside = self.folder / _ASIDE
-        self._aside = {name: aside / name for name in ("journal", "claims", "light", "scene")}
+        self._aside = {name: aside / name for name in ("journal", "claims", "light", "scene", "plans")}
         self._journal = Journal(self._aside["journal"])
         self._claims = Claims(self._aside["claims"])
         self._light, self._scene = Artefacts(self._aside["light"]), Artefacts(self._aside["scene"])
+        self.planned = PlannedRuns(self._aside["plans"])
         self._index: Index | None = None
+        self._ballast = Ballast(aside)
         self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
 
     def open(self) -> None:
@@ -78,11 +82,14 @@ class Store:
             raise output_error(self.folder, e) from None
         for folder in (self.folder, *self._aside.values()):
             _clear(folder)
+        _clear(self._ballast.folder)
+        self._ballast.take()
 
     def close(self) -> None:
         """No more writing by this process."""
         self._journal.close()
         self._claims.close()
+        self._ballast.free()
 
     # --- frames ---
 
@@ -90,6 +97,11 @@ class Store:
         """What is there now, from the journal and one look at the folder."""
         self._index = Index(self.folder, self._journal.rows())
         return self._index
+
+    def refresh(self) -> None:
+        """Take what other processes have written into the journal since it was read."""
+        if self._index is not None:
+            self._index.add(self._journal.new_rows())
 
     def has(self, task: FrameTask) -> bool:
         """Whether every file of the frame is there, whole, and made from the same inputs; each is looked at now."""
@@ -109,15 +121,25 @@ class Store:
             OutputError: a file cannot be written.
         """
         rows: dict[str, FileRow] = {}
-        for suffix in self.missing(task):
-            path, key = self.folder / f"{task.name}{suffix}", task.files[suffix]
-            image.write(_stamped(frame, key), path, self._display, self._output)
-            rows[suffix] = _file_row(path, key)
-        sync_folder(self.folder)
-        self._journal.add(Row(task.name, rows, round(seconds, 3)))
+        try:
+            for suffix in self.missing(task):
+                path, key = self.folder / f"{task.name}{suffix}", task.files[suffix]
+                image.write(_stamped(frame, key), path, self._display, self._output)
+                rows[suffix] = _file_row(path, key)
+            sync_folder(self.folder)
+            self._journal.add(Row(task.name, rows, round(seconds, 3)))
+        except OutputError as e:
+            self._ballast.free()  # so that there is room to say why the run ended
+            self.put_failed(task, str(e))
+            raise
         for path in self._partial_paths(task):
             if path.exists() and image.read_fingerprint(path) is None:
                 path.unlink()
+
+    def put_failed(self, task: FrameTask, error: str) -> None:
+        """Record that a frame could not be made. Where not even that can be written, it is just missing."""
+        with suppress(OutputError):
+            self._journal.add(Row(task.name, {}, 0.0, error, dict(task.files)))
 
     def put_partial(self, task: FrameTask, frame: Frame) -> None:
         """Write a frame that is not done to files of its own, which :meth:`has` never takes for the frame."""
@@ -197,50 +219,6 @@ class Store:
         self._light.tidy(used)
 
 
-class Index:
-    """What a folder held when it was looked at: files by name, size and time, and what the journal says of them."""
-
-    def __init__(self, folder: Path, rows: Iterator[Row]) -> None:
-        self._there: dict[str, tuple[int, int]] = {}
-        self._rows: dict[tuple[str, str], list[FileRow]] = {}
-        self._folder = folder
-        try:
-            with os.scandir(folder) as entries:
-                for entry in entries:
-                    status = entry.stat()
-                    self._there[entry.name] = status.st_size, status.st_mtime_ns
-        except OSError:
-            pass
-        for row in rows:
-            for suffix, file in row.files.items():
-                self._rows.setdefault((row.frame + suffix, file.key), []).append(file)
-
-    def has(self, task: FrameTask) -> bool:
-        """Whether all files of a frame are there: as the journal knows them, else they are asked themselves."""
-        return all(self._known(task.name + suffix, key) for suffix, key in task.files.items()) or all(
-            self.has_file(self._folder / (task.name + suffix), key) for suffix, key in task.files.items()
-        )
-
-    def _known(self, name: str, key: str) -> bool:
-        seen = self._there.get(name)
-        return any((row.bytes, row.mtime_ns) == seen for row in self._rows.get((name, key), ()))
-
-    def has_file(self, path: Path, key: str) -> bool:
-        """Whether a file is there with that key and whole. A file whose size or time differ from what the journal says
-        is read, and must have the journal's digest; one that the journal does not know must carry the key
-        and be what its own digest says."""
-        try:
-            status = path.stat()
-        except OSError:
-            return False
-        rows = self._rows.get((path.name, key), [])
-        if any((row.bytes, row.mtime_ns) == (status.st_size, status.st_mtime_ns) for row in rows):
-            return True
-        if image.read_fingerprint(path) != key:
-            return False
-        return _digest(path) in {row.sha256 for row in rows} if rows else image.is_intact(path)
-
-
 def write(frame: Frame, path: str | Path, job: Job | None = None) -> None:
     """Write a frame as OpenEXR or PNG, told apart by the suffix: the very file that `mirelight render` writes.
 
@@ -272,15 +250,7 @@ def _stamped(frame: Frame, key: str) -> Frame:
 
 def _file_row(path: Path, key: str) -> FileRow:
     status = path.stat()
-    return FileRow(key, status.st_size, status.st_mtime_ns, _digest(path))
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return ""
+    return FileRow(key, status.st_size, status.st_mtime_ns, digest_of(path))
 
 
 def _clear(folder: Path) -> None:

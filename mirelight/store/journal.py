@@ -6,7 +6,7 @@ import json
 import os
 import secrets
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from mirelight.io import owner
@@ -25,11 +25,13 @@ class FileRow:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One finished frame."""
+    """One finished frame, or one that failed."""
 
     frame: str  # its name, "camera.lighting"
-    files: Mapping[str, FileRow]  # by suffix
+    files: Mapping[str, FileRow]  # by suffix; none where it failed
     seconds: float  # that it took to make, its share of what its camera's frames have in common included
+    error: str = ""  # what went wrong, the first or last line for people
+    wanted: Mapping[str, str] = field(default_factory=dict)  # of a failed one: by suffix the keys that it was to have
 
 
 class Journal:
@@ -38,19 +40,32 @@ class Journal:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._own: int | None = None
+        self._read: dict[str, int] = {}  # bytes of each file that were read
 
     def rows(self) -> Iterator[Row]:
         """Every row of every process, in no order that matters; what cannot be read is skipped."""
+        self._read = {}
+        return self.new_rows()
+
+    def new_rows(self) -> Iterator[Row]:
+        """The rows since those that were asked for before; of each file only its end is read."""
         try:
             files = sorted(self._folder.glob("*.jsonl"))
         except OSError:
             return
         for file in files:
+            begin = self._read.get(file.name, 0)
             try:
-                lines = file.read_bytes().splitlines()
+                if file.stat().st_size <= begin:
+                    continue
+                with file.open("rb") as stream:
+                    stream.seek(begin)
+                    text = stream.read()
             except OSError:
                 continue
-            for line in lines:
+            whole = text.rfind(b"\n") + 1  # a line without its end may still be growing, or is torn for good
+            self._read[file.name] = begin + whole
+            for line in text[:whole].splitlines():
                 row = _row(line)
                 if row is not None:
                     yield row
@@ -66,7 +81,8 @@ class Journal:
                 path = self._folder / f"{owner.token()}-{secrets.token_hex(4)}.jsonl"
                 self._own = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
                 sync_folder(self._folder)
-            os.write(self._own, json.dumps(asdict(row), sort_keys=True).encode() + b"\n")
+            entry = {name: value for name, value in asdict(row).items() if value or name in ("files", "seconds")}
+            os.write(self._own, json.dumps(entry, sort_keys=True).encode() + b"\n")
             os.fsync(self._own)
         except OSError as e:
             raise output_error(self._folder, e) from None
@@ -96,6 +112,8 @@ def _row(line: bytes) -> Row | None:
     try:
         values = json.loads(line)
         files = {suffix: FileRow(**entry) for suffix, entry in values["files"].items()}
-        return Row(str(values["frame"]), files, float(values["seconds"]))
+        wanted = {str(suffix): str(key) for suffix, key in values.get("wanted", {}).items()}
+        error = str(values.get("error", ""))
+        return Row(str(values["frame"]), files, float(values["seconds"]), error, wanted)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None

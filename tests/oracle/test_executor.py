@@ -162,6 +162,7 @@ class Heard:
         self.tasks: list[str] = []
         self.fractions: dict[str, list[float]] = {}
         self.ended: list[tuple[str, bool]] = []
+        self.failures: dict[str, str] = {}
         self.notes: list[str] = []
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
@@ -172,6 +173,11 @@ class Heard:
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
         self.ended.append((task.name, skipped))
+
+    def failed(self, task: FrameTask, error: str) -> None:
+        self.failures[task.name] = error
+
+    def working(self, frames: Sequence[str]) -> None: ...
 
     def waiting(self, cameras: int) -> None: ...
 

@@ -1,0 +1,93 @@
+"""What was to be made in a folder, written down once a run: without the job, a folder cannot tell what it lacks."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from mirelight.io.atomic import atomic_path
+from mirelight.plan import Plan
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFrame:
+    """A frame that a run was to make."""
+
+    name: str  # "camera.lighting"
+    camera: str
+    lighting: str  # "" where the job has none
+    files: Mapping[str, str]  # by suffix the key of each file
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """What one command was to make; a shard's is that of the whole."""
+
+    job: str  # path of the job file, absolute
+    settings: tuple[str, ...]  # what was laid over it: arguments of the command
+    whole: bool  # every camera under every lighting
+    frames: tuple[PlannedFrame, ...]
+
+
+class PlannedRuns:
+    """The records in a folder, one for each different plan."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def keep(self, plan: Plan, settings: Sequence[str], *, whole: bool) -> None:
+        """Write a plan down, unless it is there. A plan of the whole job takes the place of what was there of that job.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        frames = [
+            [task.name, task.camera.name, task.lighting.name if task.lighting else "", dict(task.files)]
+            for task in plan.tasks
+        ]
+        entry = {"job": str(plan.job.source), "settings": list(settings), "whole": whole, "frames": frames}
+        text = json.dumps(entry, sort_keys=True).encode()
+        path = self._folder / f"{hashlib.sha256(text).hexdigest()[:24]}.json"
+        if whole:
+            for other in self._folder.glob("*.json"):
+                if other != path and (read := _read(other)) is not None and read.job == entry["job"]:
+                    with suppress(OSError):
+                        other.unlink()
+        if path.exists():
+            with suppress(OSError):
+                os.utime(path)
+            return
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(text)
+
+    def frames(self) -> tuple[PlannedFrame, ...]:
+        """Every frame that some run was to make, as the newest of them had it, in the order of the oldest."""
+        found: dict[str, PlannedFrame] = {}
+        for run in self.runs():
+            found |= {frame.name: frame for frame in run.frames}
+        return tuple(found.values())
+
+    def runs(self) -> Iterator[Planned]:
+        """The records, oldest first; what cannot be read is skipped."""
+        with suppress(OSError):
+            for path in sorted(self._folder.glob("*.json"), key=lambda x: x.stat().st_mtime_ns):
+                found = _read(path)
+                if found is not None:
+                    yield found
+
+
+def _read(path: Path) -> Planned | None:
+    try:
+        entry = json.loads(path.read_bytes())
+        frames = tuple(
+            PlannedFrame(str(name), str(camera), str(lighting), {str(k): str(v) for k, v in files.items()})
+            for name, camera, lighting, files in entry["frames"]
+        )
+        return Planned(str(entry["job"]), tuple(map(str, entry["settings"])), bool(entry["whole"]), frames)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None

@@ -115,6 +115,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.render import run_render
 
             return run_render(args)
+        case "submit":
+            from mirelight.cli.submit import run_submit
+
+            return run_submit(args)
         case "inspect":
             from mirelight.cli.report import run_inspect
 
@@ -188,24 +192,24 @@ def _parser() -> argparse.ArgumentParser:
     )
     render.add_argument("job", metavar="JOB", help="job file (TOML), or a splat file together with --light")
     render.add_argument("--light", metavar="LIGHT", help="of a splat file: sun, point, or a file (.hdr, .exr, .glb)")
-    render.add_argument(
-        "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
-    )
-    render.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
-    render.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="lay a setting over the job file: render.spp=256, lights[0].intensity=3 (may be given again)",
-    )
-    render.add_argument("-o", "--out", metavar="DIR", help="write there, relative to the current folder")
-    render.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb or scalar_rgb")
-    render.add_argument("--threads", metavar="N", help="CPU threads")
+    _add_order(render, "--out")
     render.add_argument("--workers", metavar="N", help="render with N processes of this machine")
     render.add_argument("--shard", metavar="I/N", help="only the I-th of N parts of the cameras")
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")
+
+    submit = commands.add_parser(
+        "submit",
+        help="print a script that renders a job on a batch system",
+        description="Print a Slurm array script or an Open Job Description template whose tasks render parts of a job.",
+    )
+    submit.add_argument("job", metavar="JOB", help="job file (TOML)")
+    kind = submit.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--slurm", action="store_true", help="a script for sbatch")
+    kind.add_argument("--openjd", action="store_true", help="an Open Job Description template")
+    submit.add_argument("--shards", metavar="N", default="8", help="into how many tasks (8)")
+    submit.add_argument("-o", "--file", metavar="FILE", help="write the script there, not to stdout")
+    _add_order(submit)
 
     inspect = commands.add_parser(
         "inspect",
@@ -237,3 +241,22 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser
+
+
+def _add_order(parser: argparse.ArgumentParser, *names: str) -> None:
+    """What chooses frames and settings; `names`: options that have a short form here."""
+    short = ("-o",) if names else ()
+    parser.add_argument(
+        "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
+    )
+    parser.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="lay a setting over the job file: render.spp=256, lights[0].intensity=3 (may be given again)",
+    )
+    parser.add_argument(*short, "--out", metavar="DIR", help="write there, relative to the current folder")
+    parser.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb or scalar_rgb")
+    parser.add_argument("--threads", metavar="N", help="CPU threads")

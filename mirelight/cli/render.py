@@ -24,7 +24,7 @@ def run_render(args: argparse.Namespace) -> int:
     store: Store | None = None
     order = order_of(args)
     shard = None if args.shard is None else Shard.parse(args.shard)
-    workers = _count(args.workers, "--workers")
+    workers = count_of(args.workers, "--workers")
     try:
         with tally:
             work = _load(args, order, tally)
@@ -100,11 +100,12 @@ def order_of(args: argparse.Namespace) -> Order:
     )
 
 
-def _count(text: str | None, option: str) -> int | None:
+def count_of(text: str | None, option: str) -> int | None:
+    """A number of processes or tasks from the command line; None where it was not given."""
     if text is None:
         return None
     if not re.fullmatch(r"[1-9]\d{0,3}", text):
-        raise InputError(f"{option} {text}", "not a number of processes", "give a whole number from 1 on")
+        raise InputError(f"{option} {text}", "not a number of them", "give a whole number from 1 on")
     return int(text)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mirelight.lighting.engine import EngineTracer
+from mirelight.lighting.sunsky import resolved
 from mirelight.lighting.trace import Tracer
 from mirelight.model import Camera, Lighting, LightingBuffer, ProxyMesh, RenderSettings, rules_of
 
@@ -21,14 +22,15 @@ def tracer(
 
 
 def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: RenderSettings) -> LightingBuffer:
-    """Light a proxy once; what :func:`tracer` gives and :func:`finished` do the same for many frames of one proxy.
+    """Light a proxy once, by any lighting; what :func:`tracer` gives and :func:`finished` do the same for many frames
+    of one proxy under lightings whose skies are resolved.
 
     Raises:
         BackendError: the variant cannot be used on this machine, or the denoiser is asked for and not installed.
         RenderError: the frame's film does not fit in memory.
     """
-    made = tracer(proxy, settings)
-    cache = None
+    made, cache = tracer(proxy, settings), None
+    lighting = resolved(lighting, settings.variant)
     if isinstance(made, Tracer) and settings.indirect != "traced":
         cache = made.fill(made.cells([camera]), lighting)
     buffer = made.trace(lighting, camera, cache=cache) if isinstance(made, Tracer) else made.trace(lighting, camera)

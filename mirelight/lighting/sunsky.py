@@ -43,6 +43,17 @@ def resolved(lighting: Lighting, variant: Variant = "llvm_ad_rgb") -> Lighting:
     return _mixed(lighting) if lighting.mix else lighting
 
 
+def plain(lighting: Lighting) -> Lighting:
+    """The lighting itself, for what lights a proxy: suns, maps and mixed colours are made once, by a prepared scene.
+
+    Raises:
+        ValueError: a sky model or a mix is still in it.
+    """
+    if lighting.sky is not None or lighting.mix:
+        raise ValueError(f"lighting {lighting.name!r} holds a sky model or a mix; hand over sunsky.resolved(lighting)")
+    return lighting
+
+
 def _mixed(lighting: Lighting) -> Lighting:
     factors, around = lighting.factors(), lighting.environment
     lights = tuple(replace(x, color=x.color * factors.get(x.group or x.name, 1.0)) for x in lighting.lights)

@@ -14,7 +14,7 @@ from mirelight.lighting.develop import dark, refuse_if_too_large
 from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
-from mirelight.lighting.sunsky import resolved
+from mirelight.lighting.sunsky import plain
 from mirelight.model import (
     F32,
     F64,
@@ -106,7 +106,7 @@ class Tracer:
             BackendError: a cache is to be read in the variant `scalar_rgb`.
             ValueError: it lacks a light.
         """
-        lighting = resolved(lighting, self.settings.variant)
+        lighting = plain(lighting)
         emission = emission and self._emissive
         layers = Layers.of(lighting, emissive=emission, separate=self._layers)
         refuse_if_too_large(camera, layers, parts=self.settings.denoise)
@@ -176,7 +176,7 @@ class Tracer:
         """
         from mirelight.lighting.fill import fill
 
-        surface, lighting = self._on_device(), resolved(lighting, self.settings.variant)
+        surface, lighting = self._on_device(), plain(lighting)
         sky = self._sky_of(lighting.environment)
         glow = emission and self._emissive
         return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
@@ -249,7 +249,7 @@ class Tracer:
         from mirelight.lighting.kernel.probes import PointRays
 
         surface = self._on_device()
-        lighting = resolved(lighting, self.settings.variant)
+        lighting = plain(lighting)
         row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)
         sky, view = self._sky_of(lighting.environment), PointRays(points, normals)
@@ -288,7 +288,7 @@ class Tracer:
         """
         from mirelight.lighting.points import gathered
 
-        surface, lighting = self._on_device(), resolved(lighting, self.settings.variant)
+        surface, lighting = self._on_device(), plain(lighting)
         glow, sky = emission and self._emissive, self._sky_of(lighting.environment)
         layers = Layers.of(lighting, emissive=glow, separate=self._layers)
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)

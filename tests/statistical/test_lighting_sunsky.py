@@ -60,7 +60,7 @@ def our_layers(model: SkyModel) -> dict[str, Array]:
     found: dict[str, list[Array]] = {}
     for seed in range(SEEDS):
         ours.settings = replace(ours.settings, seed=seed)
-        for layer in ours.trace(Lighting(sky=model), VIEW).layers:
+        for layer in ours.trace(sunsky.resolved(Lighting(sky=model)), VIEW).layers:
             found.setdefault(layer.name, []).append(layer.total.astype(np.float64))
     return {name: np.stack(pictures) for name, pictures in found.items()}
 
@@ -129,8 +129,10 @@ def test_every_light_model_and_the_fingerprint_know_the_sky() -> None:
     high, low = (Lighting(sky=SkyModel(to_sun=sun_at(e, 150), intensity=1e-5)) for e in (50.0, 20.0))
     names = []
     for settings in (RenderSettings(spp=1, profile="playcanvas"), RenderSettings(spp=4, variant="scalar_rgb")):
-        buffer = tracer(STAGE, settings).trace(high, VIEW.resized(8, 6))
+        buffer = tracer(STAGE, settings).trace(sunsky.resolved(high, settings.variant), VIEW.resized(8, 6))
         names.append([x.name for x in buffer.layers])
         assert all(x.total.mean() > 0 for x in buffer.layers)
     assert names == [["sun", "sky"]] * 2 and high.layer_names == ("sun", "sky")
     assert digest(high) == digest(replace(high)) != digest(low)
+    with pytest.raises(ValueError, match="sky model"):  # a prepared scene resolves skies, once
+        tracer(STAGE, RenderSettings(spp=1)).trace(high, VIEW.resized(8, 6))

@@ -17,7 +17,7 @@ from mirelight.lighting.develop import refuse_if_too_large
 from mirelight.lighting.engine.raster import Rasterised, rasterise
 from mirelight.lighting.engine.shading import ambient, received
 from mirelight.lighting.layers import Layers
-from mirelight.lighting.sunsky import resolved
+from mirelight.lighting.sunsky import plain
 from mirelight.lighting.visibility import ShadowRays
 from mirelight.model import (
     F32,
@@ -94,7 +94,7 @@ class EngineTracer:
         Raises:
             RenderError: the frame does not fit in memory.
         """
-        lighting = resolved(lighting, self._variant)
+        lighting = plain(lighting)
         layers = Layers.of(lighting, emissive=False, separate=self._layers)
         refuse_if_too_large(camera, layers)
         engine, _ = to_engine(lighting, self._proxy)
@@ -121,7 +121,7 @@ class EngineTracer:
         Returns:
             (N, 3) linear.
         """
-        lighting = resolved(lighting, self._variant)
+        lighting = plain(lighting)
         engine, _ = to_engine(lighting, self._proxy)
         light = np.zeros(points.shape)
         for lamp in engine.lights:

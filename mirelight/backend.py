@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-import platform
 import re
 import shutil
 import subprocess
@@ -18,7 +17,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -80,8 +79,8 @@ def _loader_paths() -> Iterator[str]:
     ldconfig = shutil.which("ldconfig") or shutil.which("/sbin/ldconfig")
     if ldconfig is None:
         return
-    told = subprocess.run([ldconfig, "-p"], capture_output=True, text=True, check=False).stdout
-    yield from (m.group(1) for m in re.finditer(r"^\s*libLLVM[-.].*=> (/.+)$", told, re.MULTILINE))
+    listed = subprocess.run([ldconfig, "-p"], capture_output=True, text=True, check=False).stdout
+    yield from (m.group(1) for m in re.finditer(r"^\s*libLLVM[-.].*=> (/.+)$", listed, re.MULTILINE))
 
 
 def _folders() -> Iterator[tuple[Path, str]]:
@@ -267,11 +266,3 @@ def drjit(variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> tuple
     """
     dr = _ready("cuda_ad_rgb" if variant == "cuda_ad_rgb" else "llvm_ad_rgb", threads)
     return dr, import_module("drjit.cuda" if variant == "cuda_ad_rgb" else "drjit.llvm")
-
-
-def versions() -> dict[str, str]:
-    """Versions that shape pixels, for provenance: mitsuba, drjit, llvm, numpy, python. Loads none of them."""
-    library = choose()
-    llvm = ".".join(map(str, library.version)) if library and library.version else "none"
-    packages = {name: metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
-    return {**packages, "llvm": llvm, "python": platform.python_version()}

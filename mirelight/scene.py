@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from mirelight.lighting import EngineTracer, Tracer
 
 
-def prepare(job: Job, kept: Kept | None = None, told: Callable[[str], None] | None = None) -> Scene:
+def prepare(job: Job, kept: Kept | None = None, report: Callable[[str], None] | None = None) -> Scene:
     """The job made ready for its frames. Returns at once: files are read, and artefacts made, when they are needed.
 
     Args:
         job: from `mirelight.load`.
         kept: where artefacts are found and kept; None: nowhere.
-        told: called with a line before and after something that takes long is made.
+        report: called with a line before and after something that takes long is made.
 
     Raises:
         InputError: the job cannot be rendered: nothing in it, lights without a proxy, a mode without what it needs.
@@ -49,7 +49,7 @@ def prepare(job: Job, kept: Kept | None = None, told: Callable[[str], None] | No
     if not isinstance(job, Job):
         raise TypeError(f"prepare() takes a job as mirelight.load gives it, not {type(job).__name__}")
     check(job)
-    return Scene(job, kept or KeptNowhere(), told)
+    return Scene(job, kept or KeptNowhere(), report)
 
 
 def check(job: Job) -> None:
@@ -70,12 +70,12 @@ def check(job: Job) -> None:
 class Scene:
     """What all frames of a job share. Made by :func:`prepare`; not to be sent to another process (send the job)."""
 
-    def __init__(self, job: Job, kept: Kept, told: Callable[[str], None] | None = None) -> None:
+    def __init__(self, job: Job, kept: Kept, report: Callable[[str], None] | None = None) -> None:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
         self._surface_caches: dict[str, SurfaceCache] = {}
-        self._told = told
+        self._report = report
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
         self._view: ViewLight | None = None
 
@@ -106,8 +106,8 @@ class Scene:
         return job.proxy.value
 
     def _tell(self, line: str) -> None:
-        if self._told is not None:
-            self._told(line)
+        if self._report is not None:
+            self._report(line)
 
     @cached_property
     def proxy(self) -> ProxyMesh | None:

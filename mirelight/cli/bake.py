@@ -57,10 +57,10 @@ def run_bake(args: argparse.Namespace) -> int:
     lighting = plan(work, None, args.lighting and [args.lighting]).tasks[0].lighting
     if lighting is None:
         raise InputError(work.source, "no light", "a bake needs lights", field="lights")
-    with progress(args.quiet) as told:
+    with progress(args.quiet) as report:
 
         def hear(what: str, done: int, total: int) -> None:
-            told(what, done / max(total, 1))
+            report(what, done / max(total, 1))
 
         factor = baking.factors(prepare(work), lighting, spp=args.spp, progress=hear)
         baked = baking.relit(_as_named(source, table, work), factor)

@@ -63,15 +63,15 @@ def run_match(args: argparse.Namespace) -> int:
         raise InputError(work.source, "no light", "a match needs lights to fit", field="lights")
     with_lighting(source, work, chosen.lighting, out, ())  # what cannot be written is said before anything is traced
     target = read_target(args.target, args.mask, work.display.tone)
-    with progress(args.quiet) as told:
+    with progress(args.quiet) as report:
         found = match(
-            prepare(work, told=_say(args.quiet)),
+            prepare(work, report=_say(args.quiet)),
             chosen.camera,
             chosen.lighting,
             target,
             free=args.lights,
             rotate=args.rotate,
-            report=told,
+            report=report,
         )
     made = f"{Path(args.job).name} with {found.lighting.name!r} matched to {target.path.name} by mirelight match"
     text = with_lighting(source, work, found.lighting, out, (made, f"(camera {chosen.camera.name!r}, {_gain(found)})"))

@@ -51,9 +51,9 @@ def run_proxy(args: argparse.Namespace) -> int:
         remedy = "leave it out" if args.fit is not None else f"give {FEWEST} or more"
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
     heat = out.with_suffix(".heat.png")
-    with _progress(args.quiet) as told:
+    with _progress(args.quiet) as report:
         cloud = splats.read(args.splats)
-        how, mesh, quality, before = _made(cloud, args, told)
+        how, mesh, quality, before = _made(cloud, args, report)
         write_glb(out, mesh)
         write_png(heat, quality.heat, {})
     if not args.quiet:
@@ -65,18 +65,18 @@ def run_proxy(args: argparse.Namespace) -> int:
 
 
 def _made(
-    cloud: SplatCloud, args: argparse.Namespace, told: Progress | None
+    cloud: SplatCloud, args: argparse.Namespace, report: Progress | None
 ) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
     from mirelight.io.mesh import read_mesh
     from mirelight.proxy import ProxySettings, judge, make, register
 
     if args.fit is None:
-        made = make(cloud, ProxySettings(triangles=args.triangles), told, source=args.splats)
+        made = make(cloud, ProxySettings(triangles=args.triangles), report, source=args.splats)
         return f"by {_METHODS[made.method]}, in {made.seconds:.0f} s", made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
     before = judge(cloud, mesh, source=args.splats)
-    fitted = register(cloud, mesh, told, source=args.fit)
+    fitted = register(cloud, mesh, report, source=args.fit)
     return f"{args.fit} fitted to the splats", fitted, judge(cloud, fitted, source=args.splats), before
 
 

@@ -22,11 +22,11 @@ _FIRST = np.concatenate([[0], np.cumsum(RINGS)])
 RING_OF = np.repeat(np.arange(len(RINGS)), RINGS)  # (PATCHES,)
 
 
-def patch_of(ways: F64) -> Int:
+def patch_of(directions: F64) -> Int:
     """(...,) patch that each unit direction (..., 3) points into; conventions.py says where the azimuth starts."""
-    theta = np.degrees(np.arccos(np.clip(ways[..., 1], -1, 1)))
+    theta = np.degrees(np.arccos(np.clip(directions[..., 1], -1, 1)))
     ring = np.clip(np.searchsorted(_EDGES, theta, side="right") - 1, 0, len(RINGS) - 1)
-    u = (np.arctan2(ways[..., 2], ways[..., 0]) / (2 * np.pi) + 0.5) % 1.0
+    u = (np.arctan2(directions[..., 2], directions[..., 0]) / (2 * np.pi) + 0.5) % 1.0
     count = np.asarray(RINGS)[ring]
     return np.asarray(_FIRST[ring] + np.minimum((u * count).astype(np.int64), count - 1), dtype=np.int64)
 
@@ -35,8 +35,8 @@ def as_map(radiance: F64) -> F32:
     """(48, 96, 3) equirectangular map of radiances (PATCHES, 3)."""
     v, u = np.meshgrid((np.arange(ROWS) + 0.5) / ROWS, (np.arange(2 * ROWS) + 0.5) / (2 * ROWS), indexing="ij")
     theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
-    ways = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
-    return np.asarray(radiance[patch_of(ways)], dtype=np.float32)
+    directions = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
+    return np.asarray(radiance[patch_of(directions)], dtype=np.float32)
 
 
 def sphere(count: int) -> F64:

@@ -78,23 +78,23 @@ class Sun:
 
 def search(of: Search) -> Sun | None:
     """The best of `DIRECTIONS`, the best three refined, then the disc's radius; None where no sun reaches places."""
-    ways = sphere(DIRECTIONS)
-    seen = of.places.facing(ways)
+    directions = sphere(DIRECTIONS)
+    seen = of.places.facing(directions)
     lit = (seen > 0).mean(axis=1) >= LEAST_LIT
     if not lit.any():
         return None
-    losses = np.full(len(ways), np.inf)
+    losses = np.full(len(directions), np.inf)
     losses[lit] = [of.losses(one).min() for one in seen[lit]]
-    best = [_refined(of, ways[k], losses[k]) for k in _apart(ways, losses)]
+    best = [_refined(of, directions[k], losses[k]) for k in _apart(directions, losses)]
     way, _ = min(best, key=lambda found: found[1])
     return _with_disc(of, way)
 
 
-def _apart(ways: F64, losses: F64, count: int = 3) -> list[int]:
+def _apart(directions: F64, losses: F64, count: int = 3) -> list[int]:
     """The best directions, 12 degrees from each other."""
     out: list[int] = []
     for k in np.argsort(losses, kind="stable"):
-        if np.isfinite(losses[k]) and all(ways[k] @ ways[j] < np.cos(np.radians(12)) for j in out):
+        if np.isfinite(losses[k]) and all(directions[k] @ directions[j] < np.cos(np.radians(12)) for j in out):
             out.append(int(k))
         if len(out) == count:
             break

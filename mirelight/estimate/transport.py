@@ -83,7 +83,7 @@ class _Shown:
         return _Shown(cKDTree(points + apart * normals), deposits.color[sound], apart)
 
     def at(self, points: F64, normals: F64, way: F64) -> F64:
-        """(N, 3) at points of faces with those normals, met along ways."""
+        """(N, 3) at points of faces with those normals, met along directions."""
         side = -np.sign(np.einsum("nk,nk->n", normals, way))
         _, nearest = self.tree.query(points + (self.lift * side)[:, None] * normals, workers=-1)
         return np.asarray(self.color[nearest])
@@ -129,21 +129,21 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) ->
     step = max(_CHUNK // RAYS, 1)
     for first in range(0, len(start), step):
         rows = slice(first, first + step)
-        ways = _cosine_ways(normals[rows], RAYS, rng)
+        directions = _cosine_directions(normals[rows], RAYS, rng)
         origins = np.repeat(start[rows], RAYS, axis=0)
-        face, distance = sight.first_hits(origins, ways.reshape(-1, 3))
-        hit = (face >= 0).reshape(ways.shape[:2])
+        face, distance = sight.first_hits(origins, directions.reshape(-1, 3))
+        hit = (face >= 0).reshape(directions.shape[:2])
         row, ray = np.nonzero(~hit)
-        np.add.at(around[rows], (row, patch_of(ways[row, ray])), 1 / RAYS)
+        np.add.at(around[rows], (row, patch_of(directions[row, ray])), 1 / RAYS)
         flat = np.flatnonzero(hit.ravel())
-        way = ways.reshape(-1, 3)[flat]
+        way = directions.reshape(-1, 3)[flat]
         seen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
         for k in range(3):
             met[rows, k] = np.bincount(flat // RAYS, seen[:, k], minlength=len(hit)) / RAYS
     return Places(color=color, points=start, normals=normals, open=around, met=met, sight=sight)
 
 
-def _cosine_ways(normals: F64, count: int, rng: np.random.Generator) -> F64:
+def _cosine_directions(normals: F64, count: int, rng: np.random.Generator) -> F64:
     """(N, count, 3) directions over each hemisphere by cosine: one spiral, turned and shifted anew for each place."""
     shift, turn = rng.random((2, len(normals), 1))
     k = np.arange(count)
@@ -159,9 +159,9 @@ def _seen_side(points: F64, normals: F64, facing: F64, sight: Sight, lift: float
     backs = []
     for side in (1.0, -1.0):
         n = side * normals
-        ways = _cosine_ways(n, 16, rng)
-        face, _ = sight.first_hits(np.repeat(points + lift * n, 16, axis=0), ways.reshape(-1, 3))
-        back = (face >= 0) & (np.einsum("nk,nk->n", facing[face], ways.reshape(-1, 3)) > 0)
+        directions = _cosine_directions(n, 16, rng)
+        face, _ = sight.first_hits(np.repeat(points + lift * n, 16, axis=0), directions.reshape(-1, 3))
+        back = (face >= 0) & (np.einsum("nk,nk->n", facing[face], directions.reshape(-1, 3)) > 0)
         backs.append(back.reshape(-1, 16).mean(axis=1))
     turned = backs[0] > backs[1] + 0.25
     return np.where(turned[:, None], -normals, normals)

@@ -79,8 +79,8 @@ def _small(camera: Camera) -> Camera:
 
 
 def _around(middle: F64, radius: float) -> Iterable[Camera]:
-    ways = np.array([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1], [0.1, 0.99, 0], [0.1, -0.99, 0]])
-    for way in ways:
+    directions = np.array([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1], [0.1, 0.99, 0], [0.1, -0.99, 0]])
+    for way in directions:
         yield Camera.look_at(middle, middle + way, 48, 48, yfov=90, near=0.01 * radius)
 
 

@@ -139,8 +139,8 @@ def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int =
         todo = np.flatnonzero(face < 0)
         if not len(todo):
             break
-        ways = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
-        face[todo], corners[todo], distance[todo] = tracer.nearest_along(means[todo], ways, reach)
+        directions = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
+        face[todo], corners[todo], distance[todo] = tracer.nearest_along(means[todo], directions, reach)
     near = np.flatnonzero(face >= 0)
     if not len(near):
         raise RenderError(

@@ -33,12 +33,12 @@ class Sight:
 
             self._surface = DeviceProxy(mesh)
 
-    def first_hits(self, origins: F64, ways: F64) -> tuple[I32, F64]:
+    def first_hits(self, origins: F64, directions: F64) -> tuple[I32, F64]:
         """The nearest point of the mesh along each ray.
 
         Args:
             origins: (N, 3) world space, or (3,) for all.
-            ways: (N, 3) directions of any length.
+            directions: (N, 3) directions of any length.
 
         Returns:
             (N,) face, -1 where there is none; (N,) how often the direction goes into the distance, infinite there.
@@ -46,5 +46,5 @@ class Sight:
         from mirelight.lighting.kernel import probes
 
         if self._surface is None:
-            return np.full(len(ways), -1, np.int32), np.full(len(ways), np.inf)
-        return probes.first_hits(self._surface, np.broadcast_to(origins, ways.shape), ways)
+            return np.full(len(directions), -1, np.int32), np.full(len(directions), np.inf)
+        return probes.first_hits(self._surface, np.broadcast_to(origins, directions.shape), directions)

@@ -68,8 +68,8 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
     for k in range(3):
         todo = np.flatnonzero(face < 0)
         if len(todo):
-            ways = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
-            face[todo], corners[todo], _ = tracer.nearest_along(means[todo], ways, reach)
+            directions = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
+            face[todo], corners[todo], _ = tracer.nearest_along(means[todo], directions, reach)
     found, lost = np.flatnonzero(face >= 0), np.flatnonzero(face < 0)
     if not len(found):
         raise RenderError(

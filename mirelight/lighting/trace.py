@@ -316,12 +316,12 @@ class Tracer:
 
         return gathered(points, normals, layers, settings.seed, frame, sample)
 
-    def nearest_along(self, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
+    def nearest_along(self, origins: F64, directions: F64, reach: float) -> tuple[I32, F32, F64]:
         """The nearest point of the proxy on each line, both ways.
 
         Args:
             origins: (N, 3) world space.
-            ways: (N, 3) unit directions.
+            directions: (N, 3) unit directions.
             reach: farthest distance, world units.
 
         Returns:
@@ -332,7 +332,7 @@ class Tracer:
         """
         from mirelight.lighting.kernel.probes import nearest_along
 
-        return nearest_along(self._on_device(), origins, ways, reach)
+        return nearest_along(self._on_device(), origins, directions, reach)
 
     def recolor(self, vertex_colors: F32) -> None:
         """Other vertex colours (V, 3) for a proxy that had some when it was made ready.

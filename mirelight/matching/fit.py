@@ -159,13 +159,13 @@ class _Fit:
         fixed = [name for name in self._before if name not in free]
         rest = self._target - self._dark - sum(self._columns[n] * self._before[n] for n in fixed)
         columns = [Column(self._columns[name], k) for name in free for k in range(3)]
-        after, told = dict(self._before), dict.fromkeys(self._before, True)
+        after, determined = dict(self._before), dict.fromkeys(self._before, True)
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
             found, seen = fitted(columns, rest, self._slope * np.sqrt(counts))
             for i, name in enumerate(free):
-                told[name] = bool(seen[3 * i : 3 * i + 3].any())
-                after[name] = found[3 * i : 3 * i + 3] if told[name] else self._before[name]
+                determined[name] = bool(seen[3 * i : 3 * i + 3].any())
+                after[name] = found[3 * i : 3 * i + 3] if determined[name] else self._before[name]
             straight: F64 = np.sum([self._dark, *(self._columns[n] * after[n] for n in after)], axis=0)
             held = self._small(self._relit(after, clamped=True))
             left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)
@@ -174,7 +174,8 @@ class _Fit:
             counts = left
         self.residual = float(self._error(straight, counts))
         return tuple(
-            LayerMatch(name=n, before=self._before[n], after=after[n], seen=told[n], fixed=n in fixed) for n in after
+            LayerMatch(name=n, before=self._before[n], after=after[n], seen=determined[n], fixed=n in fixed)
+            for n in after
         )
 
     def psnr(self, weights: dict[str, F64]) -> float:

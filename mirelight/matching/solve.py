@@ -11,7 +11,7 @@ from mirelight.model import F64
 
 _OUTLIER = 2.0  # residuals beyond so many standard deviations count by their size, not by its square (Huber 1964)
 _LEAST_SPREAD = 1e-4  # of display values: below, pixels are as good as equal
-_SEEN = 1e-6  # of the strongest column's power: a light that shows less cannot be told
+_SEEN = 1e-6  # of the strongest column's power: a light that shows less cannot be used
 _ROUNDS = 6  # of weights by residuals
 
 Bool = NDArray[np.bool_]
@@ -75,11 +75,11 @@ def fitted(columns: list[Column], target: F64, weight: F64) -> tuple[F64, Bool]:
     trust = np.ones_like(target)
     power = np.array([_power(c, weight) for c in columns])
     seen = power > _SEEN * max(float(power.max(initial=0.0)), 1e-300)
-    told = [c for c, s in zip(columns, seen, strict=True) if s]
+    used = [c for c, s in zip(columns, seen, strict=True) if s]
     out = np.zeros(len(columns))
     for _ in range(_ROUNDS):
-        x = nonnegative(*_normal_equations(told, target, weight**2 * trust))
-        off = np.abs(summed(told, x, target.shape) - target) * weight
+        x = nonnegative(*_normal_equations(used, target, weight**2 * trust))
+        off = np.abs(summed(used, x, target.shape) - target) * weight
         counted = off[weight > 0]
         spread = max(1.4826 * float(np.median(counted)), _LEAST_SPREAD) if counted.size else _LEAST_SPREAD
         trust = np.minimum(1, _OUTLIER * spread / np.maximum(off, 1e-300))

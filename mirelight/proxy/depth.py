@@ -64,9 +64,9 @@ class DepthMaps:
         values[self._hidden(camera), :4] = 0
         layer, sums = self._compositor.composite_with(camera, np.nan_to_num(values))
         alpha = 1 - layer.transmittance
-        origins, ways = rays(camera)
+        origins, directions = rays(camera)
         normals = sums[..., :3].astype(np.float64)
-        slope = (normals * ways).sum(axis=-1)
+        slope = (normals * directions).sum(axis=-1)
         depth = (sums[..., 3] - (normals * (origins - camera.position)).sum(axis=-1)) / np.where(
             slope > _BEHIND, slope, np.inf
         )
@@ -100,7 +100,7 @@ def points_of(view: DepthMap, step: int = 1) -> tuple[F64, F64]:
     """(N, 3) points of the surface that a view sees, every `step`-th pixel both ways, and their normals."""
     depth = view.depth[::step, ::step]
     seen = depth > 0
-    origins, ways = rays(view.camera)
-    starts = np.broadcast_to(origins, ways.shape)[::step, ::step][seen]
-    points = starts + ways[::step, ::step][seen] * depth[seen][:, None]
+    origins, directions = rays(view.camera)
+    starts = np.broadcast_to(origins, directions.shape)[::step, ::step][seen]
+    points = starts + directions[::step, ::step][seen] * depth[seen][:, None]
     return points, view.normal[::step, ::step][seen].astype(np.float64)

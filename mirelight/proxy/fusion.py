@@ -89,10 +89,10 @@ class _Planes:
 
     @staticmethod
     def of(view: DepthMap) -> _Planes:
-        origins, ways = rays(view.camera)
-        spot = origins + ways * view.depth[..., None]
-        long = np.maximum(np.linalg.norm(ways, axis=-1), 1e-30)
-        facing = -(view.normal * ways).sum(axis=-1) / long
+        origins, directions = rays(view.camera)
+        spot = origins + directions * view.depth[..., None]
+        long = np.maximum(np.linalg.norm(directions, axis=-1), 1e-30)
+        facing = -(view.normal * directions).sum(axis=-1) / long
         offset = (view.normal * spot).sum(axis=-1)
         rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
         return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))

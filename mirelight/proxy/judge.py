@@ -125,14 +125,14 @@ class _Compared:
 
 
 def _compared(layer: SplatLayer, view: DepthMap, sight: Sight) -> _Compared:
-    origins, ways = rays(view.camera)
+    origins, directions = rays(view.camera)
     shape = view.depth.shape
-    starts = np.broadcast_to(origins, ways.shape).reshape(-1, 3)
-    face, distance = sight.first_hits(starts, ways.reshape(-1, 3))
+    starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
+    face, distance = sight.first_hits(starts, directions.reshape(-1, 3))
     on_mesh = (face >= 0).reshape(shape)
     both = on_mesh & (view.depth > 0) & (layer.transmittance < 1 - OPAQUE)
     depth = np.where(both, distance.reshape(shape), 0.0)
-    long = np.linalg.norm(ways, axis=-1)
+    long = np.linalg.norm(directions, axis=-1)
     gap = np.where(both, np.abs(depth - view.depth) * long, np.nan)
     return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), on_mesh, gap)
 

@@ -46,7 +46,7 @@ def make(
     Args:
         splats: the capture, in world space.
         settings: how.
-        progress: told what is being done.
+        progress: hears what is being done.
         source: whom to name in an error, usually the splats' file.
 
     Raises:
@@ -54,22 +54,22 @@ def make(
         BackendError: the variant cannot run here, or `triangles` without pyfqmr.
         RenderError: not enough memory.
     """
-    told, began = progress or quiet, time.monotonic()
-    told("looking at the splats", 0.0)
+    report, began = progress or quiet, time.monotonic()
+    report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)
     maps = DepthMaps(capture, settings)
     method: Method = settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
     if method == "cells":
-        soup = cells_of(capture, part(told, 0.05, 0.9))
+        soup = cells_of(capture, part(report, 0.05, 0.9))
     else:
-        soup = _fused(capture, maps, settings, part(told, 0.05, 0.9), source)
+        soup = _fused(capture, maps, settings, part(report, 0.05, 0.9), source)
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     if settings.triangles is not None:
-        told("leaving out triangles", 0.92)
+        report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
     local = _mesh(soup)
-    told("judging the proxy", 0.95)
+    report("judging the proxy", 0.95)
     quality = judged(capture, maps, local, None, settings)
     mesh = _mesh(Soup(soup.vertices + capture.middle, soup.faces))
     return MadeProxy(mesh=mesh, method=method, quality=quality, seconds=time.monotonic() - began)
@@ -79,27 +79,27 @@ def _mesh(soup: Soup) -> ProxyMesh:
     return ProxyMesh(vertices=soup.vertices.astype(np.float32), faces=soup.faces.astype(np.int32))
 
 
-def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, told: Progress, source: str | Path) -> Soup:
+def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path) -> Soup:
     """By depth maps."""
     pixels = int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
     cameras = around(capture.splats.means, capture.radius, ORBIT, pixels)
-    views = [maps.of(camera) for camera in _counted(cameras, part(told, 0.0, 0.3))]
+    views = [maps.of(camera) for camera in _counted(cameras, part(report, 0.0, 0.3))]
     _refuse_fog(capture, views, source)
     hidden = hidden_share(capture, views)
     if settings.views == "inside" or (settings.views == "auto" and hidden > HIDDEN):
         inner = from_points(places(capture), pixels, 1e-3 * capture.radius)
-        more = views + [maps.of(camera) for camera in _counted(inner, part(told, 0.3, 0.5))]
+        more = views + [maps.of(camera) for camera in _counted(inner, part(report, 0.3, 0.5))]
         if settings.views == "inside" or hidden_share(capture, more) < 0.5 * hidden:  # else it is hidden in the solid
             views = more
     footprint = float(np.median([np.linalg.norm(camera.position) / camera.fx for camera in cameras]))
-    grid = fuse(views, capture.half, CELL * footprint, part(told, 0.5, 0.9))
-    told("finding the surface", 0.9)
+    grid = fuse(views, capture.half, CELL * footprint, part(report, 0.5, 0.9))
+    report("finding the surface", 0.9)
     return closed(smoothed(without_crumbs(surface_of(grid))))
 
 
-def _counted(cameras: Sequence[Camera], told: Progress) -> Iterator[Camera]:
+def _counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
     for done, camera in enumerate(cameras):
-        told("taking depth maps", done / len(cameras))
+        report("taking depth maps", done / len(cameras))
         yield camera
 
 

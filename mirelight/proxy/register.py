@@ -38,24 +38,24 @@ def register(
     Args:
         splats: the capture, in world space.
         mesh: the proxy to be fitted.
-        progress: told what is being done.
+        progress: hears what is being done.
         source: whom to name in an error, usually the mesh's file.
 
     Raises:
         InputError: splats or a mesh without a surface.
     """
-    told = progress or quiet
-    told("looking at the splats", 0.0)
+    report = progress or quiet
+    report("looking at the splats", 0.0)
     capture = look_at_capture(splats, "splats")
     faces = mesh.faces.astype(np.int64)
     at = mesh.vertices.astype(np.float64) - capture.middle
     if not areas_of(at, faces).sum() > 0:
         raise InputError(source, "a mesh without area", "give a mesh with triangles")
     normals = normals_of(capture)
-    told("aligning the mesh", 0.1)
+    report("aligning the mesh", 0.1)
     pose = _aligned(capture, normals, at, faces, best_guess(capture, at, faces))
     at = turned(at, pose[:3, :3]) + pose[:3, 3]
-    at = _settled(capture, normals, at, faces, part(told, 0.5, 1.0))
+    at = _settled(capture, normals, at, faces, part(report, 0.5, 1.0))
     moved = (at + capture.middle).astype(np.float32)
     return replace(mesh, vertices=moved, normals=None if mesh.normals is None else _turned_normals(mesh.normals, pose))
 
@@ -111,7 +111,7 @@ def _step(p: F64, q: F64, n: F64, weight: F64) -> F64:
     return conventions.compose(centre + found[3:6] * size - scaled @ centre) @ conventions.compose(rotation=scaled)
 
 
-def _settled(capture: Capture, normals: F64, at: F64, faces: Int, told: Progress) -> F64:
+def _settled(capture: Capture, normals: F64, at: F64, faces: Int, report: Progress) -> F64:
     """Vertices moved onto the planes of splats."""
     from scipy.spatial import cKDTree
 
@@ -122,7 +122,7 @@ def _settled(capture: Capture, normals: F64, at: F64, faces: Int, told: Progress
     q = capture.splats.means.astype(np.float64)
     tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
     for k, reach in enumerate(np.geomspace(WIDEST, NARROWEST, ROUNDS) * capture.spacing):
-        told("moving vertices onto the splats", k / ROUNDS)
+        report("moving vertices onto the splats", k / ROUNDS)
         own = _normals_of(v, f)
         distance, index = tree.query(v, k=min(_PLANES, len(q)), workers=-1)
         n, step = normals[index], q[index] - v[:, None]

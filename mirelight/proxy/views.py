@@ -26,7 +26,7 @@ def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera,
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
     flat = np.sqrt(1 - z * z)
-    ways = np.stack([flat * np.cos(turn), z, flat * np.sin(turn)], axis=1)
+    directions = np.stack([flat * np.cos(turn), z, flat * np.sin(turn)], axis=1)
     away = radius / np.sin(np.radians(YFOV / 2))
     return tuple(
         _framed(
@@ -34,7 +34,7 @@ def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera,
             points,
             pixels,
         )
-        for i, way in enumerate(ways)
+        for i, way in enumerate(directions)
     )
 
 
@@ -55,11 +55,11 @@ def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
 
 def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
     """Six views from each point, along the axes and against them."""
-    ways = np.concatenate([np.eye(3), -np.eye(3)])
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
     return tuple(
         Camera.look_at(p, p + way, pixels, pixels, yfov=INSIDE_YFOV, near=near, name=f"inside-{i}-{k}")
         for i, p in enumerate(points)
-        for k, way in enumerate(ways)
+        for k, way in enumerate(directions)
     )
 
 

@@ -209,14 +209,6 @@ def test_missing_libatomic_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "install" in said
 
 
-def test_versions_name_what_shapes_pixels() -> None:
-    found = backend.versions()
-    assert set(found) == {"mitsuba", "drjit", "llvm", "numpy", "python"}
-    chosen = backend.choose()
-    assert chosen is not None
-    assert found["llvm"] == ".".join(map(str, chosen.version or ()))
-
-
 def test_doctor_passes_here_and_says_what_it_uses(capsys: pytest.CaptureFixture[str]) -> None:
     chosen = backend.choose()
     assert doctor.run() == 0

@@ -235,10 +235,10 @@ def hidden(surface: DeviceProxy, starts: F32, ends: F32) -> NDArray[np.bool_]:
     return np.asarray(surface.blocked(between(a, mi.Vector3f(b)), mi.Bool(True)).numpy(), dtype=bool)
 
 
-def free_distance(surface: DeviceProxy, points: F64, ways: F64) -> F64:
-    """(n,) how far it is from points (n, 3) of the surface along unit ways (n, 3) to the next face; infinity: none."""
-    start = points + ways * (np.abs(points).max(axis=1, keepdims=True) * 2.0**-16)
-    a, b = (mi.Point3f(*(floats(x[:, k]) for k in range(3))) for x in (start, ways))
+def free_distance(surface: DeviceProxy, points: F64, directions: F64) -> F64:
+    """(n,) how far it is from points (n, 3) of the surface along unit directions (n, 3) to a face; infinity: none."""
+    start = points + directions * (np.abs(points).max(axis=1, keepdims=True) * 2.0**-16)
+    a, b = (mi.Point3f(*(floats(x[:, k]) for k in range(3))) for x in (start, directions))
     found = surface.nearest(bounded_ray(a, mi.Vector3f(b), mi.Float(dr.inf)), mi.Bool(True))
     return np.where(found.is_valid().numpy(), found.t.numpy(), np.inf).astype(np.float64)
 

@@ -41,13 +41,13 @@ class PointRays:
         return mi.Float(p.x * 0)
 
 
-def nearest_along(surface: DeviceProxy, origins: F64, ways: F64, reach: float) -> tuple[I32, F32, F64]:
+def nearest_along(surface: DeviceProxy, origins: F64, directions: F64, reach: float) -> tuple[I32, F32, F64]:
     """The nearest point of the surface on each line, both ways.
 
     Args:
         surface: the mesh.
         origins: (N, 3).
-        ways: (N, 3) unit directions.
+        directions: (N, 3) unit directions.
         reach: farthest distance, world units.
 
     Returns:
@@ -55,7 +55,7 @@ def nearest_along(surface: DeviceProxy, origins: F64, ways: F64, reach: float) -
     """
     slack = 0.05 * reach  # rays start a little behind, for an origin that lies on the surface
     face, uv, distance = np.full(len(origins), -1, np.int32), np.zeros((len(origins), 2)), np.full(len(origins), np.inf)
-    for d in (ways, -ways):
+    for d in (directions, -directions):
         ray = bounded_ray(_points(origins - d * slack), _vectors(d), mi.Float(reach + slack))
         found = surface.nearest(ray, mi.Bool(True))
         hit = _numpy(found.is_valid())
@@ -68,18 +68,18 @@ def nearest_along(surface: DeviceProxy, origins: F64, ways: F64, reach: float) -
     return face, weights.astype(np.float32), distance
 
 
-def first_hits(surface: DeviceProxy, origins: F64, ways: F64) -> tuple[I32, F64]:
+def first_hits(surface: DeviceProxy, origins: F64, directions: F64) -> tuple[I32, F64]:
     """The nearest point of the surface along each ray.
 
     Args:
         surface: the mesh.
         origins: (N, 3).
-        ways: (N, 3) directions of any length.
+        directions: (N, 3) directions of any length.
 
     Returns:
         (N,) face, -1 where there is none; (N,) how often the direction goes into the distance, infinite there.
     """
-    ray = bounded_ray(_points(origins), _vectors(ways), mi.Float(float(2.0**126)))
+    ray = bounded_ray(_points(origins), _vectors(directions), mi.Float(float(2.0**126)))
     found = surface.nearest(ray, mi.Bool(True))
     hit = _numpy(found.is_valid())
     face = np.where(hit, _numpy(found.prim_index).astype(np.int64), -1)

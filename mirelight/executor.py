@@ -186,13 +186,14 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: Sa
     view = _View(scene, group, store)
     failed = 0
     for task in missing:
-        error = _tried(view, task, store, progress, said)
-        if error:
+        made = _tried(view, task, store, progress)
+        if isinstance(made, str):
             failed += 1
-            store.put_failed(task, error)
-            progress.failed(task, error)
+            store.put_failed(task, made)
+            progress.failed(task, made)
         else:
-            progress.finished(task, False)
+            progress.finished(task, False)  # first of all: from here on the frame counts as there
+            said.look(view.scene, task, made)
     return RenderSummary(rendered=len(missing) - failed, skipped=len(group.tasks) - len(missing), failed=failed)
 
 
@@ -207,14 +208,12 @@ class _View:
         return _composite(self.scene, self._group, self._store)
 
 
-def _tried(view: _View, task: FrameTask, store: Store, progress: Progress, said: Said) -> str:
-    """Make a frame, a second time where the first fails. Returns what went wrong, "" where nothing did."""
+def _tried(view: _View, task: FrameTask, store: Store, progress: Progress) -> Frame | str:
+    """Make a frame, a second time where the first fails; what went wrong where the second does, too."""
     error = ""
     for _ in range(2):
         try:
-            frame = _make_one(view, task, store, progress)
-            said.look(view.scene, task, frame)
-            return ""
+            return _make_one(view, task, store, progress)
         except _OF_ALL:
             raise
         except Exception as e:

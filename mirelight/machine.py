@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -56,6 +57,21 @@ def memory() -> Memory:
 def free_memory() -> int:
     """Bytes that this process can still take without swapping: the least of what machine and control group allow."""
     return memory().free
+
+
+@contextmanager
+def collector_held() -> Iterator[None]:
+    """Python's garbage collector waits until the block is done.
+
+    For work in which no object may be freed that happens to be garbage just then.
+    """
+    ran = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if ran:
+            gc.enable()
 
 
 @contextmanager

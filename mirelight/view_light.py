@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -64,7 +65,8 @@ class ViewLight:
     """
 
     def __init__(self, scene: LitScene, seen: Camera) -> None:
-        self._scene, self._seen = scene, seen
+        self._scene: LitScene = weakref.proxy(scene)  # the scene holds this: a cycle would outlive both
+        self._seen = seen
         self._there: dict[str, LightingBuffer] = {}  # by the digests of sets
         self._due: list[str] = []  # digests of sets that must be traced, in order
         self._progress: Progress | None = None

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirelight import backend
+from mirelight.machine import collector_held
 from mirelight.model import Variant
 
 Array: TypeAlias = Any  # a Dr.Jit array; its types exist only once a variant is loaded
@@ -35,7 +36,13 @@ class Device:
         compiled in. Each of its kernels has to read one array of its own size directly: Dr.Jit takes the launch's size
         from it.
         """
-        return self.dr.freeze(lambda *arrays: trace(*arrays), auto_opaque=False, limit=16, warn_after=1 << 30)  # type: ignore[no-any-return]
+        replayed = self.dr.freeze(lambda *arrays: trace(*arrays), auto_opaque=False, limit=16, warn_after=1 << 30)
+
+        def run(*arrays: Array) -> Array:
+            with collector_held():  # freeing a Mitsuba scene inside a recording ends the process
+                return replayed(*arrays)
+
+        return run
 
     def later(self) -> None:
         """What is traced from here on stands behind all before it in the kernel."""

@@ -168,7 +168,7 @@ META = {
     "itself": (set_file("meta.json"), "not a readable image"),
     "itself as a folder": (set_file("."), "not a relative path"),
     "a folder": (set_file("sub"), "no file 'sub'"),
-    "long": (set_file("x" * 5000), "cannot be followed|no file"),
+    "long": (set_file("x" * 5000), "is too long for a file name"),
 }
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mirelight.model import F32, F64, Camera, LightingBuffer, LightLayer
+from mirelight.model.results import EMISSION, free_layer_name
 from mirelight.units import GLOW, LightSet, Mixture
 
-EMISSION = "emission"  # the layer of what the proxy's own surfaces send out
 BEAUTY = "beauty"  # the one layer where nobody asks for more
 _PARTS = ("direct", "indirect", "half", "quarter", "other_quarter")  # what is linear in the light
 
@@ -51,7 +51,7 @@ def mix(
     shares = [found for i in range(len(mixture.terms)) if (found := _share(i, mixture, traced)) is not None]
     glow = traced.get(GLOW.digest)
     if glow is not None:
-        name = _free(EMISSION, [x.name for x in shares])
+        name = free_layer_name(EMISSION, [x.name for x in shares])
         shares += [_Share(name, layer, np.ones(3)) for layer in glow.layers]
     return replace(
         first,
@@ -117,14 +117,6 @@ def _variance(mixture: Mixture, sets: Sequence[LightSet], traced: Mapping[str, L
     if len(known) < len(found) or not known:
         return None
     return known[0] if len(known) == 1 else np.asarray(np.sum(known, axis=0), dtype=np.float32)
-
-
-def _free(name: str, taken: Sequence[str]) -> str:
-    out, number = name, 1
-    while out in taken:
-        number += 1
-        out = f"{name}-{number}"
-    return out
 
 
 def _sun_visibility(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F32, DirectionalLight, Lighting, SunLight
+from mirelight.model.results import EMISSION, free_layer_name
 
 MAX_LAYERS = 64  # above this many they become one: a layer's film takes 36 bytes a pixel
 
@@ -41,18 +42,10 @@ class Layers:
             of_light[: len(lighting.lights)] = [names.index(x.group or x.name) for x in lighting.lights]
         environment = emission = 0
         if lighting.environment:
-            environment, names = len(names), (*names, _free(lighting.environment.name, names))
+            environment, names = len(names), (*names, free_layer_name(lighting.environment.name, names))
         if emissive:
-            emission, names = len(names), (*names, _free("emission", names))
+            emission, names = len(names), (*names, free_layer_name(EMISSION, names))
         return Layers(names, of_light, environment=environment, emission=emission)
-
-
-def _free(name: str, taken: tuple[str, ...]) -> str:
-    """The name, or with the first number from 2 on that makes it new."""
-    candidate, number = name, 2
-    while candidate in taken:
-        candidate, number = f"{name}-{number}", number + 1
-    return candidate
 
 
 def sun_shares(lighting: Lighting) -> F32:

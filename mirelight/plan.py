@@ -10,7 +10,7 @@ from typing import TypeVar
 from mirelight import engine_lights, keys
 from mirelight.errors import InputError
 from mirelight.model import Camera, EstimatedSky, Job, Lighting
-from mirelight.scene import check
+from mirelight.scene import check, prepare
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,12 +114,11 @@ def _engine_warnings(
     found += [("camera", engine_lights.camera_warnings(x)) for x in cameras]
     if job.proxy is not None and lightings:
         from mirelight.lighting.engine.raster import culling_warnings
-        from mirelight.lighting.sunsky import resolved
 
-        proxy, variant = job.proxy.value, job.render.variant
-        found.append(("proxy", culling_warnings(proxy, cameras, variant)))
+        scene, proxy = prepare(job), job.proxy.value
+        found.append(("proxy", culling_warnings(proxy, cameras, job.render.variant)))
         known = [x for x in lightings if not isinstance(x.sky, EstimatedSky)]
-        found += [(x.name, engine_lights.to_engine(resolved(x, variant), proxy)[1]) for x in known]
+        found += [(x.name, engine_lights.to_engine(scene.resolved(x), proxy)[1]) for x in known]
     return found
 
 

@@ -29,8 +29,8 @@ from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
 from mirelight.io.splats import ply
+from mirelight.kept import KeptNowhere
 from mirelight.lighting.engine.raster import culling_warnings
-from mirelight.lighting.sunsky import resolved
 from mirelight.model import (
     PROFILES,
     Camera,
@@ -43,6 +43,7 @@ from mirelight.model import (
     rules_of,
 )
 from mirelight.realtime import engine
+from mirelight.scene import Scene
 
 PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
@@ -97,7 +98,7 @@ def export(
             f"camera {camera.name} is orthographic",
             "the engine's relighting follows perspective cameras only",
         )
-    lighting = resolved(lighting, job.render.variant)
+    lighting = Scene(job, KeptNowhere()).resolved(lighting)  # unchecked: the engine shows what no frame is rendered of
     engine_lighting, light_warnings = to_engine(lighting, scene.proxy or _NO_PROXY, shadows=shadows)
     behind = () if scene.proxy is None else culling_warnings(scene.proxy, [camera], job.render.variant)
     views = (f"camera {x}" for x in camera_warnings(camera))

@@ -1,4 +1,4 @@
-"""What is wrong with a finished frame, told from its own buffers; nothing where all is well.
+"""What is wrong with a finished frame, found from its own buffers; nothing where all is well.
 
 Thresholds are from data: right proxies leave up to 13 % of the splats' pixels off, those turned, moved or
 scaled wrongly 24 % and more; frames of the shipped scenes have at most 6 % of white pixels and their splats lie within

@@ -51,7 +51,7 @@ from mirelight.model.arrays import freeze
 INVERSE_SQUARED_GAIN = 16.0  # the engine's falloff is 16 / (d² + 1), windowed
 CONE_SHRINK = 0.99  # clustered lighting stores cone angles times this, so that the shadow map's edge is not seen
 DEFAULT_RANGE = 10.0  # of the engine's light component, world units
-RANGE_FACTOR = 10.0  # range of a light without one, in ways to the furthest surface: the window stays above 0.9998
+RANGE_FACTOR = 10.0  # range of a light without one, in distances to the furthest surface: the window stays above 0.9998
 NEAR_LIGHT = 3.0  # world units; nearer than this the engine's d² + 1 loses more than a tenth
 NORMAL_OFFSET_BIAS = 0.02  # world units; of exported lights: half of it shows acne on proxies of some metres
 ENVIRONMENT_LIMIT = 64.0  # brightest radiance that the engine's RGBP encoding holds

@@ -142,7 +142,7 @@ def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group
 
 
 class Said:
-    """What is wrong with frames, told after each; of each kind the first few, then how many more."""
+    """What is wrong with frames, said after each; of each kind the first few, then how many more."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress

@@ -60,7 +60,7 @@ def compare(
         html: a report in one file.
         json: all figures.
         csv: all figures, one line per pair and region.
-        progress: is told (done, total) pairs.
+        progress: called with (done, total).
 
     Raises:
         InputError: a picture that cannot be read, or two of different sizes.

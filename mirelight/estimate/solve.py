@@ -18,7 +18,7 @@ from mirelight.estimate.types import Confidence, Estimate
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
 
 LEAST_OPEN = 0.003  # share of the view that must be sky
-LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which scale cannot be told
+LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is not known
 MEAN_ALBEDO = 0.35  # where it cannot
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with

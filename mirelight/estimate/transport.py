@@ -22,7 +22,7 @@ from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
 PLACES = 6000  # splats that tell the light
 RAYS = 96  # from each
 SHOWN = 20000  # splats that tell what colour a ray meets
-FEWEST = 200  # splats on the proxy, below which nothing can be told
+FEWEST = 200  # splats on the proxy, below which nothing is known
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
 LIFT = 2e-4  # of the diagonal: where rays start
 _CHUNK = 1 << 20  # rays at once

@@ -16,7 +16,7 @@ _SUN_VALUES = 7  # direction, irradiance, diameter: before the map's own
 class Confidence:
     """What speaks for an estimate, and what could not be known."""
 
-    places: int  # splats that told it
+    places: int  # splats that it was found from
     blocked: float  # share of their view that other surfaces take, 0..1: what colour and scale are known by
     scale_known: bool  # from light between surfaces; otherwise albedos were made 0.35 in the mean
     sun_gain: float  # how much less alike surfaces come out without a sun; 0.1 hard, 0.02 soft, less: hardly one

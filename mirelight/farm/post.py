@@ -24,7 +24,7 @@ FATAL = "fatal"  # why nothing can go on, in lines
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """One thing told."""
+    """One message."""
 
     kind: str
     values: tuple[str | int, ...] = ()

@@ -100,7 +100,7 @@ class LightingFacts:
     lights: tuple[LightFacts, ...]
     environment: EnvironmentFacts | None
     sky: SkyFacts | None
-    estimated: bool = False  # its light is told from the splats when something is rendered
+    estimated: bool = False  # its light is estimated from the splats when something is rendered
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

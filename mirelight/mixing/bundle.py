@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import shutil
@@ -15,6 +14,7 @@ import numpy as np
 
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import ply
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import Mixed, MixLayers, check, make
@@ -101,13 +101,11 @@ def _copy_page(folder: Path, engine_folder: Path) -> None:
 
 
 def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, folder: Path) -> dict[str, Any]:
-    with (folder / SPLATS).open("rb") as file:
-        sha = hashlib.file_digest(file, "sha256").hexdigest()
     space = job.relight.space or mode_of(job.relight).space or "linear"
     return {
         "title": job.source.parent.name if job.source.stem == "job" else job.source.stem,
         "count": len(splats),
-        "splats": {"file": SPLATS, "bytes": (folder / SPLATS).stat().st_size, "sha256": sha},
+        "splats": {"file": SPLATS, "bytes": (folder / SPLATS).stat().st_size, "sha256": file_digest(folder / SPLATS)},
         "layers": [{"name": n, "scale": float(s)} for n, s in zip(layers.names, scales, strict=True)],
         "constant": list(layers.constant),
         "lightings": [_lighting(x) for x in layers.lightings],

@@ -43,7 +43,7 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) 
         views: the maps.
         half: (3,) half extents of the box about the origin that the grid fills.
         cell: distance of nodes; made larger where the grid would have more than `MOST_NODES`.
-        progress: told of each view.
+        progress: called after each view.
     """
     cell = max(cell, float((8 * np.prod(half) / MOST_NODES) ** (1 / 3)))
     size = np.ceil(2 * (half + (TRUNCATION + 1) * cell) / cell).astype(int) + 1

@@ -115,7 +115,6 @@ class DeviceCells:
             tries += 1
         return cell, found & active
 
-    @dr.syntax
     def add_whole(
         self,
         film: Film,
@@ -127,16 +126,8 @@ class DeviceCells:
         read: Bool,
     ) -> tuple[Vector3f, Vector3f]:
         """All light of a later hit's cell, to every layer."""
-        layer = mi.UInt32(0)
-        while read & (layer < self.layers):
-            value = scale * _rgb(self.whole, layer * self.count + cell, read)
-            sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
-            if dr.hint(self.doubtful, mode="scalar"):
-                film.add_doubt(pixel, layer, scale * _rgb(self.doubt, layer * self.count + cell, read), read)
-            layer += 1
-        return sums
+        return self._add_layers(self.whole, film, sums, place, pixel, cell, scale, read)
 
-    @dr.syntax
     def add_rest(
         self,
         film: Film,
@@ -148,17 +139,33 @@ class DeviceCells:
         read: Bool,
     ) -> tuple[Vector3f, Vector3f]:
         """The indirect light of a first hit's cell, to every layer, and what its reflected ray would have met."""
-        layer = mi.UInt32(0)
-        while read & (layer < self.layers):
-            value = scale * _rgb(self.indirect, layer * self.count + cell, read)
-            sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
-            if dr.hint(self.doubtful, mode="scalar"):
-                film.add_doubt(pixel, layer, scale * _rgb(self.doubt, layer * self.count + cell, read), read)
-            layer += 1
+        sums = self._add_layers(self.indirect, film, sums, place, pixel, cell, scale, read)
         sky = scale * _rgb(self.met, cell, read)
         sums = film.add_light(sums, place, film.sky_layer, mi.Bool(False), sky, read)
         glow = scale * _rgb(self.met, self.count + cell, read)
         return film.add_light(sums, place, film.glow_layer, mi.Bool(False), glow, read)
+
+    @dr.syntax
+    def _add_layers(
+        self,
+        held: Float,
+        film: Film,
+        sums: tuple[Vector3f, Vector3f],
+        place: UInt32,
+        pixel: UInt32,
+        cell: UInt32,
+        scale: Vector3f,
+        read: Bool,
+    ) -> tuple[Vector3f, Vector3f]:
+        """What a cell holds of every layer, as indirect light, and the doubt about it."""
+        layer = mi.UInt32(0)
+        while read & (layer < self.layers):
+            value = scale * _rgb(held, layer * self.count + cell, read)
+            sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
+            if dr.hint(self.doubtful, mode="scalar"):
+                film.add_doubt(pixel, layer, scale * _rgb(self.doubt, layer * self.count + cell, read), read)
+            layer += 1
+        return sums
 
 
 class CellPoints:

@@ -183,7 +183,7 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: Sa
             progress.finished(task, True)
         else:
             missing.append(task)
-    view = _View(scene, group, store)
+    view = _OneCamera(scene, group, store)
     failed = 0
     for task in missing:
         made = _tried(view, task, store, progress)
@@ -197,7 +197,7 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: Sa
     return RenderSummary(rendered=len(missing) - failed, skipped=len(group.tasks) - len(missing), failed=failed)
 
 
-class _View:
+class _OneCamera:
     """A camera's frames, whose composite is made once."""
 
     def __init__(self, scene: Scene, group: Group, store: Store) -> None:
@@ -208,7 +208,7 @@ class _View:
         return _composite(self.scene, self._group, self._store)
 
 
-def _tried(view: _View, task: FrameTask, store: Store, progress: Progress) -> Frame | str:
+def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress) -> Frame | str:
     """Make a frame, a second time where the first fails; what went wrong where the second does, too."""
     error = ""
     for _ in range(2):
@@ -223,7 +223,7 @@ def _tried(view: _View, task: FrameTask, store: Store, progress: Progress) -> Fr
     return error
 
 
-def _make_one(view: _View, task: FrameTask, store: Store, progress: Progress) -> Frame:
+def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progress) -> Frame:
     scene, splats = view.scene, view.splats
     began = time.monotonic()
     report: Callable[[int, int], None] = partial(progress.samples, task)

@@ -136,7 +136,7 @@ def _scene(
         yield f"# cameras_from = {named(camera_file)}"
 
 
-def _camera(seen: view.View, wish: Wish) -> Iterator[str]:
+def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
     width, height = wish.resolution
     yield ""
     yield f"resolution = [{width}, {height}]"
@@ -152,7 +152,7 @@ def _camera(seen: view.View, wish: Wish) -> Iterator[str]:
     yield f"near = {away / 1000:.3g}"
 
 
-def _captured(seen: view.View) -> Iterator[str]:
+def _captured(seen: view.FirstView) -> Iterator[str]:
     yield ""
     white = f"{seen.white:.1%} of their pixels are white"
     yield f"# As captured, the splats' mean luminance is {seen.luminance:.2f}; {white}."
@@ -163,7 +163,9 @@ def _captured(seen: view.View) -> Iterator[str]:
     yield "environment = { radiance = 1.0 }"
 
 
-def _lightings(capture: Path, seen: view.View, wish: Wish, proxy: beside.Proxy | None, named: _Names) -> Iterator[str]:
+def _lightings(
+    capture: Path, seen: view.FirstView, wish: Wish, proxy: beside.Proxy | None, named: _Names
+) -> Iterator[str]:
     middle = seen.target
     if wish.light and wish.light not in LIGHTS:
         path = Path(wish.light)
@@ -188,7 +190,7 @@ def _towards_light(camera: Camera) -> F64:
     return conventions.unit(x * right + y * np.array([0.0, 1.0, 0.0]) + z * conventions.unit(back))
 
 
-def _sun(seen: view.View) -> Iterator[str]:
+def _sun(seen: view.FirstView) -> Iterator[str]:
     yield ""
     yield "# A sun from the left, and the sky's light all around."
     yield "[[lightings]]"
@@ -203,7 +205,7 @@ def _sun(seen: view.View) -> Iterator[str]:
     yield "angular_diameter = 1.5 # degrees; more gives softer shadows"
 
 
-def _point(seen: view.View) -> Iterator[str]:
+def _point(seen: view.FirstView) -> Iterator[str]:
     away = float(np.linalg.norm(seen.target - seen.camera.position))
     if seen.room:
         place, reach = seen.target + np.array([0.0, 0.25 * away, 0.0]), away

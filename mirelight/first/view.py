@@ -22,7 +22,7 @@ _FILL = 0.94  # of the picture: what the middle 98 % of the splats fill
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class FirstView:
     """A chosen camera and what it shows."""
 
     camera: Camera
@@ -32,7 +32,7 @@ class View:
     white: float  # share of them at the end of a channel
 
 
-def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = ()) -> View:
+def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = ()) -> FirstView:
     """The view to show first.
 
     Args:
@@ -70,7 +70,7 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = ()) -> Vie
     on = layer.transmittance < 0.5
     light = colour.srgb_decode(layer.color[on] / (1 - layer.transmittance[on, None])) if on.any() else np.zeros((1, 3))
     white = float((light.max(axis=-1) > 0.99).mean())
-    return View(chosen, middle, room, float(colour.luminance(light).mean()), white)
+    return FirstView(chosen, middle, room, float(colour.luminance(light).mean()), white)
 
 
 def _small(camera: Camera) -> Camera:

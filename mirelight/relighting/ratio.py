@@ -25,9 +25,9 @@ def prepared(task: Task) -> Factor:
     """
     assert task.captured is not None, "apply() refuses a mode without what it needs"
     settings = task.settings
-    new, new_coverage = _Surface(task.new, task.size), bilinear(task.new.coverage, task.size)
+    new, new_coverage = _Weight(task.new, task.size), bilinear(task.new.coverage, task.size)
     old_coverage = bilinear(task.captured.coverage, task.size)
-    below = _Surface(task.captured, task.size).light(task.captured.beauty)
+    below = _Weight(task.captured, task.size).light(task.captured.beauty)
     level = _mean(below, old_coverage) if task.captured_level is None else task.captured_level
     floor = np.float32(max(settings.delta * level, _NO_LIGHT))
     below += floor
@@ -43,7 +43,7 @@ def prepared(task: Task) -> Factor:
     return factor
 
 
-class _Surface:
+class _Weight:
     """What light is divided by: albedo times coverage."""
 
     def __init__(self, lit: Lit, size: tuple[int, int]) -> None:

@@ -151,6 +151,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.export import run_export
 
             return run_export(args)
+        case "sheet":
+            from mirelight.cli.sheet import run_sheet
+
+            return run_sheet(args)
         case "bake":
             from mirelight.cli.bake import run_bake
 
@@ -228,6 +232,7 @@ def _parser() -> argparse.ArgumentParser:
     from mirelight.cli.mix import add_mix
     from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
+    from mirelight.cli.sheet import add_sheet
 
     add_compare(commands)
     add_realtime(commands)
@@ -238,6 +243,7 @@ def _parser() -> argparse.ArgumentParser:
     add_export(commands)
     add_match(commands)
     add_bake(commands)
+    add_sheet(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

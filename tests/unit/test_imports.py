@@ -55,6 +55,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "compare": {"*"},
     "realtime": {"*"},
     "mixing": {"*"},
+    "showing": {"*"},
     "baking": {"colour", "mixing", "model", "scene", "sh"},
     "doctor": {"*"},
     "cli": {"*"},

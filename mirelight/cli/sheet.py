@@ -1,0 +1,52 @@
+"""`mirelight sheet`: many frames on one picture."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+_LEAST, _MOST = 16, 512  # pixels
+
+
+def add_sheet(commands: Any) -> None:
+    """Its arguments."""
+    sheet = commands.add_parser(
+        "sheet",
+        help="draw a contact sheet of frames",
+        description="Frames of an output folder, small, on one picture: rows are cameras, columns lightings. Picture "
+        "files are drawn as a grid.",
+    )
+    sheet.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or PNG, JPEG, WebP or EXR files")
+    sheet.add_argument("-o", "--file", metavar="FILE", default="sheet.png", help=".png, .jpg or .webp (sheet.png)")
+    sheet.add_argument("--camera", metavar="NAME", nargs="+", action="extend", help="only these (* and ? work)")
+    sheet.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
+    sheet.add_argument("--size", metavar="N", default="192", help="longer side of a small picture, pixels (192)")
+    sheet.add_argument("--all", action="store_true", help="all frames, on several sheets where one does not hold them")
+
+
+def run_sheet(args: argparse.Namespace) -> int:
+    """The command. One line to stdout."""
+    from mirelight.errors import InputError
+    from mirelight.farm.order import named
+    from mirelight.io.sheet import sheet_format
+    from mirelight.showing import sheets, shots
+
+    out = Path(args.file)
+    sheet_format(out)
+    if not args.size.isdecimal() or not _LEAST <= int(args.size) <= _MOST:
+        raise InputError("--size", args.size, f"give {_LEAST} to {_MOST} pixels")
+    paths = [Path(x) for x in args.paths]
+    found = shots.find(paths)
+    cameras, lightings = (
+        named(wanted, list(dict.fromkeys(getattr(x, kind) for x in found)))
+        for kind, wanted in (("camera", args.camera), ("lighting", args.lighting))
+    )
+    found = shots.chosen(found, cameras, lightings, paths[0])
+    made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)
+    some = f" of {made.there}" if made.shown < made.there else ""
+    print(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")
+    if some:
+        print("mirelight: evenly chosen; --all draws all of them, on several sheets", file=sys.stderr)
+    return 0

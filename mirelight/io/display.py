@@ -1,0 +1,96 @@
+"""Pictures of any kind as a display shows them: 8-bit values of a PNG, JPEG or WebP, or of a linear EXR."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.errors import InputError
+from mirelight.io.exr import read_exr
+from mirelight.io.frame_texts import PROVENANCE, profile_of
+from mirelight.io.png import encode_display
+from mirelight.io.safety import existing, open_binary
+from mirelight.model import F32, DisplaySettings
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".exr")  # of files that can be shown, what is cheapest first
+
+_MAX_PIXELS = 1 << 27
+
+
+def read_display(path: str | Path) -> NDArray[np.uint8]:
+    """A picture file as display values.
+
+    A frame's EXR is shown by its job's display settings, which the file holds; another program's as linear Rec.709,
+    premultiplied, at exposure 0. What is transparent lies over black.
+
+    Returns:
+        (H, W, 3) uint8.
+
+    Raises:
+        InputError: not such a picture, damaged, or larger than 134 million pixels.
+    """
+    path = existing(path)
+    suffix = path.suffix.lower()
+    if suffix == ".exr":
+        return _exr(path)
+    if suffix in SUFFIXES:
+        return _eight_bit(path)
+    raise InputError(path, f"a file of type {suffix or 'unknown'}", "give PNG, JPEG, WebP or EXR files, or a folder")
+
+
+def _exr(path: Path) -> NDArray[np.uint8]:
+    image = read_exr(path)
+    try:
+        rgba = _rgba(image.layer())
+    except (KeyError, ValueError):
+        found = f"an EXR without a picture (layers {', '.join(image.layers[:5])})"
+        raise InputError(path, found, "give one with R, G and B") from None
+    profile, linear = profile_of(path, image.metadata)
+    return encode_display(rgba, _display_of(image.metadata), profile, whole=linear)
+
+
+def _rgba(values: F32) -> F32:
+    if values.shape[2] == 4:
+        return values
+    rgb = {1: (0, 0, 0), 2: (0, 0, 0), 3: (0, 1, 2)}[min(values.shape[2], 3)]
+    out = np.ones((*values.shape[:2], 4), np.float32)
+    out[..., :3] = values[..., rgb]
+    return out
+
+
+def _display_of(texts: Mapping[str, Any]) -> DisplaySettings:
+    """The settings that the frame's own PNG would be made with; the defaults where the file does not say."""
+    try:
+        values = dict(json.loads(texts[PROVENANCE])["settings"]["display"])
+        return DisplaySettings(**{**values, "background": tuple(values["background"])})
+    except (KeyError, TypeError, ValueError, RecursionError):
+        return DisplaySettings()
+
+
+def _eight_bit(path: Path) -> NDArray[np.uint8]:
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with open_binary(path) as stream, Image.open(stream, formats=("PNG", "JPEG", "WEBP")) as image:
+                if image.width * image.height > _MAX_PIXELS:
+                    raise InputError(path, f"{image.width} x {image.height} pixels", "scale it down")
+                if image.mode.startswith("I"):  # 16-bit gray, which Pillow would clip to 8 bits
+                    gray = (np.asarray(image, dtype=np.uint32) >> 8).astype(np.uint8)
+                    return np.repeat(gray[..., None], 3, axis=2)
+                if not image.has_transparency_data:
+                    return np.asarray(image.convert("RGB"))
+                black = Image.new("RGBA", image.size, (0, 0, 0, 255))
+                return np.asarray(Image.alpha_composite(black, image.convert("RGBA")).convert("RGB"))
+    except (InputError, MemoryError):
+        raise
+    except Exception as e:  # Pillow's decoders raise errors of a dozen types
+        found = f"an image that cannot be decoded ({type(e).__name__})"
+        raise InputError(path, found, "give a sound PNG, JPEG or WebP image") from None

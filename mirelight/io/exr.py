@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, seal
+from mirelight.io.exr_noise import silenced
 from mirelight.io.safety import existing, require_memory
 from mirelight.model import Compression, shown
 
@@ -107,7 +108,7 @@ def write_exr(
         planes = {name: np.ascontiguousarray(plane[inside]) for name, plane in planes.items()}
     with atomic_path(path) as temporary:
         try:
-            with OpenEXR.File(header, planes) as file:
+            with silenced(), OpenEXR.File(header, planes) as file:
                 file.write(str(temporary))
         except RuntimeError as e:  # what the package raises when the system refuses to write
             raise _write_error(path, temporary, e) from None
@@ -129,7 +130,7 @@ def read_exr(path: str | Path) -> ExrImage:
     headers = read_header(path)
     _check_size(path, headers)
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with silenced(), OpenEXR.File(str(path), separate_channels=True) as file:
             parts = [(part.name(), part.header, part.channels) for part in file.parts]
             metadata = dict(parts[0][1])
             channels: dict[str, NDArray[Any]] = {}
@@ -157,7 +158,7 @@ def read_header(path: str | Path) -> list[dict[str, Any]]:
         with path.open("rb") as stream:
             if stream.read(4) != MAGIC:
                 raise InputError(path, "not an OpenEXR image", "check the file")
-        with OpenEXR.File(str(path), header_only=True) as file:
+        with silenced(), OpenEXR.File(str(path), header_only=True) as file:
             return [dict(part.header) for part in file.parts]
     except InputError:
         raise

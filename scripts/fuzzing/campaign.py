@@ -160,8 +160,7 @@ def _judged(case: Case, root: Path, answer: dict[str, Any], names: frozenset[str
 def _names_a_file(line: str, names: frozenset[str]) -> bool:
     """A message starts with the program and what it is about: a file, a folder, or an option as it was written."""
     if not line.startswith("mirelight: "):
-        own = line.startswith(("[", "usage: ", "mirelight "))  # progress, and what argparse says
-        return own or "(EXR_ERR_" in line  # the OpenEXR library prints a line of its own before the error
+        return line.startswith(("[", "usage: ", "mirelight "))  # progress, and what argparse says
     return any(name in line for name in (*names, *_BAIT, "--", "job.toml", "/case/"))
 
 

@@ -2,7 +2,7 @@
 
 Thresholds are from data: right proxies leave up to 13 % of the splats' pixels off, those turned, moved or
 scaled wrongly 24 % and more; frames of the shipped scenes have at most 6 % of white pixels and their splats lie within
-0.4 % of the proxy.
+0.4 % of the proxy. Splats lie on 52 % and 62 % of those scenes' proxies.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from mirelight import colour
 from mirelight.model import F32, DisplaySettings, Frame
 
-Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light"]
+Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours"]
 
 OPAQUE = 0.5  # alpha above which a pixel shows splats
 MOST_UNCOVERED = 0.18  # share of the splats' pixels
 MOST_GAP = 0.02  # median distance along the view axis, share of what the picture shows of the proxy
 MOST_WHITE = 0.15  # share of the splats' pixels, and so much more than the capture has
 MOST_BLACK = 0.6
+LEAST_MET = 0.1  # share of the proxy's area
 _WHITE, _BLACK = 254.5 / 255, 8 / 255  # display values
 _LEAST_SEEN = 0.002  # share of the picture
 _HARDLY = 1000  # how much darker than the capture light counts as none
@@ -68,6 +69,24 @@ def of_frame(frame: Frame, display: DisplaySettings, *, off: Collection[str] = (
         found += _brightness(frame, display, step, on)
         found += _idle(frame, off)
     return tuple(found)
+
+
+def of_colors(met: float, lit: bool) -> Finding | None:
+    """What is wrong with colours that a proxy takes from the splats.
+
+    Args:
+        met: share of the proxy's area on which splats lie.
+        lit: whether the captured light falls on any of them.
+    """
+    if not lit:
+        text = 'no captured light falls on the splats, so their colours (albedo = "splats") cannot be told'
+        return Finding("colours", text, "look at the captured lighting, or give the proxy an albedo")
+    if met < LEAST_MET:
+        text = (
+            f'splats lie on {met:.1%} of the proxy\'s surface, and colours of the rest (albedo = "splats") are guessed'
+        )
+        return Finding("colours", text, "check both transforms, or give the proxy an albedo")
+    return None
 
 
 def _fit(frame: Frame) -> list[Finding]:

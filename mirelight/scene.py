@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight import backend, keys
+from mirelight import advice, backend, keys
 from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
@@ -120,7 +120,11 @@ class Scene:
 
         colors = self.kept.array(self.keys.proxy)
         if colors is None:
-            colors = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render)
+            found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render)
+            finding = advice.of_colors(found.met, found.lit)
+            if finding is not None:
+                self._tell(str(finding))
+            colors = found.values
             self.kept.keep_array(self.keys.proxy, colors)
         return albedo.with_vertex_colors(mesh, colors)
 

@@ -45,6 +45,15 @@ class Deposits:
         return (v * self.corners[:, :, None]).sum(axis=1), face_normals(mesh)[self.face]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class VertexColors:
+    """What splats say about a proxy's colours, and how much they know."""
+
+    values: F32  # (V, 3) linear, of the vertices that :func:`with_vertex_colors` makes
+    met: float  # share of the proxy's area whose faces have a splat at a corner; the rest takes its neighbours' colours
+    lit: bool  # False: no captured light falls on any splat, so colours are the brightest that there are
+
+
 def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> ProxyMesh:
     """The proxy with vertex colours that look like the splats under the captured light.
 
@@ -63,30 +72,41 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
         RenderError: no splat lies on the proxy.
         BackendError: the variant `scalar_rgb`.
     """
-    return with_vertex_colors(proxy, vertex_colors(splats, proxy, captured, settings))
+    return with_vertex_colors(proxy, vertex_colors(splats, proxy, captured, settings).values)
 
 
 def with_vertex_colors(proxy: ProxyMesh, colors: F32) -> ProxyMesh:
-    """The proxy with colours that :func:`vertex_colors` found for it."""
+    """The proxy with the values that :func:`vertex_colors` found for it."""
     return replace(_split_by_orientation(proxy), vertex_colors=colors) if len(proxy.faces) else proxy
 
 
-def vertex_colors(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> F32:
-    """The colours of :func:`colored_by` alone, (V, 3) linear, of the vertices that :func:`with_vertex_colors` makes."""
+def vertex_colors(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> VertexColors:
+    """The colours of :func:`colored_by` alone."""
     if not len(proxy.faces):
-        return np.zeros((0, 3), np.float32)
+        return VertexColors(np.zeros((0, 3), np.float32), 1.0, True)
     mesh = _split_by_orientation(proxy)
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     deposits = deposits_of(splats, mesh, tracer)
     neighbours = _neighbours(mesh)
     colors = np.asarray(mesh.vertex_colors)
+    lit = True
     for done in range(ROUNDS):
         light = irradiance_at(deposits, mesh, tracer, captured)
+        lit = bool(light.any())
         found = _albedo(mesh, deposits, light, neighbours)
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
         tracer.recolor(colors)
-    return colors
+    return VertexColors(colors, _met(mesh, deposits), lit)
+
+
+def _met(mesh: ProxyMesh, deposits: Deposits) -> float:
+    """Share of the area whose faces have a splat at a corner."""
+    corner_met = np.zeros(len(mesh.vertices), bool)
+    corner_met[mesh.faces[deposits.face]] = True
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return float(area[corner_met[mesh.faces].any(axis=1)].sum() / max(area.sum(), 1e-300))
 
 
 def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:

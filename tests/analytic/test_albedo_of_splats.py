@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mirelight import colour, sh
 from mirelight.errors import RenderError
 from mirelight.lighting import Tracer
-from mirelight.lighting.albedo import BRIGHTEST, colored_by
+from mirelight.lighting.albedo import BRIGHTEST, colored_by, vertex_colors
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -242,6 +242,18 @@ def test_dark_capture_tells_no_colour_but_stays_finite() -> None:
     found = colored_by(splats, gray, Lighting(), SETTINGS)
     assert found.vertex_colors is not None
     np.testing.assert_allclose(found.vertex_colors, BRIGHTEST)
+
+
+def test_what_the_colours_are_known_by() -> None:
+    """Two of the twenty pieces of a strip, which share no corners, have splats on them."""
+    strip = joined(*(quad((x, 0, 0.1), (0.1, 0, 0), (0, 0, -0.2)) for x in np.arange(-1, 1, 0.1)), weld=False)
+    at = np.stack([np.tile([-0.95, -0.85], 50), np.zeros(100), np.zeros(100)], axis=1)
+    splats = splats_on(at, np.tile([0.0, 1, 0], (100, 1)), np.tile(RED, (100, 1)), 0.01)
+    found = vertex_colors(splats, strip, lit((0, -1, 0), 1), SETTINGS)
+    assert found.lit
+    np.testing.assert_allclose(found.met, 0.1, rtol=1e-5)
+    dark = vertex_colors(splats, strip, Lighting(), SETTINGS)
+    assert not dark.lit and dark.met == found.met
 
 
 def test_splats_elsewhere_are_refused_in_one_line() -> None:

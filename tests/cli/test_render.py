@@ -238,3 +238,26 @@ def test_a_full_disk_leaves_nothing_half_written(run: Run, folder: Path) -> None
     assert done.returncode == 2, done.stderr
     assert "front.night.exr: cannot be written" in done.stderr
     assert files(folder / "full") == []
+
+
+def test_colours_that_cannot_be_told_are_said(run: Run, folder: Path) -> None:
+    dark = 'captured={lights=[{type="point",position=[0,3,0],intensity=0}]}'
+    one = (
+        "render",
+        "job.toml",
+        "--camera",
+        "front",
+        "--lighting",
+        "day",
+        "--set",
+        'proxy={path="proxy.glb",albedo="splats"}',
+    )
+    done = run(*one, "--set", dark)
+    assert done.returncode == 0
+    lines = [line for line in done.stderr.splitlines() if "colours" in line]
+    assert lines == [
+        'mirelight: no captured light falls on the splats, so their colours (albedo = "splats") cannot be told; '
+        "look at the captured lighting, or give the proxy an albedo"
+    ]
+    quiet = run(*one, "--set", dark, "-q", "-o", "other")
+    assert (quiet.returncode, quiet.stderr) == (0, "")

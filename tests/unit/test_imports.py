@@ -43,7 +43,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "keys": {"model", "units", "provenance", "relighting", "lighting"},
     "kept": {"model"},
     "view_light": {"model", "units", "mix", "keys", "kept", "lighting"},
-    "scene": {"errors", "model", "units", "keys", "kept", "backend", "lighting", "compositor", "view_light"}
+    "scene": {"advice", "errors", "model", "units", "keys", "kept", "backend", "lighting", "compositor", "view_light"}
     | {"estimate"},
     "stages": {"model", "keys", "provenance", "relighting", "scene", "view_light"},
     "plan": {"errors", "model", "engine_lights", "keys", "scene", "lighting"},

@@ -23,7 +23,7 @@ TERMINATED = 143  # 128 + SIGTERM
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the return value is the exit code (0, 2, or 130 and 143 where it was stopped)."""
     _prepare_streams()
-    parser = _parser()
+    parser = make_parser()
     args = parser.parse_args(arguments)
     if args.command is None:
         parser.print_help()
@@ -175,7 +175,8 @@ def _run(args: argparse.Namespace) -> int:
             return doctor.run()
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Of every command, without importing what it runs."""
     parser = argparse.ArgumentParser(
         prog="mirelight",
         description="Offline, physically based relighting of Gaussian-splat captures.",

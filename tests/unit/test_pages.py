@@ -1,0 +1,76 @@
+"""What the pages tell people to type: commands that the program takes, Python that imports what there is, TOML."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from mirelight.cli import make_parser
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+_FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_INDENTED = re.compile(r"(?:^ {4}\S.*\n)+", re.MULTILINE)
+_SYNOPSIS = re.compile(r"…|\||\[")  # lines that show a command's form and not a command
+
+
+def blocks(text: str, *languages: str) -> Iterator[str]:
+    """The content of fences in any of the languages."""
+    return (body for language, body in _FENCE.findall(text) if language in languages)
+
+
+def commands(text: str) -> Iterator[list[str]]:
+    """The arguments of every mirelight command of a page."""
+    plain = _FENCE.sub("", text)
+    indented = (re.sub(r"^ {4}", "", x, flags=re.MULTILINE) for x in _INDENTED.findall(plain))
+    for block in (*blocks(text, "sh", "bash", ""), *indented):
+        for line in block.replace("\\\n", " ").splitlines():
+            found = re.match(r"(?:\$ )?(?:\.venv/bin/)?mirelight ((?:[^#'\"]|'[^']*'|\"[^\"]*\")*)", line)
+            if found and not _SYNOPSIS.search(re.sub(r"'[^']*'", "", found[1])):
+                yield shlex.split(found[1].split(" && ")[0].split(" > ")[0])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_are_ones_that_the_program_takes(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused = []
+    for arguments in commands(page.read_text(encoding="utf-8")):
+        try:
+            make_parser().parse_args(arguments)
+        except SystemExit as ended:
+            if ended.code:
+                refused.append((" ".join(arguments), capsys.readouterr().err.splitlines()[-1]))
+    assert not refused
+
+
+def test_there_are_commands_to_be_found() -> None:
+    assert sum(len(list(commands(page.read_text(encoding="utf-8")))) for page in PAGES) >= 40
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_imports_what_there_is(page: Path) -> None:
+    for block in blocks(page.read_text(encoding="utf-8"), "python"):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "mirelight":
+                home = import_module(node.module or "")
+                for name in node.names:
+                    if not hasattr(home, name.name):
+                        import_module(f"{node.module}.{name.name}")
+            elif isinstance(node, ast.Import):
+                for name in node.names:
+                    if name.name.split(".")[0] == "mirelight":
+                        import_module(name.name)
+            elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "mirelight":
+                assert hasattr(import_module("mirelight"), node.attr)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_toml_is_sound(page: Path) -> None:
+    for block in blocks(page.read_text(encoding="utf-8"), "toml"):
+        tomllib.loads(block)

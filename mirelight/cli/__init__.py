@@ -155,6 +155,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.sheet import run_sheet
 
             return run_sheet(args)
+        case "film":
+            from mirelight.cli.film import run_film
+
+            return run_film(args)
         case "bake":
             from mirelight.cli.bake import run_bake
 
@@ -229,6 +233,7 @@ def make_parser() -> argparse.ArgumentParser:
     from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
     from mirelight.cli.export import add_export
+    from mirelight.cli.film import add_film
     from mirelight.cli.match import add_match
     from mirelight.cli.mix import add_mix
     from mirelight.cli.proxy import add_proxy
@@ -245,6 +250,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_match(commands)
     add_bake(commands)
     add_sheet(commands)
+    add_film(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

@@ -18,7 +18,7 @@ def add_sheet(commands: Any) -> None:
         description="Frames of an output folder, small, on one picture: rows are cameras, columns lightings. Picture "
         "files are drawn as a grid.",
     )
-    sheet.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or PNG, JPEG, WebP or EXR files")
+    sheet.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or picture files or a pattern")
     sheet.add_argument("-o", "--file", metavar="FILE", default="sheet.png", help=".png, .jpg or .webp (sheet.png)")
     sheet.add_argument("--camera", metavar="NAME", nargs="+", action="extend", help="only these (* and ? work)")
     sheet.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
@@ -29,7 +29,6 @@ def add_sheet(commands: Any) -> None:
 def run_sheet(args: argparse.Namespace) -> int:
     """The command. One line to stdout."""
     from mirelight.errors import InputError
-    from mirelight.farm.order import named
     from mirelight.io.sheet import sheet_format
     from mirelight.showing import sheets, shots
 
@@ -37,13 +36,7 @@ def run_sheet(args: argparse.Namespace) -> int:
     sheet_format(out)
     if not args.size.isdecimal() or not _LEAST <= int(args.size) <= _MOST:
         raise InputError("--size", args.size, f"give {_LEAST} to {_MOST} pixels")
-    paths = [Path(x) for x in args.paths]
-    found = shots.find(paths)
-    cameras, lightings = (
-        named(wanted, list(dict.fromkeys(getattr(x, kind) for x in found)))
-        for kind, wanted in (("camera", args.camera), ("lighting", args.lighting))
-    )
-    found = shots.chosen(found, cameras, lightings, paths[0])
+    found = shots.wanted(args.paths, args.camera, args.lighting)
     made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)
     some = f" of {made.there}" if made.shown < made.there else ""
     print(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")

@@ -7,7 +7,7 @@ every picture in it counts. Where layers alone are kept, frames are mixed from t
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from mirelight import dataset
 from mirelight.dataset.index import FILE as LAYERS
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
+from mirelight.farm.order import named
 from mirelight.io.display import SUFFIXES, read_display
 from mirelight.io.exr import read_header
 from mirelight.io.frame_texts import CAMERA, PROVENANCE, read_text
@@ -79,25 +80,42 @@ def of_folder(folder: Path) -> list[Shot]:
     return [Shot(name, "", "", partial(read_display, path)) for name, path in files.items()]
 
 
-def chosen(
-    shots: Iterable[Shot], cameras: Sequence[str] | None, lightings: Sequence[str] | None, source: Path
+def wanted(
+    paths: Sequence[str], cameras: Sequence[str] | None = None, lightings: Sequence[str] | None = None
 ) -> list[Shot]:
-    """Those of these cameras and lightings (names; None: all).
+    """The frames that a command line means.
+
+    Args:
+        paths: files, folders, and patterns of files ("out/orbit.*.png") that no shell has resolved.
+        cameras: names, patterns, or the name of a turntable; None: all.
+        lightings: names or patterns; None: all.
 
     Raises:
-        InputError: no such name.
+        InputError: nothing there, no such name, or a file that is no picture.
     """
-    out = list(shots)
-    for kind, wanted in (("camera", cameras), ("lighting", lightings)):
-        if wanted is None:
-            continue
+    out = find([found for text in paths for found in _resolved(text)])
+    for kind, names in (("camera", cameras), ("lighting", lightings)):
         there = list(dict.fromkeys(getattr(x, kind) for x in out))
-        for name in wanted:
+        chosen = named(names, there)
+        if chosen is None:
+            continue
+        for name in chosen:
             if name not in there:
                 known = ", ".join(x for x in there[:20] if x) or "none that the files name"
-                raise InputError(source, f"no {kind} named {name!r}", f"there are: {known}")
-        out = [x for x in out if getattr(x, kind) in wanted]
+                raise InputError(paths[0], f"no {kind} named {name!r}", f"there are: {known}")
+        out = [x for x in out if getattr(x, kind) in chosen]
     return out
+
+
+def _resolved(text: str) -> list[Path]:
+    if Path(text).exists() or not any(x in text for x in "*?["):
+        return [Path(text)]
+    root = Path(text).anchor
+    matching = [x for x in Path(root).glob(str(Path(text).relative_to(root))) if not x.name.startswith(".")]
+    found = sorted(matching, key=lambda x: (str(x.parent), _natural(x.name)))
+    if not found:
+        raise InputError(text, "no file of that pattern", "check the path")
+    return found
 
 
 def _of_file(path: Path) -> Shot:

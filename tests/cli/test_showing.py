@@ -1,4 +1,4 @@
-"""`mirelight sheet`: a folder's frames from their files and from kept layers; wrong use."""
+"""`mirelight sheet` and `film`: a folder's frames from their files and from kept layers; wrong use."""
 
 from __future__ import annotations
 
@@ -29,6 +29,9 @@ def test_sheets_of_files_and_of_layers_show_the_same(folder: Path, run: Run) -> 
     some = run("sheet", "out", "-o", "some.jpg", "--camera", "orbit", "--lighting", "n*")
     assert some.stdout == "2 frames on some.jpg\n"
 
+    film = run("film", "out", "-o", "film.webp", "--camera", "orbit", "--lighting", "day", "--fps", "10")
+    assert film.stdout == "2 frames of 64 x 48, 0.2 s in film.webp\n", film.stderr
+
     for path in (folder / "out").glob("*.*.png"):
         path.unlink()
     layers = run("sheet", "out", "-o", "layers.png")
@@ -49,6 +52,8 @@ def test_sheets_of_files_and_of_layers_show_the_same(folder: Path, run: Run) -> 
         (["sheet", "one.png", "-o", "sheet.gif"], "sheet.gif: a sheet is written as"),
         (["sheet", "one.png", "--size", "4"], "--size: 4; give 16 to 512 pixels"),
         (["sheet", "one.png", "--camera", "x"], "no camera named 'x'"),
+        (["film", "one.png", "-o", "film.avi"], "film.avi: a film is written as"),
+        (["film", "*.jpg", "-o", "film.gif"], "*.jpg: no file of that pattern"),
         (["sheet", "one.png", "-o", "no/folder.png"], "no/folder.png: cannot be written"),
     ],
 )

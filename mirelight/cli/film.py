@@ -1,0 +1,53 @@
+"""`mirelight film`: frames one after the other, as a film."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def add_film(commands: Any) -> None:
+    """Its arguments."""
+    film = commands.add_parser(
+        "film",
+        help="make a film of frames",
+        description="The frames of an output folder, or picture files, one after the other: H.264 (.mp4, by the extra "
+        "'film' or ffmpeg), animated WebP or GIF.",
+    )
+    film.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or picture files or a pattern")
+    film.add_argument("-o", "--file", metavar="FILE", required=True, help=".mp4, .webp or .gif")
+    film.add_argument("--fps", metavar="N", default="24", help="pictures a second (24)")
+    film.add_argument("--camera", metavar="NAME", nargs="+", action="extend", help="only these (* and ? work)")
+    film.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
+    film.add_argument(
+        "--order",
+        choices=("cameras", "lightings"),
+        default="cameras",
+        help="what runs first: all cameras under a lighting, or all lightings of a camera (cameras)",
+    )
+
+
+def run_film(args: argparse.Namespace) -> int:
+    """The command. One line to stdout, and on a terminal a live one to stderr."""
+    from mirelight.showing import film, shots
+    from mirelight.showing.encoders import encoder_of
+
+    out = Path(args.file)
+    rate = film.rate_of(args.fps)
+    write = encoder_of(out, rate)
+    found = film.ordered(shots.wanted(args.paths, args.camera, args.lighting), args.order)
+    live = sys.stderr.isatty()
+
+    def report(done: int, total: int) -> None:
+        print(f"\033[K{done}/{total} frames", end="\r", file=sys.stderr, flush=True)
+
+    try:
+        made = film.write_film(found, out, rate, write, report if live else None)
+    finally:
+        if live:
+            print("\033[K", end="", file=sys.stderr, flush=True)
+    width, height = made.size
+    print(f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}")
+    return 0

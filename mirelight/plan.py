@@ -90,7 +90,8 @@ def light_keys(job: Job) -> frozenset[str]:
 
 
 def warnings(plan: Plan) -> tuple[str, ...]:
-    """A line for each thing in the plan that the light model of the job's profile does not follow, said once."""
+    """A line for each thing in the plan that the light model of the job's profile does not follow, and about files that
+    are easily taken for something else, said once."""
     job = plan.job
     lightings = {id(task.lighting): task.lighting for task in plan.tasks if task.lighting is not None}
     if keys.compares(job) and job.captured is not None:
@@ -102,7 +103,7 @@ def warnings(plan: Plan) -> tuple[str, ...]:
     if job.albedo_from_splats and not keys.colors_proxy(job):
         gray = "the splats' colours are used in mode 'ratio' with path-traced light; gray here"
         found.append(("proxy.albedo", (gray,)))
-    return tuple(dict.fromkeys(f"{where}: {line}" for where, lines in found for line in lines))
+    return tuple(dict.fromkeys([*job.notes, *(f"{where}: {line}" for where, lines in found for line in lines)]))
 
 
 def _engine_warnings(

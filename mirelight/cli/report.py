@@ -89,6 +89,8 @@ def _mesh(facts: MeshFacts) -> Rows:
     yield "memory", size(facts.memory)
     yield from _many("light", [_light(x) for x in facts.lights])
     yield from _many("camera", [_camera(x) for x in facts.cameras])
+    for note in facts.notes:
+        yield "note", note
 
 
 def _picture(facts: PictureFacts) -> Rows:
@@ -116,6 +118,8 @@ def _job(facts: JobFacts) -> Rows:
     yield from _many("camera", [_camera(x) for x in facts.cameras])
     yield "frames", f"{facts.frames}, written to {facts.output}"
     yield "memory", f"about {size(facts.memory)} while rendering"
+    for note in facts.notes:
+        yield "note", note
 
 
 def _lighting(title: str, facts: LightingFacts) -> Rows:

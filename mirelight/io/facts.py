@@ -138,6 +138,7 @@ class MeshFacts:
     memory: int  # bytes once read
     lights: tuple[LightFacts, ...] = ()
     cameras: tuple[CameraFacts, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,6 +175,7 @@ class JobFacts:
     profile: str
     output: str
     memory: int  # bytes that a render takes, estimated
+    notes: tuple[str, ...] = ()
 
 
 Facts: TypeAlias = SplatFacts | MeshFacts | PictureFacts | JobFacts

@@ -5,6 +5,7 @@ Splats and meshes are read whole, because only that shows whether a file is soun
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,11 +103,17 @@ def _mesh(path: Path) -> MeshFacts:
 
 
 def _gltf(path: Path) -> MeshFacts:
+    from mirelight.io.gltf import blender
     from mirelight.io.gltf.scene import read_scene
 
     scene = read_scene(path, textures=False)
     cameras = tuple(gltf_camera_facts(camera, camera.name in scene.animated_cameras) for camera in scene.cameras)
-    return _mesh_facts(path, scene.mesh, tuple(light_facts(x) for x in scene.lights), cameras)
+    facts = _mesh_facts(path, scene.mesh, tuple(light_facts(x) for x in scene.lights), cameras)
+    if scene.blender is None or not scene.lights:
+        return facts
+    return replace(
+        facts, notes=(blender.note(path.name, scene.blender, 'in a job: lights_from with unit = "blender"'),)
+    )
 
 
 def _mesh_facts(
@@ -185,6 +192,7 @@ def _job(path: Path) -> JobFacts:
         profile=work.compositor.profile,
         output=str(work.output.directory),
         memory=_render_bytes(splats, proxy, work.cameras, work.lightings, denoise=work.render.denoise),
+        notes=work.notes,
     )
 
 

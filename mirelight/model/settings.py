@@ -148,6 +148,7 @@ class Job:
     display: DisplaySettings = DisplaySettings()
     output: OutputSettings = OutputSettings()
     inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex
+    notes: tuple[str, ...] = ()  # what to know about files that were read, a line each; counts for no picture
 
     def __repr__(self) -> str:
         there = [name for name in ("splats", "proxy", "captured") if getattr(self, name) is not None]

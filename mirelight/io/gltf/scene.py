@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight.io.gltf import blender
 from mirelight.io.gltf.animation import animated_nodes
 from mirelight.io.gltf.cameras import GltfCamera, read_node_cameras
 from mirelight.io.gltf.deform import joint_matrices, morphed, vertex_matrices
@@ -30,6 +31,15 @@ class GltfScene:
     lights: tuple[Light, ...]  # KHR_lights_punctual, in node order
     cameras: tuple[GltfCamera, ...]  # in node order
     animated_cameras: tuple[str, ...]  # names of the cameras that an animation moves
+    blender: str | None  # Blender's exporter with its version, where that wrote the file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GltfLights:
+    """The punctual lights of a glTF file."""
+
+    lights: tuple[Light, ...]  # in node order, lux and candela as in the file
+    blender: str | None  # Blender's exporter with its version, where that wrote the file
 
 
 def read_scene(path: str | Path, *, textures: bool = True) -> GltfScene:
@@ -55,13 +65,20 @@ def read_scene(path: str | Path, *, textures: bool = True) -> GltfScene:
         lights=read_node_lights(document, nodes.values()),
         cameras=cameras,
         animated_cameras=tuple(x.name for x in cameras if x.node in moving),
+        blender=blender.exporter(document),
     )
 
 
 def read_lights(path: str | Path) -> tuple[Light, ...]:
     """The punctual lights of a .glb or .gltf file, without reading its meshes (see :func:`read_scene`)."""
+    return read_lights_of(path).lights
+
+
+def read_lights_of(path: str | Path) -> GltfLights:
+    """The same with what wrote them."""
     document = read_document(path)
-    return read_node_lights(document, place_nodes(document).values())
+    lights = read_node_lights(document, place_nodes(document).values())
+    return GltfLights(lights=lights, blender=blender.exporter(document))
 
 
 def read_cameras(path: str | Path) -> tuple[GltfCamera, ...]:

@@ -15,6 +15,7 @@ from mirelight.conventions import Matrix
 from mirelight.io.job import cameras, lighting, mixing, placing, sweep
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
+from mirelight.io.job.light_tables import LightUnit
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.source import Source
@@ -33,6 +34,7 @@ class Assets:
     folder: Path
     proxy: ProxyTable | None
     digests: dict[str, str] = field(default_factory=dict)
+    notes: dict[str, None] = field(default_factory=dict)  # lines about what the files hold, each once
 
     def path(self, named: str) -> Path:
         """The file of a name in the job; its digest is taken now."""
@@ -53,12 +55,19 @@ class Assets:
         albedo = "gray" if table.albedo == "splats" else table.albedo
         return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
 
-    def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
+    def gltf_lights(self, path: str, unit: LightUnit | None = None) -> tuple[tuple[Light, ...], Matrix]:
         """See :class:`lighting.LightFiles`."""
-        from mirelight.io.gltf.scene import read_lights
+        from mirelight.io.gltf import blender
+        from mirelight.io.gltf.scene import read_lights_of
 
         file, default = self._gltf(path)
-        return read_lights(file), default
+        found = read_lights_of(file)
+        if unit == "blender":
+            return tuple(blender.as_in_blender(light) for light in found.lights), default
+        if unit is None and found.blender and found.lights:
+            remedy = f'lights_from = {{ path = "{path}", unit = "blender" }} takes that out, unit = "khr" keeps it'
+            self.notes[blender.note(file.name, found.blender, remedy)] = None
+        return found.lights, default
 
     def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
         """See :class:`cameras.CameraFiles`."""
@@ -135,6 +144,7 @@ def build(source: Source, table: JobTable) -> Job:
         display=model.DisplaySettings(**_settings(table.display)),
         output=replace(model.OutputSettings(**_settings(table.output)), directory=_output_folder(source, table)),
         inputs=dict(sorted(assets.digests.items())),
+        notes=tuple(assets.notes),
     )
 
 

@@ -253,6 +253,9 @@ AnyLight: TypeAlias = Annotated[
 ]
 
 
+LightUnit: TypeAlias = Literal["khr", "blender"]  # what a glTF file's intensities are
+
+
 class LightsFromTable(Table):
     """Punctual lights of a glTF file."""
 
@@ -260,6 +263,11 @@ class LightsFromTable(Table):
     names: list[str] | None = Field(default=None, min_length=1, description="Which lights, by name. Default: all.")
     transform: Transform | None = Field(
         default=None, description="Places them in the world. Default for the proxy: its own."
+    )
+    unit: LightUnit | None = Field(
+        default=None,
+        description="khr: lux and candela, as the file says; blender: of Blender's exporter in its Standard mode, as "
+        "strong as Blender shows them (divided by 683). Default: khr, with a word about files of Blender.",
     )
     intensity: NotNegative = Field(default=1.0, description="Multiplies the intensity of each of them.")
     group: GroupName | None = Field(default=None, description=_GROUP)

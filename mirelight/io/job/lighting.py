@@ -17,6 +17,7 @@ from mirelight.io.job.light_tables import (
     AreaTable,
     DirectionalTable,
     LightsFromTable,
+    LightUnit,
     Lit,
     PlayCanvasTable,
     PointTable,
@@ -50,8 +51,9 @@ ENVIRONMENT = "environment"  # its layer's name
 class LightFiles(Protocol):
     """Reads what a lighting names."""
 
-    def gltf_lights(self, path: str) -> tuple[tuple[Light, ...], Matrix]:
-        """The lights of a glTF file ("proxy": the proxy's), and the transform that they have by default."""
+    def gltf_lights(self, path: str, unit: LightUnit | None = None) -> tuple[tuple[Light, ...], Matrix]:
+        """The lights of a glTF file ("proxy": the proxy's) in physical units, and the transform that they have by
+        default."""
 
     def panorama(self, path: str) -> Deferred[F32]:
         """An environment picture (h, w, 3), linear."""
@@ -117,7 +119,7 @@ def choose(
 
 
 def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[Mistake]) -> list[Light]:
-    found, default = files.gltf_lights(table.path)
+    found, default = files.gltf_lights(table.path, table.unit)
     m = matrix(table.transform) if table.transform else default
     chosen = choose([x.name for x in found], table.names, at, "light", table.path, wrong)
     lights = [placed_light(found[i], m) for i in chosen]

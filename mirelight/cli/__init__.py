@@ -87,7 +87,7 @@ def _close_stdout(error: OSError) -> None:
 
 def _subject(args: argparse.Namespace) -> str:
     """The file that a command is about."""
-    for name in ("job", "file", "capture", "paths"):
+    for name in ("job", "file", "capture", "folder", "paths"):
         found = getattr(args, name, None)
         if found:
             return str(found if isinstance(found, str) else found[0])
@@ -119,6 +119,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.submit import run_submit
 
             return run_submit(args)
+        case "status":
+            from mirelight.cli.status import run_status
+
+            return run_status(args)
         case "inspect":
             from mirelight.cli.report import run_inspect
 
@@ -184,8 +188,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="mirelight",
         description="Offline, physically based relighting of Gaussian-splat captures.",
-        epilog="Exit codes: 0 done; 1 a requirement of compare is unmet; 2 bad input or no way to go on (one line says "
-        "why); 130 interrupted.",
+        epilog="Exit codes: 0 done; 1 a requirement of compare is unmet, or status finds frames missing; 2 bad input "
+        "or no way to go on (one line says why); 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"mirelight {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
@@ -239,7 +243,9 @@ def make_parser() -> argparse.ArgumentParser:
     from mirelight.cli.proxy import add_proxy
     from mirelight.cli.realtime import add_realtime
     from mirelight.cli.sheet import add_sheet
+    from mirelight.cli.status import add_status
 
+    add_status(commands)
     add_compare(commands)
     add_realtime(commands)
     add_mix(commands)

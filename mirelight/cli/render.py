@@ -38,7 +38,8 @@ def run_render(args: argparse.Namespace) -> int:
             store = Store(work)
             store.open()
             every = order.cameras is None and order.lightings is None
-            store.planned.keep(whole, order.arguments()[1:], whole=every)
+            light = [] if args.light is None else [f"--light={args.light}"]
+            store.planned.keep(whole, [*order.anywhere().arguments()[1:], *light], whole=every)
             with stop.Watched(tally) as watched:
                 if workers is not None:
                     crew.run(order, frames, store, workers, watched)

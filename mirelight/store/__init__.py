@@ -36,13 +36,13 @@ from mirelight.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
+from mirelight.store.folder import ASIDE
 from mirelight.store.index import Index, digest_of
 from mirelight.store.journal import FileRow, Journal, Row, sync_folder
 from mirelight.store.planned import PlannedRuns
 
 __all__ = ["Index", "Row", "Store", "write"]
 
-_ASIDE = ".mirelight"
 _STALE = 600.0  # seconds after which another machine's temporary file counts as left behind
 
 
@@ -56,7 +56,7 @@ class Store:
     def __init__(self, job: Job) -> None:
         self.folder = job.output.directory
         self._output, self._display = job.output, job.display
-        aside = self.folder / _ASIDE
+        aside = self.folder / ASIDE
         self._aside = {name: aside / name for name in ("journal", "claims", "light", "scene", "plans")}
         self._journal = Journal(self._aside["journal"])
         self._claims = Claims(self._aside["claims"])

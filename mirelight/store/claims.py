@@ -8,12 +8,16 @@ Should two work at once all the same, they make the same files twice, and lose n
 from __future__ import annotations
 
 import hashlib
+import json
 import os
+import platform
 import re
 import secrets
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from mirelight.io import owner
@@ -21,13 +25,32 @@ from mirelight.io.atomic import output_error
 
 _TOUCH = 30.0  # seconds between two touches
 _STALE = 600.0  # seconds without a touch after which another machine's process counts as gone
+_UNSIGNED = 10.0  # seconds after which a claim without a name counts as that of a process killed while it made it
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A claim as it stands."""
+
+    name: str  # of the work
+    host: str  # name of the machine
+    process: int
+    age: float  # seconds since it was taken, by the folder's own clock
+    silent: float  # seconds since the last sign of life
+    alive: bool  # False: its process has ended, or was silent for too long; whoever comes next takes it over
 
 
 class Claims:
-    """The claims in a folder."""
+    """The claims in a folder.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    Args:
+        folder: where they are.
+        run: a word that processes share of which somebody sees to it that no two do the same work at once, as a
+            scheduler does: a claim of the same run is taken over, because its process has been given up.
+    """
+
+    def __init__(self, folder: Path, run: str = "") -> None:
+        self._folder, self._run = folder, run
         self._held: set[Path] = set()
         self._toucher: threading.Thread | None = None
         self._ended = threading.Event()
@@ -40,20 +63,43 @@ class Claims:
             OutputError: the folder cannot be written.
         """
         path = self._path(name)
-        mine = self._take(path)
+        mine = self._take(path, name)
         try:
             yield mine
         finally:
             if mine:
                 self._held.discard(path)
                 with suppress(OSError):
-                    path.unlink()
+                    if _signed(path)[0] == owner.token():  # it may have been taken over meanwhile
+                        path.unlink()
+
+    def held(self) -> list[Held]:
+        """All claims, the oldest first."""
+        found: list[Held] = []
+        now = self._now()
+        with suppress(OSError):
+            for path in self._folder.glob("[!.]*"):
+                with suppress(OSError):
+                    touched = path.stat().st_mtime
+                    holder, about = _signed(path)
+                    running = owner.runs(holder)
+                    found.append(
+                        Held(
+                            name=str(about.get("name", path.name)),
+                            host=str(about.get("host", "an unknown machine")),
+                            process=int(holder.rpartition("-")[2] or 0) if holder else 0,
+                            age=max(0.0, now - _number(about.get("since"), touched)),
+                            silent=max(0.0, now - touched),
+                            alive=running if running is not None else now - touched <= _STALE,
+                        )
+                    )
+        return sorted(found, key=lambda x: -x.age)
 
     def _path(self, name: str) -> Path:
         plain = re.sub(r"[^\w.-]+", "_", name)[:80]
         return self._folder / f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
-    def _take(self, path: Path) -> bool:
+    def _take(self, path: Path, name: str) -> bool:
         for _ in range(2):
             try:
                 handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
@@ -63,7 +109,8 @@ class Claims:
                 continue
             except OSError as e:
                 raise output_error(path, e) from None
-            os.write(handle, owner.token().encode())
+            about = {"name": name, "host": platform.node(), "since": os.fstat(handle).st_mtime, "run": self._run}
+            os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
             os.close(handle)
             self._hold(path)
             return True
@@ -71,11 +118,13 @@ class Claims:
 
     def _abandoned(self, path: Path) -> bool:
         try:
-            holder = path.read_text(encoding="ascii", errors="replace")
+            holder, about = _signed(path)
             running = owner.runs(holder)
-            if running is not None:
-                return not running
-            return self._now() - path.stat().st_mtime > _STALE
+            if running is False or (self._run and about.get("run") == self._run and holder != owner.token()):
+                return True
+            if running:
+                return False
+            return self._now() - path.stat().st_mtime > (_STALE if holder else _UNSIGNED)
         except OSError:
             return False  # it has just been given up
 
@@ -85,6 +134,8 @@ class Claims:
         try:
             probe.touch()
             return probe.stat().st_mtime
+        except OSError:
+            return time.time()  # a folder that is only read
         finally:
             with suppress(OSError):
                 probe.unlink()
@@ -114,3 +165,21 @@ class Claims:
     def close(self) -> None:
         """Stop touching."""
         self._ended.set()
+
+
+def _signed(path: Path) -> tuple[str, dict[str, object]]:
+    """Whose a claim is, and what it says of itself; both empty where its process has not come to write that.
+
+    Raises:
+        OSError: it has been given up.
+    """
+    holder, _, rest = path.read_text(encoding="utf-8", errors="replace").partition("\n")
+    try:
+        about = json.loads(rest)
+    except ValueError:
+        about = {}
+    return holder, about if isinstance(about, dict) else {}
+
+
+def _number(value: object, otherwise: float) -> float:
+    return float(value) if isinstance(value, int | float) else otherwise

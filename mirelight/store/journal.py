@@ -49,6 +49,15 @@ class Journal:
 
     def new_rows(self) -> Iterator[Row]:
         """The rows since those that were asked for before; of each file only its end is read."""
+        for rows in self._new():
+            yield from rows
+
+    def by_process(self) -> Iterator[list[Row]]:
+        """The rows of each process in the order in which it wrote them."""
+        self._read = {}
+        return self._new()
+
+    def _new(self) -> Iterator[list[Row]]:
         try:
             files = sorted(self._folder.glob("*.jsonl"))
         except OSError:
@@ -65,10 +74,7 @@ class Journal:
                 continue
             whole = text.rfind(b"\n") + 1  # a line without its end may still be growing, or is torn for good
             self._read[file.name] = begin + whole
-            for line in text[:whole].splitlines():
-                row = _row(line)
-                if row is not None:
-                    yield row
+            yield [row for line in text[:whole].splitlines() if (row := _row(line)) is not None]
 
     def add(self, row: Row) -> None:
         """Write a row and see it to the disk. The files that it names must be there already, and their folder synced.

@@ -22,6 +22,7 @@ class PlannedFrame:
     camera: str
     lighting: str  # "" where the job has none
     files: Mapping[str, str]  # by suffix the key of each file
+    group: str  # name of the piece of work that it belongs to: all of its camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,7 @@ class Planned:
     settings: tuple[str, ...]  # what was laid over it: arguments of the command
     whole: bool  # every camera under every lighting
     frames: tuple[PlannedFrame, ...]
+    layers: Mapping[str, tuple[str, ...]]  # by group the keys of what is kept instead of frames
 
 
 class PlannedRuns:
@@ -47,10 +49,13 @@ class PlannedRuns:
             OutputError: it cannot be written.
         """
         frames = [
-            [task.name, task.camera.name, task.lighting.name if task.lighting else "", dict(task.files)]
-            for task in plan.tasks
+            [task.name, task.camera.name, task.lighting.name if task.lighting else "", dict(task.files), group.name]
+            for group in plan.groups
+            for task in group.tasks
         ]
-        entry = {"job": str(plan.job.source), "settings": list(settings), "whole": whole, "frames": frames}
+        layers = {group.name: list(group.layers) for group in plan.groups if group.layers}
+        job = str(plan.job.source.absolute())
+        entry = {"job": job, "settings": list(settings), "whole": whole, "frames": frames, "layers": layers}
         text = json.dumps(entry, sort_keys=True).encode()
         path = self._folder / f"{hashlib.sha256(text).hexdigest()[:24]}.json"
         if whole:
@@ -65,13 +70,6 @@ class PlannedRuns:
         with atomic_path(path) as temporary:
             temporary.write_bytes(text)
 
-    def frames(self) -> tuple[PlannedFrame, ...]:
-        """Every frame that some run was to make, as the newest of them had it, in the order of the oldest."""
-        found: dict[str, PlannedFrame] = {}
-        for run in self.runs():
-            found |= {frame.name: frame for frame in run.frames}
-        return tuple(found.values())
-
     def runs(self) -> Iterator[Planned]:
         """The records, oldest first; what cannot be read is skipped."""
         with suppress(OSError):
@@ -85,9 +83,10 @@ def _read(path: Path) -> Planned | None:
     try:
         entry = json.loads(path.read_bytes())
         frames = tuple(
-            PlannedFrame(str(name), str(camera), str(lighting), {str(k): str(v) for k, v in files.items()})
-            for name, camera, lighting, files in entry["frames"]
+            PlannedFrame(str(name), str(camera), str(lighting), {str(k): str(v) for k, v in files.items()}, str(group))
+            for name, camera, lighting, files, group in entry["frames"]
         )
-        return Planned(str(entry["job"]), tuple(map(str, entry["settings"])), bool(entry["whole"]), frames)
+        layers = {str(group): tuple(map(str, keys)) for group, keys in entry["layers"].items()}
+        return Planned(str(entry["job"]), tuple(map(str, entry["settings"])), bool(entry["whole"]), frames, layers)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None

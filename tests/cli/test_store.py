@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
 import random
 import signal
 import subprocess
@@ -154,17 +156,79 @@ def test_a_claim_is_one_process_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("holder", "taken"), [("ended", True), ("elsewhere", False), ("elsewhere, long ago", True)])
 def test_a_claim_of_a_process_that_is_gone_is_taken_over(tmp_path: Path, holder: str, taken: bool) -> None:
-    import os
-
     claims = Claims(tmp_path)
     with claims.claim("front"):
         (path,) = tmp_path.iterdir()
-    path.write_text(ended_process() if holder == "ended" else "0123456789-12")
+    path.write_text(f"{ended_process() if holder == 'ended' else '0123456789-12'}\n{{}}\n")
     if "long ago" in holder:
         old = time.time() - 3600
         os.utime(path, (old, old))
     with claims.claim("front") as mine:
         assert mine is taken
+
+
+def test_a_claim_says_who_and_since_when(tmp_path: Path) -> None:
+    claims = Claims(tmp_path)
+    with claims.claim("front.day"):
+        (held,) = claims.held()
+        assert (held.name, held.process, held.alive) == ("front.day", os.getpid(), True)
+        assert held.host == platform.node() and 0 <= held.silent <= held.age < 60
+    assert claims.held() == []
+
+
+def test_a_process_killed_while_it_claims_holds_nothing(tmp_path: Path) -> None:
+    """Between making the file and signing it."""
+    claims = Claims(tmp_path)
+    with claims.claim("front"):
+        (path,) = tmp_path.iterdir()
+    path.touch()
+    with claims.claim("front") as now:
+        assert not now  # it may be about to be signed
+    os.utime(path, (time.time() - 60, time.time() - 60))
+    with claims.claim("front") as now:
+        assert now
+
+
+def test_a_claim_taken_over_is_left_to_its_new_holder(tmp_path: Path) -> None:
+    """A machine that slept for an hour wakes up, and ends its work on a camera that another has taken."""
+    claims = Claims(tmp_path)
+    with claims.claim("front"):
+        (path,) = tmp_path.iterdir()
+        path.write_text("0123456789-12\n{}\n")
+    assert path.exists()
+
+
+@pytest.mark.parametrize(("run", "taken"), [("r1", True), ("r2", False), ("", False)])
+def test_a_scheduler_gives_a_camera_to_another_at_once(tmp_path: Path, run: str, taken: bool) -> None:
+    """The claim of a process on a machine that died, of the same run."""
+    with Claims(tmp_path, "r1").claim("front"):
+        (path,) = tmp_path.iterdir()
+        path.write_text("0123456789-12\n" + path.read_text().partition("\n")[2])
+        with Claims(tmp_path, run).claim("front") as mine:
+            assert mine is taken
+
+
+@pytest.mark.parametrize("shift", [-7200.0, 7200.0])
+def test_clocks_may_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shift: float) -> None:
+    """Two machines whose clocks are two hours apart: a claim that lives is nobody else's, a dead one is taken over."""
+    true = time.time
+    monkeypatch.setattr(owner, "machine", lambda: "a" * 10)
+    here = Claims(tmp_path)
+    with here.claim("front"):
+        monkeypatch.setattr(owner, "machine", lambda: "b" * 10)
+        monkeypatch.setattr(time, "time", lambda: true() + shift)  # the folder's clock is the server's
+        there = Claims(tmp_path)
+        with there.claim("front") as mine:
+            assert not mine
+        (held,) = there.held()
+        assert held.alive and held.age < 60
+        (path,) = tmp_path.glob("[!.]*")
+        old = true() - 601
+        os.utime(path, (old, old))
+        assert not there.held()[0].alive
+        with there.claim("front") as mine:
+            assert mine
+    monkeypatch.setattr(owner, "machine", lambda: "a" * 10)
 
 
 def test_a_journal_outlives_a_torn_line(tmp_path: Path) -> None:

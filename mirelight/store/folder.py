@@ -44,10 +44,7 @@ class Folder:
     @cached_property
     def planned(self) -> tuple[PlannedFrame, ...]:
         """Every frame that was to be made, as the newest run had it."""
-        found: dict[str, PlannedFrame] = {}
-        for run in self.runs:
-            found |= {frame.name: frame for frame in run.frames}
-        return tuple(found.values())
+        return self._planned.frames()
 
     @cached_property
     def rows(self) -> tuple[tuple[Row, ...], ...]:

@@ -70,6 +70,13 @@ class PlannedRuns:
         with atomic_path(path) as temporary:
             temporary.write_bytes(text)
 
+    def frames(self) -> tuple[PlannedFrame, ...]:
+        """Every frame that some run was to make, as the newest of them had it, in the order of the oldest."""
+        found: dict[str, PlannedFrame] = {}
+        for run in self.runs():
+            found |= {frame.name: frame for frame in run.frames}
+        return tuple(found.values())
+
     def runs(self) -> Iterator[Planned]:
         """The records, oldest first; what cannot be read is skipped."""
         with suppress(OSError):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
-from mirelight.model import F32, Camera, LightingBuffer, ProxyMesh
+from mirelight.model import F32, Camera, CellLight, LightingBuffer, ProxyMesh, SurfaceCells
 
 
 class Kept(Protocol):
@@ -27,6 +28,21 @@ class Kept(Protocol):
 
     def keep_light(self, key: str, buffer: LightingBuffer) -> None:
         """Keep a traced buffer under its key."""
+
+    def cells(self, key: str) -> SurfaceCells | None:
+        """Kept cells of a surface; None where there are none."""
+
+    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
+        """Keep cells under their key."""
+
+    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
+        """Kept light on `count` cells; None where there is none."""
+
+    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
+        """Keep light on `count` cells under its key."""
+
+    def claim(self, name: str) -> AbstractContextManager[bool]:
+        """Whether work of that name is this process's own until the block ends."""
 
 
 class KeptNowhere:
@@ -52,3 +68,21 @@ class KeptNowhere:
 
     def keep_light(self, key: str, buffer: LightingBuffer) -> None:
         """Forgets it."""
+
+    def cells(self, key: str) -> SurfaceCells | None:
+        """There are none."""
+        return None
+
+    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
+        """Forgets them."""
+
+    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
+        """There is none."""
+        return None
+
+    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
+        """Forgets it."""
+
+    def claim(self, name: str) -> AbstractContextManager[bool]:
+        """Nobody else is here."""
+        return nullcontext(True)

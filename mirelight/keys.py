@@ -108,16 +108,28 @@ class Keys:
         """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
         job = self.job
         views = [view(x) for x in lighting_cameras(job)]
-        return digest("cells", self.proxy, views, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+        versions = self._versions("mitsuba", "drjit", "llvm", "numpy")
+        return digest("cells", self.proxy, views, job.render.variant, versions)
+
+    def surface_light(self, part: LightSet) -> str:
+        """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
+        render = self.job.render
+        return digest("surface light", self.surface_cells, part.digest, render.seed, render.max_depth)
+
+    def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
+        yield self.surface_cells
+        yield from (self.surface_light(part) for one in every for part in one.parts())
 
     def lights(self) -> Iterator[str]:
-        """Every traced buffer of the job: each camera's sets."""
+        """All light of the job that is kept: each camera's sets, and what lies on the surface."""
         job = self.job
         captured = (job.captured,) if job.captured is not None and compares(job) else ()
         every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
         for camera in job.cameras:
             seen = relighting.lighting_camera(camera, job.relight)
             yield from (self.light(s, seen) for s in (*every.values(), GLOW))
+        if reads_surface(job):
+            yield from self._on_surface((*every.values(), GLOW))
 
     def layers(self, camera: Camera, lightings: Iterable[Lighting | None]) -> Iterator[str]:
         """What the frames of a camera are mixed from: its composite, and the sets of the lightings."""

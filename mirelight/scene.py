@@ -25,8 +25,8 @@ from mirelight.model import (
     ProxyMesh,
     SplatCloud,
     SurfaceCache,
-    SurfaceCells,
 )
+from mirelight.surface_light import SurfaceLight
 from mirelight.units import LightSet, Mixture
 from mirelight.view_light import ViewLight
 
@@ -74,7 +74,6 @@ class Scene:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
-        self._surface_caches: dict[str, SurfaceCache] = {}
         self._report = report
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
         self._view: ViewLight | None = None
@@ -199,28 +198,20 @@ class Scene:
         """What to trace for a set: its lights, each with the name of its unit's layer."""
         return light_set.as_lighting(self.resolved)
 
-    @cached_property
-    def surface_cells(self) -> SurfaceCells:
-        """The pieces of the proxy that light is kept on, for all of the job's cameras."""
-        from mirelight.lighting import Tracer
-
-        assert isinstance(self.tracer, Tracer)
-        return self.tracer.cells(keys.lighting_cameras(self.job))
-
     def surface_cache(
-        self, light_set: LightSet, *, emission: bool, progress: Callable[[int, int], None] | None = None
+        self, light_set: LightSet, *, progress: Callable[[int, int], None] | None = None
     ) -> SurfaceCache | None:
-        """A set's light on the surface, gathered once; None where the job traces it."""
+        """A set's light on the surface; None where the job traces it."""
+        return None if self.surface_light is None else self.surface_light.cache(light_set, progress)
+
+    @cached_property
+    def surface_light(self) -> SurfaceLight | None:
+        """Light on the surface, for all of the job's cameras; None where the job traces it."""
         from mirelight.lighting import Tracer
 
         if not keys.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
             return None
-        found = self._surface_caches.get(light_set.digest)
-        if found is None:
-            lighting = self.lighting_of(light_set)
-            found = self.tracer.fill(self.surface_cells, lighting, emission=emission, progress=progress)
-            self._surface_caches[light_set.digest] = found
-        return found
+        return SurfaceLight(self, self.tracer, self._tell)
 
     @cached_property
     def compositor(self) -> Compositor:

@@ -73,6 +73,13 @@ class LightSet:
         """SHA-256 over all of the light in it."""
         return digest([u.digest for u in self.units], self.whole, self.glow)
 
+    def parts(self) -> Iterator[LightSet]:
+        """What of its light on a surface is kept by itself: each unit light, or all of what is traced as it is."""
+        if self.whole is not None or self.glow:
+            yield self
+        else:
+            yield from (LightSet((unit,)) for unit in self.units)
+
     def layer_of(self, unit: Unit) -> str | None:
         """The name of a unit's layer in the traced buffer; None where it is not in this set."""
         return next((str(i) for i, own in enumerate(self.units) if own.digest == unit.digest), None)

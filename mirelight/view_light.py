@@ -50,9 +50,7 @@ class LitScene(Protocol):
     def resolved(self, lighting: Lighting) -> Lighting:
         """The lighting with a sun and a map in place of its sky model."""
 
-    def surface_cache(
-        self, light_set: LightSet, *, emission: bool, progress: Progress | None = None
-    ) -> SurfaceCache | None:
+    def surface_cache(self, light_set: LightSet, *, progress: Progress | None = None) -> SurfaceCache | None:
         """A set's light on the surface; None where the job traces it."""
 
 
@@ -160,7 +158,7 @@ class ViewLight:
             return scene.tracer.trace(lighting, self._seen, emission=emission, progress=report)
         waiting = partial(_waiting, report) if report else None
         try:
-            cache = scene.surface_cache(one, emission=emission, progress=waiting)
+            cache = scene.surface_cache(one, progress=waiting)
         except KeyboardInterrupt:
             self.is_broken = True
             raise ViewStopped from None

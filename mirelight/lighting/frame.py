@@ -65,7 +65,9 @@ class FrameInProgress:
         )
         self._cells, self._irradiance = cells, irradiance
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
-        self._lights = LightSet(table.pack(lighting.lights), lists, layers.of_light, shares)
+        self._lights = LightSet(
+            table.pack(lighting.lights), table.seeds(lighting.lights), lists, layers.of_light, shares
+        )
         self._sun = bool(shares.any())
         self._emission = emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)

@@ -5,6 +5,8 @@ Formulas of directional, point and spot lights: KHR_lights_punctual, "Range Prop
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
 from enum import IntEnum
 from typing import assert_never
 
@@ -19,12 +21,14 @@ from mirelight.model import (
     PointLight,
     SpotLight,
     SunLight,
+    digest,
 )
 
 ROW = 24  # floats a light: six groups of four, which one packet gather each reads
 ALL_LIGHTS = (
     12  # up to this many, every light is sampled at every hit, so that each layer is as clean as rendered alone
 )
+_OWN = np.uint32(1 << 31)  # apart from the numbers that a hit's other samples are drawn with
 
 
 class Kind(IntEnum):
@@ -134,3 +138,21 @@ def pack(lights: tuple[Light, ...]) -> F32:
     while len(rows) < 2:
         rows.append(_row(Kind.DIRECTIONAL, position=np.array([0.0, 1.0, 0.0]), strength=np.zeros(3)))
     return np.asarray(rows, dtype=np.float32)
+
+
+def seeds(lights: tuple[Light, ...]) -> NDArray[np.uint32]:
+    """(max(n, 2),) what each light's random numbers are drawn with, as long as all are sampled at every hit.
+
+    Up to `ALL_LIGHTS` they are functions of the light alone, whatever its strength and name and whatever lights are
+    beside it: its layer then has the same bits wherever it is traced. Equal lights of one layer differ.
+    """
+    if len(lights) > ALL_LIGHTS:
+        return _OWN | np.arange(len(lights), dtype=np.uint32)
+    met: Counter[str] = Counter()
+    out = np.zeros(max(len(lights), 2), np.uint32)
+    for i, light in enumerate(lights):
+        own = digest(replace(light, name="", group=None, color=np.ones(3), intensity=1.0))
+        layer = f"{own} {light.group or light.name}"
+        out[i] = int(own[:8], 16) + met[layer]
+        met[layer] += 1
+    return _OWN | out

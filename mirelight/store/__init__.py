@@ -24,6 +24,7 @@ from mirelight.io.atomic import output_error, owner_of
 from mirelight.model import (
     F32,
     Camera,
+    CellLight,
     DisplaySettings,
     Frame,
     Job,
@@ -31,6 +32,7 @@ from mirelight.model import (
     OutputSettings,
     ProxyMesh,
     SplatLayer,
+    SurfaceCells,
 )
 from mirelight.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
@@ -189,6 +191,24 @@ class Store:
         elif self._output.store == "both":
             with suppress(OutputError):
                 self._light.keep_light(key, buffer)
+
+    def cells(self, key: str) -> SurfaceCells | None:
+        """See `mirelight.kept.Kept`."""
+        return self._light.cells(key)
+
+    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
+        """See `mirelight.kept.Kept`. Where there is no room, they are found again the next time."""
+        with suppress(OutputError):
+            self._light.keep_cells(key, cells)
+
+    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
+        """See `mirelight.kept.Kept`."""
+        return self._light.cell_lights(key, count)
+
+    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
+        """See `mirelight.kept.Kept`. Where there is no room, it is gathered again the next time."""
+        with suppress(OutputError):
+            self._light.keep_cell_lights(key, lights, count)
 
     def keep_composite(self, key: str, splats: SplatLayer) -> None:
         """Keep a composite under its key, where frames are to be mixed from layers. Where they are kept beside frames,

@@ -17,12 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.io.atomic import atomic_path
-from mirelight.model import F32, Camera, LightingBuffer, LightLayer, Profile, ProxyMesh, SplatLayer
+from mirelight.model import (
+    F32,
+    Camera,
+    CellLight,
+    LightingBuffer,
+    LightLayer,
+    Profile,
+    ProxyMesh,
+    SplatLayer,
+    SurfaceCells,
+)
 from mirelight.store.arrays import Arrays, read_arrays, write_arrays
 
 _MOST_UNUSED = 2 * 2**30  # bytes of buffers that the job does not use now, kept in case it does again
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
-_LIGHT = ".light"  # suffix of buffers
+_KINDS = ("lights", "environment", "emission")  # of `CellLight`
+_LIGHT = ".light"  # suffix of buffers, composites and light on the surface
 
 
 class Artefacts:
@@ -96,6 +107,41 @@ class Artefacts:
         """
         write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(splats), {})
 
+    def cells(self, key: str) -> SurfaceCells | None:
+        """Kept cells of a surface; None where there are none, or they are damaged."""
+        try:
+            file = read_arrays(self._folder / f"{key}{_LIGHT}")
+            return SurfaceCells(size=float(file.about["size"]), **file.arrays)
+        except _BROKEN:
+            return None
+
+    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
+        """Keep cells.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(cells), {"size": cells.size})
+
+    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
+        """Kept light on `count` cells; None where there is none, or it is damaged."""
+        try:
+            file = read_arrays(self._folder / f"{key}{_LIGHT}")
+            return tuple(_cell_light(file, i, count) for i in range(len(file.about["names"])))
+        except _BROKEN:
+            return None
+
+    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
+        """Keep light on `count` cells.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        arrays = {f"{i}.{name}": x for i, light in enumerate(lights) for name, x in _own_arrays(light).items()}
+        arrays["cells"] = np.array([count], np.int64)
+        about = {"names": [x.name for x in lights], "kinds": [x.kind for x in lights]}
+        write_arrays(self._folder / f"{key}{_LIGHT}", arrays, about)
+
     def there(self) -> frozenset[str]:
         """Keys of the composites and buffers that are kept."""
         try:
@@ -134,7 +180,7 @@ def _arrays(buffer: LightingBuffer) -> dict[str, NDArray[Any]]:
     return out
 
 
-def _own_arrays(of: LightingBuffer | SplatLayer) -> dict[str, NDArray[Any]]:
+def _own_arrays(of: LightingBuffer | SplatLayer | SurfaceCells | CellLight) -> dict[str, NDArray[Any]]:
     return {f.name: x for f in fields(of) if isinstance(x := getattr(of, f.name), np.ndarray)}
 
 
@@ -151,3 +197,15 @@ def _buffer(file: Arrays, camera: Camera) -> LightingBuffer:
     arrays: dict[str, Any] = {f.name: there[f.name] for f in fields(LightingBuffer) if f.name in there}
     spp = int(file.about["spp"])
     return LightingBuffer(camera=camera, spp=spp, layers=layers("layers"), noisy=layers("noisy"), **arrays)
+
+
+def _cell_light(file: Arrays, index: int, count: int) -> CellLight:
+    kind = file.about["kinds"][index]
+    if kind not in _KINDS:
+        raise ValueError(f"light of kind {kind}")
+    names = [f.name for f in fields(CellLight) if f"{index}.{f.name}" in file.arrays]
+    arrays: dict[str, Any] = {"met": None} | {name: file.arrays[f"{index}.{name}"] for name in names}
+    made = CellLight(name=file.about["names"][index], kind=kind, **arrays)
+    if made.direct.shape[1] != count or made.indirect.shape != made.direct.shape:
+        raise ValueError("light on other cells")
+    return made

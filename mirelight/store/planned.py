@@ -13,6 +13,8 @@ from pathlib import Path
 from mirelight.io.atomic import atomic_path
 from mirelight.plan import Plan
 
+_RECORDS = "[!.]*.json"  # what another process is writing begins with a dot
+
 
 @dataclass(frozen=True, slots=True)
 class PlannedFrame:
@@ -59,7 +61,7 @@ class PlannedRuns:
         text = json.dumps(entry, sort_keys=True).encode()
         path = self._folder / f"{hashlib.sha256(text).hexdigest()[:24]}.json"
         if whole:
-            for other in self._folder.glob("*.json"):
+            for other in self._folder.glob(_RECORDS):
                 if other != path and (read := _read(other)) is not None and read.job == entry["job"]:
                     with suppress(OSError):
                         other.unlink()
@@ -80,7 +82,7 @@ class PlannedRuns:
     def runs(self) -> Iterator[Planned]:
         """The records, oldest first; what cannot be read is skipped."""
         with suppress(OSError):
-            for path in sorted(self._folder.glob("*.json"), key=lambda x: x.stat().st_mtime_ns):
+            for path in sorted(self._folder.glob(_RECORDS), key=lambda x: x.stat().st_mtime_ns):
                 found = _read(path)
                 if found is not None:
                     yield found

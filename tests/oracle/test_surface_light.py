@@ -6,9 +6,22 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import mirelight
-from mirelight.model import Camera, Deferred, Job, RenderSettings
+from mirelight.kept import KeptNowhere
+from mirelight.lighting import Tracer
+from mirelight.model import (
+    Camera,
+    CellLight,
+    Deferred,
+    Environment,
+    Job,
+    Lighting,
+    PointLight,
+    RenderSettings,
+    SurfaceCells,
+)
 
 from ..analytic.test_surface_cache import stage
 
@@ -46,3 +59,94 @@ def test_a_frame_alone_is_that_among_others() -> None:
             assert layer.name == own.name
             np.testing.assert_allclose(own.indirect.mean(), layer.indirect.mean(), rtol=0.04)
             np.testing.assert_allclose(own.direct.mean(), layer.direct.mean(), rtol=0.03)
+
+
+class Shelf(KeptNowhere):
+    """Keeps light on the surface in memory; counts what it is asked for and given."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, SurfaceCells] = {}
+        self.lights: dict[str, tuple[CellLight, ...]] = {}
+
+    def cells(self, key: str) -> SurfaceCells | None:
+        return self.found.get(key)
+
+    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
+        assert key not in self.found
+        self.found[key] = cells
+
+    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
+        return self.lights.get(key)
+
+    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
+        assert key not in self.lights
+        self.lights[key] = lights
+
+
+def fills(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many lights each fill from now on has."""
+    counts: list[int] = []
+    fill = Tracer.fill
+
+    def counted(self: Tracer, cells: SurfaceCells, lighting: Lighting, **more: object) -> object:
+        counts.append(len(lighting.lights) + (lighting.environment is not None))
+        return fill(self, cells, lighting, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Tracer, "fill", counted)
+    return counts
+
+
+def lit(work: Job, shelf: Shelf, camera: int = 0) -> mirelight.Lit:
+    return mirelight.light(mirelight.prepare(work, shelf), work.cameras[camera], work.lightings[0])
+
+
+def test_only_lights_that_changed_are_filled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what is filled then has the bits that it has among all the others."""
+    one, shelf, counts = job(), Shelf(), fills(monkeypatch)
+    whole = one.lightings[0]
+    first = lit(one, shelf)
+    assert counts == [3] and len(shelf.lights) == 3 and len(shelf.found) == 1
+    lit(one, shelf, camera=1)
+    dimmed = replace(whole, name="other", lights=(replace(whole.lights[0], intensity=0.1), *whole.lights[1:]))
+    less = lit(replace(one, lightings=(dimmed,)), shelf)
+    assert counts == [3]
+    np.testing.assert_allclose(less.new.layers[0].indirect, first.new.layers[0].indirect * 0.05, rtol=1e-5)
+
+    ball = PointLight(name="ball", position=np.array([1.0, 1.2, 0.8]), radius=0.1, intensity=3.0)
+    grown = replace(one, lightings=(replace(whole, lights=(ball, *whole.lights)),))
+    added = lit(grown, shelf)
+    assert counts == [3, 1]
+    again = Shelf()
+    among = lit(grown, again)
+    assert counts == [3, 1, 4]
+    assert np.array_equal(among.new.beauty, added.new.beauty)
+    assert again.lights.keys() == shelf.lights.keys()
+    for key, (light,) in again.lights.items():
+        (other,) = shelf.lights[key]
+        for name in ("direct", "met", "indirect"):
+            mine, theirs = getattr(light, name), getattr(other, name)
+            assert mine is theirs or np.array_equal(mine, theirs)
+
+    turned = replace(one, lightings=(replace(whole, environment=Environment(radiance=np.ones((2, 4, 3), np.float32))),))
+    lit(turned, shelf)
+    assert counts == [3, 1, 4, 1]
+    for changed in (replace(one.render, seed=1), replace(one.render, max_depth=5)):
+        lit(replace(one, render=changed), shelf)
+    assert counts == [3, 1, 4, 1, 3, 3]
+    lit(replace(one, cameras=one.cameras[:1]), shelf)
+    assert counts[6:] == [3] and len(shelf.found) == 2
+    lit(replace(one, render=replace(one.render, indirect="near", spp=4)), shelf)
+    assert len(counts) == 7
+
+
+def test_glowing_surfaces_are_filled_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, shelf, counts = job(), Shelf(), fills(monkeypatch)
+    proxy = one.proxy.value if one.proxy else None
+    assert proxy is not None
+    from mirelight.model import Material
+
+    glowing = replace(one, proxy=Deferred.of(replace(proxy, materials=(Material(emissive=np.full(3, 0.5)),))))
+    first = lit(glowing, shelf)
+    assert sorted(counts) == [0, 3] and len(shelf.lights) == 4
+    assert np.array_equal(lit(glowing, shelf).new.beauty, first.new.beauty)
+    assert len(counts) == 2

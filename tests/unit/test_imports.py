@@ -43,8 +43,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "keys": {"model", "units", "provenance", "relighting", "lighting"},
     "kept": {"model"},
     "view_light": {"model", "units", "mix", "keys", "kept", "lighting"},
+    "surface_light": {"model", "units", "keys", "kept", "lighting"},
     "scene": {"advice", "errors", "model", "units", "keys", "kept", "backend", "lighting", "compositor", "view_light"}
-    | {"estimate"},
+    | {"estimate", "surface_light"},
     "stages": {"model", "keys", "provenance", "relighting", "scene", "view_light"},
     "plan": {"errors", "model", "engine_lights", "keys", "scene", "lighting"},
     "store": BASE | {"io", "keys", "plan"},

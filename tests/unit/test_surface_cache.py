@@ -1,4 +1,4 @@
-"""Light on the surface as a file."""
+"""Light on the surface as it is kept."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
-from mirelight.io import surface_cache
 from mirelight.model import F32, CellLight, SurfaceCache, SurfaceCells
+from mirelight.store.artefacts import Artefacts
 
 RNG = np.random.default_rng(3)
 
@@ -51,13 +50,15 @@ def same(a: object, b: object) -> bool:
     return a == b
 
 
-def test_a_cache_comes_back_as_it_was(tmp_path: Path) -> None:
-    one = cache()
-    surface_cache.write(tmp_path / "light.npz", one)
-    again = surface_cache.read(tmp_path / "light.npz")
-    assert same(one, again)
-    assert not same(one, cache())
-    assert [x.name for x in tmp_path.iterdir()] == ["light.npz"]
+def test_cells_and_their_light_come_back_as_they_were(tmp_path: Path) -> None:
+    one, kept = cache(), Artefacts(tmp_path)
+    kept.keep_cells("cells", one.cells)
+    kept.keep_cell_lights("light", one.lights, 3)
+    kept.keep_cell_lights("none", (), 3)
+    assert same(kept.cells("cells"), one.cells) and same(kept.cell_lights("light", 3), one.lights)
+    assert kept.cell_lights("none", 3) == ()
+    assert not same(kept.cells("cells"), cells()) and not same(kept.cell_lights("light", 3), cache().lights)
+    assert kept.there() == {"cells", "light", "none"}
 
 
 def test_lights_are_scaled_and_joined() -> None:
@@ -75,30 +76,20 @@ def test_lights_are_scaled_and_joined() -> None:
         alone.joined(dataclasses.replace(cache(), lights=(sky,)))
 
 
-def test_damaged_and_foreign_files_are_refused_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "light.npz"
-    surface_cache.write(path, cache())
-    sound = path.read_bytes()
-    with np.load(path) as file:
-        arrays = {name: file[name] for name in file.files}
-    for name, other in (
-        ("version", np.array(9)),
-        ("starts", np.array([0, 5], np.uint32)),
-        ("keys", np.zeros((2, 2), np.uint32)),
-        ("kinds", np.array(["lights", "moon"])),
-        ("direct_0", np.zeros((2, 2, 3), np.float32)),
-        ("size", np.array(-1.0)),
-    ):
-        np.savez(path, **{**arrays, name: other})
-        with pytest.raises(InputError, match="surface cache"):
-            surface_cache.read(path)
-    del arrays["anchors"]
-    np.savez(path, **arrays)
-    with pytest.raises(InputError, match="surface cache"):
-        surface_cache.read(path)
-    for damaged in (sound[:100], sound[: len(sound) // 2], b"", b"PK" * 40, sound[:200] + bytes(50) + sound[250:]):
-        path.write_bytes(damaged)
-        with pytest.raises(InputError, match=r"surface cache"):
-            surface_cache.read(path)
-    with pytest.raises(InputError, match="cannot be read"):
-        surface_cache.read(tmp_path / "none.npz")
+def test_what_is_damaged_or_of_other_cells_is_not_there(tmp_path: Path) -> None:
+    kept = Artefacts(tmp_path)
+    kept.keep_cells("cells", cells())
+    kept.keep_cell_lights("light", cache().lights, 3)
+    assert kept.cell_lights("light", 4) is None
+    assert kept.cells("light") is None and kept.cell_lights("cells", 3) is None and kept.cells("other") is None
+    for name in ("cells", "light"):
+        path = tmp_path / f"{name}.light"
+        sound = path.read_bytes()
+        other_size, other_kind = (
+            sound.replace(b'"size": 0.25', b'"size": -0.2'),
+            sound.replace(b'"lights"', b'"gights"'),
+        )
+        for damaged in (sound[:40], sound[:-64], b"", b"PK" * 40, other_size, other_kind):
+            path.write_bytes(damaged)
+            if damaged != sound:
+                assert (kept.cells(name) if name == "cells" else kept.cell_lights(name, 3)) is None

@@ -23,8 +23,15 @@ SHADOW_END = (
 class LightSet:
     """The light table and the lists of who reaches where (`mirelight.lighting.lights`, `grid`) in device memory."""
 
-    def __init__(self, table: F32, grid: LightGrid, layer_of_light: NDArray[np.uint32], sun_shares: F32) -> None:
-        self.table = floats(table)
+    def __init__(
+        self,
+        table: F32,
+        seeds: NDArray[np.uint32],
+        grid: LightGrid,
+        layer_of_light: NDArray[np.uint32],
+        sun_shares: F32,
+    ) -> None:
+        self.table, self.seeds = floats(table), integers(seeds)
         self.layer_of_light = integers(layer_of_light)
         self.sun_shares = floats(sun_shares)
         self.starts = integers(grid.starts)

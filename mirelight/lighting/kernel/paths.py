@@ -113,7 +113,8 @@ def _add_lamps(
                 index = mi.UInt32((mi.Float(entry - near) + number(path.sample, mix(own, 1))) * stretch)
                 index = near + dr.minimum(index, listed - near - 1)
             light = dr.gather(mi.UInt32, lights.items, start + index)
-            w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, path.sample, own)
+            seed = mix(path.salt, dr.gather(mi.UInt32, lights.seeds, light))
+            w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, path.sample, seed)
             w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
             share = dr.select(beyond, w * stretch, w)
             total += share

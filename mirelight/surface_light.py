@@ -1,0 +1,137 @@
+"""A job's light on the surface: cells and unit lights, each found where it was kept, or made by one process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+from mirelight import keys
+from mirelight.kept import Kept
+from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells
+from mirelight.units import LightSet
+
+if TYPE_CHECKING:
+    from mirelight.lighting import Tracer
+
+Progress = Callable[[int, int], None]  # (samples done, samples in all)
+
+_WAIT = 0.25  # seconds between two looks at what another process makes
+_MOST_BYTES = 2**30  # of light that stays in memory
+
+
+class Lightable(Protocol):
+    """What is needed of the prepared job."""
+
+    job: Job
+    keys: keys.Keys
+    kept: Kept
+
+    def lighting_of(self, light_set: LightSet) -> Lighting:
+        """What to trace for a set."""
+
+
+class SurfaceLight:
+    """Found or made when it is first asked for.
+
+    A unit light's values do not depend on what it is filled together with, so each is kept by itself: a lamp that is
+    added to a lighting is the only one that is filled.
+
+    Args:
+        scene: a prepared job whose light is read from the surface.
+        tracer: of the job's proxy.
+        tell: called with a line before something that takes long.
+    """
+
+    def __init__(self, scene: Lightable, tracer: Tracer, tell: Callable[[str], None]) -> None:
+        self._job, self._keys, self._kept = scene.job, scene.keys, scene.kept
+        self._lighting_of, self._tracer, self._tell = scene.lighting_of, tracer, tell
+        self._lights: dict[str, tuple[CellLight, ...]] = {}
+
+    @cached_property
+    def cells(self) -> SurfaceCells:
+        """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
+        key = self._keys.surface_cells
+
+        def make() -> SurfaceCells:
+            made = self._tracer.cells(keys.lighting_cameras(self._job))
+            self._kept.keep_cells(key, made)
+            return made
+
+        while True:
+            found = self._kept.cells(key)
+            if found is not None:
+                return found
+            with self._kept.claim(_claim(key)) as mine:
+                if mine:
+                    return self._kept.cells(key) or make()
+            time.sleep(_WAIT)
+
+    def cache(self, light_set: LightSet, progress: Progress | None = None) -> SurfaceCache:
+        """A set's light, its layers named as the set's are.
+
+        Args:
+            light_set: of the job.
+            progress: called while it is gathered.
+
+        Raises:
+            RenderError: the light of so many cells does not fit in memory.
+        """
+        parts = {self._keys.surface_light(part): part for part in light_set.parts()}
+        said = False
+        while missing := [key for key in parts if not self._find(key)]:
+            with ExitStack() as held:
+                mine = [key for key in missing if held.enter_context(self._kept.claim(_claim(key)))]
+                mine = [key for key in mine if not self._find(key)]  # made while the claim was taken
+                if mine:
+                    self._fill({key: parts[key] for key in mine}, progress)
+            if not mine:
+                if not said:
+                    self._tell("another process gathers the light on the surface; waiting for it")
+                said = True
+                time.sleep(_WAIT)
+        lights = [self._lights[key] for key in parts]
+        if light_set.units:
+            named = [replace(light, name=str(i)) for i, part in enumerate(lights) for light in part]
+        else:
+            named = [light for part in lights for light in part]
+        self._make_room(parts)
+        return SurfaceCache(cells=self.cells, lights=tuple(named))
+
+    def _find(self, key: str) -> bool:
+        """Whether a part is in memory, where it is brought to if it is kept."""
+        if key not in self._lights:
+            found = self._kept.cell_lights(key, len(self.cells))
+            if found is None:
+                return False
+            self._lights[key] = found
+        return True
+
+    def _fill(self, parts: dict[str, LightSet], progress: Progress | None) -> None:
+        """Make parts together, as they share rays, and keep each by itself."""
+        units = tuple(unit for part in parts.values() for unit in part.units)
+        whole = LightSet(units) if units else next(iter(parts.values()))
+        count = len(whole.units) or 1
+        self._tell(
+            f"gathering the light of {count} source{'s' * (count > 1)} on {len(self.cells):,} pieces of the surface; "
+            "it is kept for the next time"
+        )
+        emission = whole.whole is not None or whole.glow
+        made = self._tracer.fill(self.cells, self._lighting_of(whole), emission=emission, progress=progress)
+        by_name = {light.name: light for light in made.lights}
+        for i, key in enumerate(parts):
+            self._lights[key] = (by_name[str(i)],) if units else made.lights
+            self._kept.keep_cell_lights(key, self._lights[key], len(self.cells))
+
+    def _make_room(self, needed: dict[str, LightSet]) -> None:
+        """Let go of what is not needed now, where there is much."""
+        held = sum(2 * x.direct.nbytes for lights in self._lights.values() for x in lights)
+        if held > _MOST_BYTES:
+            self._lights = {key: x for key, x in self._lights.items() if key in needed}
+
+
+def _claim(key: str) -> str:
+    return f"surface {key[:24]}"

@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
@@ -61,6 +62,9 @@ def _prepare_streams() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, mode)  # the lowest free number, this one
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # as Python starts where the stream is closed
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 (until the process ends)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -68,8 +72,6 @@ def _prepare_streams() -> None:
 
 def _flushed() -> bool:
     """Whether all that was printed has reached stdout; says so where it has not, and prints no more there."""
-    if sys.stdout is None:
-        return True
     try:
         sys.stdout.flush()
     except OSError as e:
@@ -95,9 +97,8 @@ def _subject(args: argparse.Namespace) -> str:
 
 
 def _say(line: str) -> None:
-    if sys.stderr is not None:
-        with contextlib.suppress(OSError):
-            print(f"mirelight: {printable(line)}", file=sys.stderr)
+    with contextlib.suppress(OSError):
+        print(f"mirelight: {printable(line)}", file=sys.stderr)
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -183,9 +184,18 @@ def _run(args: argparse.Namespace) -> int:
             return doctor.run()
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with arguments in one line, like all else that is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        command = self.prog.removeprefix("mirelight").strip()
+        _say(f"{command}{': ' if command else ''}{message}; {self.prog} --help says more")
+        sys.exit(BAD)
+
+
 def make_parser() -> argparse.ArgumentParser:
     """Of every command, without importing what it runs."""
-    parser = argparse.ArgumentParser(
+    parser: argparse.ArgumentParser = _Parser(
         prog="mirelight",
         description="Offline, physically based relighting of Gaussian-splat captures.",
         epilog="Exit codes: 0 done; 1 a requirement of compare is unmet, or status finds frames missing; 2 bad input "

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -67,9 +67,9 @@ def run_bake(args: argparse.Namespace) -> int:
         comments = (f"relit by mirelight {__version__}: {work.source.name}, lighting {lighting.name}, {args.spp} spp",)
         splats.write(baked, out, comments=comments)
     if not args.quiet:
-        print(f"{out}: {len(baked):,} splats under {lighting.name!r}")
+        say.result(f"{out}: {len(baked):,} splats under {lighting.name!r}")
         if len(table.splats or []) > 1:
-            print("mirelight: several splat files are written as one, in world space", file=sys.stderr)
+            say.remark("several splat files are written as one, in world space")
     return 0
 
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from mirelight.cli import say
 from mirelight.errors import InputError
 
 UNMET = 1  # exit code where a requirement does not hold
@@ -83,16 +84,18 @@ def run_compare(args: argparse.Namespace) -> int:
             progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
         )
     if not args.quiet:
-        print(summary(outcome))
+        say.result(summary(outcome))
     elif outcome.failures:
-        print("\n".join(outcome.failures))
+        say.result("\n".join(outcome.failures))
     return UNMET if outcome.failures else 0
 
 
 def _counter() -> Callable[[int, int], None]:
     def show(done: int, total: int) -> None:
-        end = "\r" if done < total else "\r\033[K"
-        print(f"pair {min(done + 1, total)} of {total}", end=end, file=sys.stderr, flush=True)
+        if done < total:
+            say.live(f"pair {done + 1} of {total}")
+        else:
+            say.cleared()
 
     return show
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -82,13 +83,13 @@ def run_estimate(args: argparse.Namespace) -> int:
         picture = out.with_suffix(".png")
         write_png(picture, _picture(work, found.lighting, camera), {})
     if not args.quiet:
-        print(f"{out}: paste it into {work.source.name} (the map is {exr.name})")
+        say.result(f"{out}: paste it into {work.source.name} (the map is {exr.name})")
         for line in lines:
-            print(f"  {line}")
+            say.result(f"  {line}")
         for line in doubts:
-            print(f"  ? not known  {line}")
+            say.result(f"  ? not known  {line}")
         if picture is not None:
-            print(
+            say.result(
                 f"  picture      {picture}: captured | irradiance | captured / irradiance (no shadows should be left)"
             )
     return 0

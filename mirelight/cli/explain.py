@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.cli import say
 from mirelight.errors import BackendError, InputError
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def run_explain(args: argparse.Namespace) -> int:
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
 
-    def say(line: str) -> None:
+    def report(line: str) -> None:
         if not args.quiet:
-            print(f"mirelight: {line}", file=sys.stderr, flush=True)
+            say.remark(line)
 
     metrics.require(flip_alone=True)
     work = job.load(args.job, [parse(text) for text in args.set])
@@ -59,17 +59,17 @@ def run_explain(args: argparse.Namespace) -> int:
     folder = Path(args.out)
     run: EngineRun | None = None
     if not args.no_engine:
-        say("rendering with the real engine")
+        report("rendering with the real engine")
         try:
             run = run_engine(work, camera, lighting, folder / "engine")
         except BackendError as error:
-            print(f"mirelight: {error}", file=sys.stderr)
-            print("mirelight: the ladder starts from mirelight's prediction of the engine instead", file=sys.stderr)
-    ladder = replace(explain(work, camera, lighting, run, say), name=name)
+            say.remark(str(error))
+            say.remark("the ladder starts from mirelight's prediction of the engine instead")
+    ladder = replace(explain(work, camera, lighting, run, report), name=name)
     write_ladder(folder, ladder)
     if not args.quiet:
-        print(summary(ladder))
-        print(f"{folder / 'explain.html'} shows each step")
+        say.result(summary(ladder))
+        say.result(f"{folder / 'explain.html'} shows each step")
     return 0
 
 

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mirelight.cli import say
+
 LAYOUTS = ("nerf", "colmap", "olat")
 
 
@@ -41,5 +43,5 @@ def run_export(args: argparse.Namespace) -> int:
         license=args.license,
     )
     count = export(dataset.open(args.folder), Path(args.out), args.layout, settings)
-    print(f"{count} frames in {args.out}")
+    say.result(f"{count} frames in {args.out}")
     return 0

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from mirelight.cli import say
+
 
 def add_film(commands: Any) -> None:
     """Its arguments."""
@@ -41,13 +43,13 @@ def run_film(args: argparse.Namespace) -> int:
     live = sys.stderr.isatty()
 
     def report(done: int, total: int) -> None:
-        print(f"\033[K{done}/{total} frames", end="\r", file=sys.stderr, flush=True)
+        say.live(f"{done}/{total} frames")
 
     try:
         made = film.write_film(found, out, rate, write, report if live else None)
     finally:
         if live:
-            print("\033[K", end="", file=sys.stderr, flush=True)
+            say.cleared()
     width, height = made.size
-    print(f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}")
+    say.result(f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}")
     return 0

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -78,11 +79,11 @@ def run_match(args: argparse.Namespace) -> int:
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
     if not args.quiet:
-        print(f"{out}: {found.lighting.name}, {_gain(found)}")
+        say.result(f"{out}: {found.lighting.name}, {_gain(found)}")
         for layer in found.layers:
-            print(f"  {_line(layer)}")
+            say.result(f"  {_line(layer)}")
         if found.rotation is not None:
-            print(f"  environment turned to {found.rotation:g} degrees")
+            say.result(f"  environment turned to {found.rotation:g} degrees")
     return 0
 
 
@@ -102,7 +103,7 @@ def _line(layer: LayerMatch) -> str:
 
 
 def _say(quiet: bool) -> Callable[[str], None] | None:
-    return None if quiet else lambda line: print(f"mirelight: {line}", file=sys.stderr, flush=True)
+    return None if quiet else say.remark
 
 
 @contextmanager

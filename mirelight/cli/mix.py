@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+from mirelight.cli import say
+
 
 def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the command's arguments; loads nothing heavy."""
@@ -48,7 +50,7 @@ def run_mix(args: argparse.Namespace) -> int:
     live = sys.stderr.isatty() and not args.quiet
 
     def report(what: str, done: int, total: int) -> None:
-        print(f"\033[Klight on splats, {what}: {done / max(total, 1):.0%}", end="\r", file=sys.stderr, flush=True)
+        say.live(f"light on splats, {what}: {done / max(total, 1):.0%}")
 
     store = Store(work)
     store.open()
@@ -63,9 +65,9 @@ def run_mix(args: argparse.Namespace) -> int:
     finally:
         store.close()
         if live:
-            print("\033[K", end="", file=sys.stderr, flush=True)
+            say.cleared()
     for line in made.warnings:
-        print(f"mirelight: {line}", file=sys.stderr)
+        say.remark(line)
     if not args.quiet:
-        print(made.folder / "index.html")
+        say.result(made.folder / "index.html")
     return 0

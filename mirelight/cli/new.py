@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ def run_new(args: argparse.Namespace) -> int:
         temporary.write_text(text, encoding="utf-8")
     for line in text.splitlines():
         if line.startswith("# ") and ("Up, which" in line or "As captured" in line or "does not fit" in line):
-            print(line.removeprefix("# "))
-    print(f"{out} is written; go on with: mirelight render {out}")
+            say.result(line.removeprefix("# "))
+    say.result(f"{out} is written; go on with: mirelight render {out}")
     return 0
 
 

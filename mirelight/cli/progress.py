@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
+from mirelight.cli import say
+from mirelight.errors import printable
 from mirelight.plan import FrameTask
 
 
@@ -112,12 +114,12 @@ class Lines(Tally):
     def waiting(self, cameras: int) -> None:
         """Said once."""
         if not self._waits:
-            print(f"mirelight: waiting for {cameras} cameras that other processes render", file=sys.stderr, flush=True)
+            say.remark(f"waiting for {cameras} cameras that other processes render")
         self._waits = True
 
     def note(self, line: str) -> None:
         """As a line of its own."""
-        print(line, file=sys.stderr, flush=True)
+        say.line(line)
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
         """Before the first frame."""
@@ -130,7 +132,7 @@ class Lines(Tally):
         took, self._frame_began = self.elapsed - self._frame_began, self.elapsed
         what = "already there" if skipped else f"made in {duration(took)}"
         left = f", about {duration(self.left)} left" if self.left and self.there < self.total else ""
-        print(f"[{self.there}/{self.total}] {task.name}: {what}{left}", file=sys.stderr, flush=True)
+        say.line(f"[{self.there}/{self.total}] {task.name}: {what}{left}")
 
 
 class Bar(Tally):
@@ -176,7 +178,7 @@ class Bar(Tally):
 
     def note(self, line: str) -> None:
         """As a line above the bar."""
-        self._bar.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        self._bar.console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
 
     def stopping(self) -> None:
         """Says so in place of the frame's name."""

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -57,10 +58,10 @@ def run_proxy(args: argparse.Namespace) -> int:
         write_glb(out, mesh)
         write_png(heat, quality.heat, {})
     if not args.quiet:
-        print(f"{out}: {how}")
+        say.result(f"{out}: {how}")
         for line in table(quality, before):
-            print(line)
-        print(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
+            say.result(line)
+        say.result(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from mirelight.cli import say
 from mirelight.errors import InputError
 
 
@@ -51,14 +52,14 @@ def run_realtime(args: argparse.Namespace) -> int:
             raise InputError(work.source, "no light", "name lights or an environment to relight by", field="lights")
         folder = Path(args.out) / task.name
         if sys.stderr.isatty() and not args.quiet:
-            print(f"frame {k} of {len(tasks)}: {task.name}", end="\r", file=sys.stderr, flush=True)
+            say.live(f"frame {k} of {len(tasks)}: {task.name}")
         make = realtime.export if args.export_only else realtime.render
         made = make(work, task.camera, task.lighting, folder, like=first)
         first = first or folder
         if sys.stderr.isatty() and not args.quiet:
-            print("\033[K", end="", file=sys.stderr, flush=True)
+            say.cleared()
         for warning in made.warnings:
-            print(f"mirelight: {task.name}: {warning}", file=sys.stderr)
+            say.remark(f"{task.name}: {warning}")
         if not args.quiet:
-            print(folder / ("index.html" if args.export_only else "frame.png"), flush=True)
+            say.result(folder / ("index.html" if args.export_only else "frame.png"))
     return 0

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 from mirelight import executor
-from mirelight.cli import BAD, new, progress, stop
+from mirelight.cli import BAD, new, progress, say, stop
 from mirelight.errors import InputError
 from mirelight.farm import Order, Shard, crew
 from mirelight.forecast import Forecast, forecast
@@ -57,10 +56,10 @@ def run_render(args: argparse.Namespace) -> int:
             store.close()
     if not args.quiet:
         existed = f", {tally.skipped} of them already there" if tally.skipped else ""
-        print(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
+        say.result(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
     if tally.failures:
         failed = f"{_frames(len(tally.failures))} failed; the others are there"
-        print(f"mirelight: {failed}; the same command tries them again", file=sys.stderr)
+        say.remark(f"{failed}; the same command tries them again")
         return BAD
     return 0
 
@@ -68,9 +67,9 @@ def run_render(args: argparse.Namespace) -> int:
 def _say_forecast(found: Forecast) -> None:
     views = f"{found.cameras} cameras, {found.lightings} lightings"
     traces = f"{found.traces} trace{'' if found.traces == 1 else 's'} of unit lights"
-    print(f"{_frames(found.frames)} ({views}), {found.there} of them there")
-    print(f"{traces}; about {progress.duration(found.seconds)} on this machine as it is now")
-    print(f"about {found.bytes / 1e6:,.1f} MB of new files")
+    say.result(f"{_frames(found.frames)} ({views}), {found.there} of them there")
+    say.result(f"{traces}; about {progress.duration(found.seconds)} on this machine as it is now")
+    say.result(f"about {found.bytes / 1e6:,.1f} MB of new files")
 
 
 def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
@@ -117,8 +116,8 @@ def _say_what_is_left(tally: progress.Tally, store: Store | None) -> None:
         line = f"interrupted; {done}, and the same command goes on from there"
         if store.partial:
             paths = ", ".join(_shown(path) for path in store.partial)
-            print(f"mirelight: the frame in progress, as far as it got: {paths}", file=sys.stderr)
-    print(f"mirelight: {line}", file=sys.stderr)
+            say.remark(f"the frame in progress, as far as it got: {paths}")
+    say.remark(line)
 
 
 def _frames(count: int) -> str:

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 
+from mirelight.cli import say
 from mirelight.errors import printable
 from mirelight.io.facts import (
     Bounds,
@@ -31,7 +32,7 @@ def run_inspect(file: str, wants_json: bool) -> int:
     if wants_json:
         print_json(as_json(facts))
     else:
-        print("\n".join(lines(facts)))
+        say.result("\n".join(lines(facts)))
     return 0
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
+
+from mirelight.cli import say
 
 _LEAST, _MOST = 16, 512  # pixels
 
@@ -39,7 +40,7 @@ def run_sheet(args: argparse.Namespace) -> int:
     found = shots.wanted(args.paths, args.camera, args.lighting)
     made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)
     some = f" of {made.there}" if made.shown < made.there else ""
-    print(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")
+    say.result(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")
     if some:
-        print("mirelight: evenly chosen; --all draws all of them, on several sheets", file=sys.stderr)
+        say.remark("evenly chosen; --all draws all of them, on several sheets")
     return 0

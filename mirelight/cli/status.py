@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from mirelight.cli import say
+
 if TYPE_CHECKING:
     from mirelight.farm.status import Status
 
@@ -30,14 +32,13 @@ def add_status(commands: Any) -> None:
 def run_status(args: argparse.Namespace) -> int:
     """The command."""
     from mirelight.cli.report import print_json
-    from mirelight.errors import printable
     from mirelight.farm.status import status
 
     found = status(args.folder)
     if args.json:
         print_json({"state": found.progress, **asdict(found), "folder": str(found.folder)})
     else:
-        print("\n".join(printable(line) for line in lines(found)))
+        say.result("\n".join(lines(found)))
     return _CODES[found.progress]
 
 

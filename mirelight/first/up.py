@@ -106,7 +106,7 @@ def _floor(cloud: SplatCloud) -> tuple[F64, float] | None:
         held = np.bincount(layer[(layer >= 0) & flat], area[(layer >= 0) & flat], minlength=1)
         lowest = int(np.argmax(held))
         share, below = float(held[lowest]), float(area[layer < lowest].sum())
-        if below < _MOST_BELOW and (best is None or share * worth > best[0]):
+        if share > 0 and below < _MOST_BELOW and (best is None or share * worth > best[0]):
             near = flat & (layer == lowest)
             signs = np.sign(normals[near] @ way)[:, None]
             best = share * worth, conventions.unit((normals[near] * signs * area[near, None]).sum(axis=0)), share

@@ -106,6 +106,8 @@ def write_exr(
     if (len(rows), len(columns)) != (height, width):
         inside = np.s_[rows.start : rows.stop, columns.start : columns.stop]
         planes = {name: np.ascontiguousarray(plane[inside]) for name, plane in planes.items()}
+    if not _has_utf8_name(path):
+        raise OutputError(f"{path}: cannot be written (OpenEXR takes names in UTF-8); nothing half-written was left")
     with atomic_path(path) as temporary:
         try:
             with silenced(), OpenEXR.File(header, planes) as file:
@@ -158,6 +160,8 @@ def read_header(path: str | Path) -> list[dict[str, Any]]:
         with path.open("rb") as stream:
             if stream.read(4) != MAGIC:
                 raise InputError(path, "not an OpenEXR image", "check the file")
+        if not _has_utf8_name(path):
+            raise InputError(path, "a name that is not UTF-8, which OpenEXR does not take", "rename file and folders")
         with silenced(), OpenEXR.File(str(path), header_only=True) as file:
             return [dict(part.header) for part in file.parts]
     except InputError:
@@ -166,6 +170,14 @@ def read_header(path: str | Path) -> list[dict[str, Any]]:
         raise InputError(
             path, f"an EXR header that cannot be read ({type(e).__name__})", "the file is damaged"
         ) from None
+
+
+def _has_utf8_name(path: str | Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _plane(values: NDArray[Any], half: bool) -> NDArray[Any]:

@@ -55,7 +55,7 @@ class Worker:
         Path(f"/proc/{process.pid}/clear_refs").write_text("5", encoding="ascii")  # forgets the highest mark so far
         began, spent = monotonic(), _seconds(process.pid)
         assert process.stdin is not None
-        task = {"folder": str(folder), "arguments": list(case.arguments), "said": str(said)}
+        task = {"folder": str(folder), "arguments": list(case.arguments), "said": str(said), "streams": case.streams}
         process.stdin.write(json.dumps(task).encode() + b"\n")
         process.stdin.flush()
         why = ""
@@ -117,9 +117,9 @@ def run(cases: Iterable[Case]) -> Iterator[Verdict]:
                 (root / part).mkdir()
             (root / "outside" / "canary.png").write_bytes(CANARY)
             case.build(root / "case")
-            names = frozenset((*case.arguments, *(x.name for x in (root / "case").rglob("*"))))
+            before = frozenset((root / "case").rglob("*"))
             answer, why, seconds, memory = worker.run(case, root / "case", root / "said")
-            kind, detail = _judged(case, root, answer, names) if answer is not None else (why, "")
+            kind, detail = _judged(case, root, answer, before) if answer is not None else (why, "")
             yield Verdict(case.name, kind, detail, seconds, memory)
 
 
@@ -132,7 +132,8 @@ def _worker() -> Iterator[Worker]:
         worker.close()
 
 
-def _judged(case: Case, root: Path, answer: dict[str, Any], names: frozenset[str]) -> tuple[str, str]:
+def _judged(case: Case, root: Path, answer: dict[str, Any], before: frozenset[Path]) -> tuple[str, str]:
+    names = frozenset((*case.arguments, *(x.name for x in before)))
     said = [(root / "said" / name).read_bytes() for name in ("stdout", "stderr")]
     stderr = said[1].decode("utf-8", "backslashreplace")
     if answer["raised"] or "Traceback (most recent" in stderr:
@@ -149,19 +150,23 @@ def _judged(case: Case, root: Path, answer: dict[str, Any], names: frozenset[str
     if sum(x.lstat().st_size for x in (root / "case").rglob("*.partial*")) > OUTPUT:
         return "output", "too much was written"
     if answer["code"] == 0:
-        silent = _silent(root / "case" / "out", case.bright)
+        silent = _silent(root / "case", before, case.bright)
         return ("silent", silent) if silent else ("ok", "")
     if answer["code"] == 2:
         unclear = [x for x in stderr.splitlines() if not _names_a_file(x, names)]
-        return ("unclear", stderr) if unclear or not stderr else ("refused", stderr)
+        mute = case.streams in ("closed", "unread")  # nobody hears, or nobody wants to
+        return ("unclear", stderr) if unclear or not (stderr or mute) else ("refused", stderr)
     return ("ok", "") if answer["code"] == 1 and case.arguments[0] == "compare" else ("crash", f"exit {answer['code']}")
 
 
 def _names_a_file(line: str, names: frozenset[str]) -> bool:
     """A message starts with the program and what it is about: a file, a folder, or an option as it was written."""
+    from mirelight.errors import printable
+
     if not line.startswith("mirelight: "):
-        return line.startswith(("[", "usage: ", "mirelight "))  # progress, and what argparse says
-    return any(name in line for name in (*names, *_BAIT, "--", "job.toml", "/case/"))
+        return line.startswith("[")  # progress
+    written = (printable(name) for name in names if name)
+    return any(name in line for name in (*written, *_BAIT, "--", "job.toml", "/case/", ": stdout: "))
 
 
 def _escapes(root: Path, opened: list[str]) -> list[str]:
@@ -184,18 +189,30 @@ def _of_the_job(folder: Path, case: Case, name: str) -> bool:
     return name.removeprefix(f"{folder}/") in asked
 
 
-def _silent(folder: Path, bright: bool) -> str:
-    """What is wrong with finished frames: values that are not finite, or black where light was given."""
+def _silent(folder: Path, before: frozenset[Path], bright: bool) -> str:
+    """What is wrong with finished files: values that are not finite, or black where light was given."""
+    from mirelight.io import splats
     from mirelight.io.exr import read_exr
 
-    for path in sorted(folder.glob("*.exr")) if folder.is_dir() else ():
-        image = read_exr(path)
-        for name, plane in image.channels.items():
-            if name != "depth.Z" and not name.startswith(("position", "splat_")) and not np.all(np.isfinite(plane)):
-                return f"{name} is not finite"
-        if bright and not float(np.max(image.layer("")[..., :3])) > 0:
-            return "black"
+    for path in sorted(x for x in folder.rglob("*.*") if x not in before and x.is_file()):
+        if path.suffix == ".exr":
+            image = read_exr(path)
+            for name, plane in image.channels.items():
+                if name != "depth.Z" and not name.startswith(("position", "splat_")) and not np.all(np.isfinite(plane)):
+                    return f"{path.name}: {name} is not finite"
+            if bright and not float(np.max(image.layer("")[..., :3])) > 0:
+                return "black"
+        elif path.suffix == ".ply":
+            cloud = splats.read(path)
+            if not all(np.all(np.isfinite(x)) for x in (cloud.means, cloud.scales, cloud.opacities, cloud.sh)):
+                return f"{path.name} is not finite"
+        elif path.suffix == ".json":
+            json.loads(path.read_bytes(), parse_constant=_refuse)
     return ""
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} in JSON")
 
 
 def _seconds(pid: int) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from fuzzing import damage
 
 CANARY = b"secret"
+STREAMS = ("closed", "full", "unread", "ascii")  # besides "kept": both closed, a full disk, a pipe nobody reads, ASCII
 DATA = Path(__file__).parents[2] / "tests" / "data" / "splats"
 TINY = ("--set", "resolution=[16, 12]", "--set", "render.spp=1", "--set", "resolution_scale=1", "-o", "out", "-q")
 
@@ -91,6 +92,7 @@ class Case:
     arguments: tuple[str, ...]
     build: Callable[[Path], None]  # fills the folder
     bright: bool = False  # a finished frame must not be black
+    streams: str = "kept"  # what stdout and stderr are, see STREAMS
 
 
 def of_files(
@@ -193,6 +195,7 @@ def scene(**files: bytes) -> dict[str, bytes]:
 
 def cases(count: int, seed: int = 1) -> Iterator[Case]:
     """`count` cases: the written ones first, then drawn ones."""
+    from fuzzing.commands import drawn
     from fuzzing.written import written
 
     fixed = written()
@@ -200,7 +203,7 @@ def cases(count: int, seed: int = 1) -> Iterator[Case]:
     kinds = (_job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare, _cameras)
     for number in range(max(count - len(fixed), 0)):
         rng = random.Random(f"{seed} {number}")
-        yield kinds[number % len(kinds)](number, rng)
+        yield drawn(number, rng) if number % 2 else kinds[number // 2 % len(kinds)](number, rng)
 
 
 def _job(number: int, rng: random.Random) -> Case:

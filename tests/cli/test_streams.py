@@ -56,3 +56,37 @@ def test_names_of_files_do_not_act_on_the_terminal(folder: Path) -> None:
         assert b"\x1b" not in shown and b"\xff" not in shown and b"Traceback" not in shown
         if b"--json" in arguments:
             assert json.loads(done.stdout)["path"] == os.fsdecode(name)
+
+
+def test_closed_streams_are_there_and_take_nothing(folder: Path) -> None:
+    """Commands may ask them whether they are a terminal, and libraries may print."""
+    script = "import os, sys; from mirelight import cli; cli.main(['schema']); "
+    script += "os._exit(int(sys.stdout.isatty() or sys.stderr.isatty()) or 7)"
+    done = subprocess.run(["sh", "-c", f'{COMMAND[0]} -c "{script}" >&- 2>&-'], cwd=folder)
+    assert done.returncode == 7
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly\x1b[2J"],
+        ["render", "a", "\x1b[2J"],
+        ["export", "a", "--layout", "\x1b[2J"],
+        ["proxy", "a", "--triangles", "x"],
+    ],
+)
+def test_wrong_arguments_are_one_line(folder: Path, arguments: list[str]) -> None:
+    done = subprocess.run([*COMMAND, *arguments], cwd=folder, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("mirelight: ") and line.endswith(" --help says more") and line.isprintable()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["new", "splats.ply", "-o", "\x1b[2J.toml"], ["render", "job.toml", "-o", "\x1b[2J", "--camera", "front"]],
+)
+def test_names_of_output_do_not_act_on_the_terminal(folder: Path, arguments: list[str]) -> None:
+    done = subprocess.run([*COMMAND, *arguments], cwd=folder, capture_output=True)
+    assert done.returncode == 0
+    assert b"\\x1b[2J" in done.stdout and b"\x1b" not in done.stdout + done.stderr

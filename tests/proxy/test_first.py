@@ -50,6 +50,19 @@ def test_a_thing_without_a_floor_is_a_guess_and_cameras_are_not() -> None:
     assert not found.guessed and found.way[2] == 1
 
 
+def test_a_floor_and_nothing_else() -> None:
+    """From the side there is no layer with splats that face that way."""
+    rng = np.random.default_rng(0)
+    floor = SplatCloud(
+        means=rng.uniform((-3, -1, -3), (3, -1, 3), (900, 3)).astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (900, 1)),
+        scales=np.tile(np.array([0.2, 0.005, 0.2], np.float32), (900, 1)),
+        opacities=np.full(900, 0.9, np.float32),
+        sh=np.zeros((900, 1, 3), np.float32),
+    )
+    assert up.find(floor, Path("a.ply")).way.shape == (3,)
+
+
 @pytest.mark.parametrize("name", ["courtyard", "stage"])
 def test_a_shipped_capture_alone(name: str, tmp_path: Path) -> None:
     capture = tmp_path / "capture.compressed.ply"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -218,6 +219,18 @@ def test_damaged_files_are_one_line(frame: Frame, tmp_path: Path) -> None:
             read_exr(path)
         except InputError as e:
             assert "\n" not in str(e)
+
+
+def test_names_that_the_library_does_not_take_are_said(frame: Frame, tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    write(frame, path)
+    other = tmp_path / os.fsdecode(b"\xff.exr")
+    with pytest.raises(OutputError, match="OpenEXR takes names in UTF-8"):
+        write(frame, other)
+    assert list(tmp_path.iterdir()) == [path]
+    path.rename(other)
+    with pytest.raises(InputError, match="a name that is not UTF-8"):
+        read_exr(other)
 
 
 def test_other_suffixes_are_refused(frame: Frame, tmp_path: Path) -> None:

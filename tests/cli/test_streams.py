@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from mirelight import cli
+
 from .conftest import COMMAND
 
 ASCII = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"}
@@ -90,3 +92,11 @@ def test_names_of_output_do_not_act_on_the_terminal(folder: Path, arguments: lis
     done = subprocess.run([*COMMAND, *arguments], cwd=folder, capture_output=True)
     assert done.returncode == 0
     assert b"\\x1b[2J" in done.stdout and b"\x1b" not in done.stdout + done.stderr
+
+
+def test_commands_print_through_one_module() -> None:
+    """`say` writes what is not printable as escapes; JSON has escapes of its own, and rich its console."""
+    folder = Path(cli.__file__).parent
+    found = {path.name: path.read_text(encoding="utf-8").count("print(") for path in folder.glob("*.py")}
+    assert {name for name, count in found.items() if count} == {"say.py", "__init__.py", "report.py", "progress.py"}
+    assert found["report.py"] == found["__init__.py"] == 1

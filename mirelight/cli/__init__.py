@@ -124,6 +124,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.status import run_status
 
             return run_status(args)
+        case "verify":
+            from mirelight.cli.verify import run_verify
+
+            return run_verify(args)
         case "inspect":
             from mirelight.cli.report import run_inspect
 
@@ -198,8 +202,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = _Parser(
         prog="mirelight",
         description="Offline, physically based relighting of Gaussian-splat captures.",
-        epilog="Exit codes: 0 done; 1 a requirement of compare is unmet, or status finds frames missing; 2 bad input "
-        "or no way to go on (one line says why); 130 interrupted.",
+        epilog="Exit codes: 0 done; 1 a requirement of compare is unmet, or status or verify finds something; 2 bad "
+        "input or no way to go on (one line says why); 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"mirelight {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
@@ -254,8 +258,10 @@ def make_parser() -> argparse.ArgumentParser:
     from mirelight.cli.realtime import add_realtime
     from mirelight.cli.sheet import add_sheet
     from mirelight.cli.status import add_status
+    from mirelight.cli.verify import add_verify
 
     add_status(commands)
+    add_verify(commands)
     add_compare(commands)
     add_realtime(commands)
     add_mix(commands)

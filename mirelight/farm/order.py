@@ -102,6 +102,27 @@ class Order:
         options += [("--lighting", x) for x in self.lightings or ()]
         return [self.job, *(f"{name}={value}" for name, value in options)]
 
+    @staticmethod
+    def of(job: str, arguments: Sequence[str]) -> Order:
+        """Back from :meth:`arguments`, the job's path apart; what is none of them is left out."""
+        found: dict[str, list[str]] = {}
+        for text in arguments:
+            option, _, value = text.partition("=")
+            found.setdefault(option, []).append(value)
+
+        def last(option: str) -> str | None:
+            return found.get(option, [None])[-1]
+
+        return Order(
+            job=job,
+            settings=tuple(found.get("--set", ())),
+            variant=last("--variant"),
+            threads=last("--threads"),
+            out=last("--out"),
+            cameras=tuple(found["--camera"]) if "--camera" in found else None,
+            lightings=tuple(found["--lighting"]) if "--lighting" in found else None,
+        )
+
     def overrides(self) -> list[Override]:
         """What is laid over the job file, in order."""
         found = [parse(text) for text in self.settings]

@@ -100,7 +100,15 @@ def read(path: str | Path) -> Frame:
     path = Path(path)
     if path.suffix.lower() == ".png":
         raise InputError(path, "a PNG, which holds the displayed picture alone", "give the frame's EXR file")
-    image = read_exr(path)
+    return frame_of(path, read_exr(path))
+
+
+def frame_of(path: Path, image: ExrImage) -> Frame:
+    """The frame that a file's channels hold, see :func:`read`.
+
+    Raises:
+        InputError: they hold none.
+    """
     texts = image.metadata
     camera = camera_of(path, texts)
     try:

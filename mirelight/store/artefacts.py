@@ -78,7 +78,7 @@ class Artefacts:
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """A kept buffer, of the view of `camera`; None where there is none, or it is damaged."""
         try:
-            return _buffer(read_arrays(self._folder / f"{key}{_LIGHT}"), camera)
+            return _buffer(read_arrays(self.path(key)), camera)
         except _BROKEN:
             return None
 
@@ -89,12 +89,12 @@ class Artefacts:
             OutputError: it cannot be written.
         """
         about = {"spp": buffer.spp, "layers": [x.name for x in buffer.layers], "noisy": [x.name for x in buffer.noisy]}
-        write_arrays(self._folder / f"{key}{_LIGHT}", _arrays(buffer), about)
+        write_arrays(self.path(key), _arrays(buffer), about)
 
     def composite(self, key: str, camera: Camera, profile: Profile, linear: bool) -> SplatLayer | None:
         """A kept composite of a camera; None where there is none, or it is damaged."""
         try:
-            file = read_arrays(self._folder / f"{key}{_LIGHT}")
+            file = read_arrays(self.path(key))
             return SplatLayer(camera=camera, profile=profile, linear=linear, **file.arrays)
         except _BROKEN:
             return None
@@ -105,7 +105,11 @@ class Artefacts:
         Raises:
             OutputError: it cannot be written.
         """
-        write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(splats), {})
+        write_arrays(self.path(key), _own_arrays(splats), {})
+
+    def path(self, key: str) -> Path:
+        """The file of a composite or buffer."""
+        return self._folder / f"{key}{_LIGHT}"
 
     def cells(self, key: str) -> SurfaceCells | None:
         """Kept cells of a surface; None where there are none, or they are damaged."""

@@ -52,6 +52,10 @@ class Index:
             self.has_file(self._folder / (task.name + suffix), key) for suffix, key in task.files.items()
         )
 
+    def rows_of(self, name: str, key: str) -> list[FileRow]:
+        """What the journal says of a file of that name and key, as often as it was written."""
+        return self._rows.get((name, key), [])
+
     def _known(self, name: str, key: str) -> bool:
         seen = self._there.get(name)
         return any((row.bytes, row.mtime_ns) == seen for row in self._rows.get((name, key), ()))

@@ -1,0 +1,80 @@
+"""`mirelight verify`: every frame of a folder looked at."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mirelight.farm.checks import Finding
+
+_MOST = 100  # lines of a kind
+_EVERY = 30.0  # seconds between two words on how far it is
+
+
+def add_verify(commands: Any) -> None:
+    """Its arguments."""
+    parser = commands.add_parser(
+        "verify",
+        help="look at every frame of a folder, and say what is wrong",
+        description="Reads every file: bytes against the journal and the file's own digest, values (finite, alpha, "
+        "size), pictures (black, white, empty), missing ones, sums of lights. Each thing is a line with how to mend "
+        "it. Exit codes: 0 all is well; 1 something is not.",
+    )
+    parser.add_argument("folder", metavar="DIR", help="a job's output folder")
+    parser.add_argument(
+        "--rebuild",
+        action="store_true",
+        help="remove damaged files, for the next render to make, and write a lost journal again",
+    )
+
+
+def run_verify(args: argparse.Namespace) -> int:
+    """The command. What is wrong goes to stdout, the last line, too."""
+    from mirelight.farm.verify import verify
+
+    said = _Said()
+    found = verify(args.folder, said.hear, rebuild=args.rebuild, step=said.step)
+    said.rest()
+    for note in found.notes:
+        print(f"note: {note}")
+    if found.in_flight:
+        print(f"note: {found.in_flight} frames are in flight, and were not looked at")
+    if found.recorded:
+        print(f"{found.recorded} frames written into the journal")
+    elif found.unrecorded:
+        print(f"note: {found.unrecorded} frames are not in the journal; --rebuild writes them there")
+    if found.forgotten:
+        print(f"{found.forgotten} files forgotten; mirelight render makes them again")
+    wrong = f"{found.findings} things are wrong" if found.findings != 1 else "1 thing is wrong"
+    print(f"{args.folder}: {found.frames} frames looked at; {wrong if found.findings else 'all is well'}")
+    return 1 if found.findings else 0
+
+
+class _Said:
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._last = time.monotonic()
+
+    def hear(self, finding: Finding) -> None:
+        """A line at once, unless there were many of the kind."""
+        from mirelight.errors import printable
+
+        self._counts[finding.kind] += 1
+        if self._counts[finding.kind] <= _MOST:
+            print(printable(str(finding)), flush=True)
+
+    def step(self, done: int, total: int) -> None:
+        """A line on stderr, now and then."""
+        if time.monotonic() - self._last >= _EVERY:
+            self._last = time.monotonic()
+            print(f"mirelight: {done} of {total} frames looked at", file=sys.stderr, flush=True)
+
+    def rest(self) -> None:
+        """How many lines were left out."""
+        for kind, count in self._counts.items():
+            if count > _MOST:
+                print(f"{count - _MOST} more of this kind: {kind}")

@@ -28,6 +28,9 @@ def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
     )
+    parser.add_argument(
+        "--beside", metavar="DIR", help="show the frames of this output folder of mirelight render over the live ones"
+    )
     parser.add_argument("--export-only", action="store_true", help="write the live page and render nothing")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but warnings and errors")
 
@@ -39,6 +42,7 @@ def run_realtime(args: argparse.Namespace) -> int:
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
     from mirelight.plan import plan
+    from mirelight.realtime import pages
 
     work = job.load(args.job, [parse(text) for text in args.set])
     tasks = plan(
@@ -46,6 +50,8 @@ def run_realtime(args: argparse.Namespace) -> int:
         cameras=named(args.camera, [x.name for x in work.cameras]),
         lightings=named(args.lighting, [x.name for x in work.lightings]),
     ).tasks
+    names = [task.name for task in tasks]
+    physical = pages.rendered(Path(args.beside), names) if args.beside is not None else {}
     first: Path | None = None  # its files serve the other frames
     for k, task in enumerate(tasks, start=1):
         if task.lighting is None:
@@ -55,6 +61,7 @@ def run_realtime(args: argparse.Namespace) -> int:
             say.live(f"frame {k} of {len(tasks)}: {task.name}")
         make = realtime.export if args.export_only else realtime.render
         made = make(work, task.camera, task.lighting, folder, like=first)
+        pages.write(folder, names, physical.get(task.name))
         first = first or folder
         if sys.stderr.isatty() and not args.quiet:
             say.cleared()

@@ -42,10 +42,10 @@ from mirelight.model import (
     ToneCurve,
     rules_of,
 )
-from mirelight.realtime import engine
+from mirelight.realtime import engine, pages
 from mirelight.scene import Scene
 
-PAGE = ("index.html", "live.mjs", "scene.mjs")  # what a person opens
+PAGE = ("index.html", "live.mjs", "scene.mjs", "sides.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
 _FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
 _SHADOW_PIXELS, _SHADOW_BIAS = 2048, 0.1
@@ -113,6 +113,7 @@ def export(
         write_hdr(folder / "environment.hdr", engine_lighting.environment.pixels)
     with atomic_path(folder / "scene.json") as temporary:
         temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
+    pages.write(folder)
     return Exported(folder=folder, description=description, warnings=warnings)
 
 

@@ -17,6 +17,8 @@ def test_export_writes_a_page_for_each_frame(run: Run, folder: Path) -> None:
         scene = json.loads((folder / page.parent / "scene.json").read_text(encoding="utf-8"))
         assert [light["type"] for light in scene["lights"]] == ["omni"]
         assert (folder / page).is_file()
+        known = json.loads((folder / page.parent / "page.json").read_text(encoding="utf-8"))
+        assert known == {"frames": [x.parent.name for x in pages], "physical": None}
     for name in ("splats.ply", "proxy.glb", "engine/playcanvas.mjs"):  # on the disk once
         assert len({(folder / page.parent / name).stat().st_ino for page in pages}) == 1
     again = run("realtime", "job.toml", "-o", "live", "--export-only", "--lighting", "night")
@@ -37,6 +39,19 @@ def test_the_engines_frame_is_compared_with_ours(run: Run, folder: Path) -> None
     unmet = run("compare", *pair, "--require", "psnr>=90")
     assert unmet.returncode == 1
     assert "psnr" in unmet.stdout
+
+
+def test_frames_are_laid_beside_the_live_ones(run: Run, folder: Path) -> None:
+    chosen = ("--camera", "front", "--lighting", "night", "--export-only")
+    missing = run("realtime", "job.toml", "-o", "live", *chosen, "--beside", "ours")
+    assert (missing.returncode, missing.stderr.count("\n")) == (2, 1) and "no such folder" in missing.stderr
+    (folder / "ours").mkdir()
+    empty = run("realtime", "job.toml", "-o", "live", *chosen, "--beside", "ours")
+    assert (empty.returncode, empty.stderr.count("\n")) == (2, 1) and "front.night.png" in empty.stderr
+    assert not (folder / "live").exists()
+    (folder / "ours" / "front.night.png").write_bytes(b"a picture")
+    assert run("realtime", "job.toml", "-o", "live", *chosen, "--beside", "ours").returncode == 0
+    assert (folder / "live" / "front.night" / "physical.png").read_bytes() == b"a picture"
 
 
 def test_a_job_without_light_has_nothing_for_the_engine(run: Run, folder: Path) -> None:

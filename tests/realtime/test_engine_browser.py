@@ -6,6 +6,7 @@ Chromium and npm are part of the test environment (scripts/test installs them); 
 from __future__ import annotations
 
 import functools
+import io
 import json
 import re
 import shutil
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from mirelight import realtime
 from mirelight.compositor import Compositor
@@ -44,7 +46,7 @@ from mirelight.model import (
     SplatCloud,
     SpotLight,
 )
-from mirelight.realtime import browser, bundle, engine
+from mirelight.realtime import browser, bundle, engine, pages
 
 from .engine_cases import texture
 
@@ -192,12 +194,15 @@ def test_a_constant_environment_is_the_engines_ambient_colour(data: Path, tmp_pa
 @pytest.fixture
 def served(data: Path, tmp_path: Path) -> Iterator[str]:
     """An exported page on a plain static server, as a person would serve it."""
-    realtime.export(make_job(data, blend=0.75), CAMERA, LIGHTING, tmp_path)
+    for name in ("front.day", "front.night"):
+        realtime.export(make_job(data, blend=0.75), CAMERA, LIGHTING, tmp_path / name)
+        Image.new("RGB", (CAMERA.width, CAMERA.height), (255, 0, 255)).save(tmp_path / "physical.png")
+        pages.write(tmp_path / name, ["front.day", "front.night"], tmp_path / "physical.png")
     handler = functools.partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/"
+        yield f"http://127.0.0.1:{server.server_address[1]}/front.day/"
         server.shutdown()
         thread.join()
 
@@ -245,11 +250,43 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
         assert dark != lit
         for width, height in ((1280, 720), (390, 844)):
             page.set_viewport_size({"width": width, "height": height})
-            page.wait_for_timeout(1000)
-            box = page.locator("#view").bounding_box()
-            assert box == {"x": 0, "y": 0, "width": width, "height": height}
+            box = {"x": 0, "y": 0, "width": width, "height": height}
+            same = "wanted => Object.entries(wanted).every(([k, x]) => view.getBoundingClientRect()[k] === x)"
+            page.wait_for_function(same, arg=box, timeout=60_000)
             assert page.evaluate("document.documentElement.scrollWidth") == width
         assert failures == []
+        chromium.close()
+
+
+def test_the_physical_frame_lies_over_the_live_one_until_the_camera_moves(served: str) -> None:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
+        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
+        page = chromium.new_page(viewport={"width": 400, "height": 300})
+        page.goto(served)
+        page.wait_for_selector("#controls", state="visible", timeout=120_000)
+        physical, back = page.locator("#physical"), page.locator("button[name=back]")
+        assert not physical.is_visible() and not back.is_visible()
+        page.locator("input[name=physical]").fill("0.5")
+        physical.wait_for(state="visible")
+        page.evaluate("document.getElementById('controls').style.visibility = 'hidden'")
+        seen = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+        magenta = (seen == (255, 0, 255)).all(axis=-1)
+        wide = min(400, 300 * CAMERA.width / CAMERA.height)  # of the frame in the window
+        assert abs(int(magenta[150].sum()) - wide / 2) <= 2 and magenta[150, :202].sum() == magenta[150].sum()
+        page.evaluate("document.getElementById('controls').style.visibility = ''")
+
+        page.keyboard.down("w")  # flies on
+        back.wait_for(state="visible", timeout=60_000)
+        page.keyboard.up("w")
+        assert not physical.is_visible()
+        back.click()
+        physical.wait_for(state="visible", timeout=60_000)
+
+        page.locator("select[name=frame]").select_option("front.night")
+        page.wait_for_url("**/front.night/index.html", timeout=60_000)
         chromium.close()
 
 

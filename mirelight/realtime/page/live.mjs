@@ -2,6 +2,7 @@
 import * as pc from 'playcanvas';
 import { build } from './scene.mjs';
 import { CameraControls } from './engine/camera-controls.mjs';
+import { addFrames, addPhysical } from './sides.mjs';
 
 const message = document.getElementById('message');
 
@@ -21,7 +22,11 @@ try {
     fit();
 
     const controls = view.camera.script.create(CameraControls);
-    controls.reset(new pc.Vec3(description.camera.target), new pc.Vec3(description.camera.position));
+    const start = () => {  // at once, where `reset` would swing there
+        view.camera.setPosition(new pc.Vec3(description.camera.position));
+        controls.focusPoint = new pc.Vec3(description.camera.target);
+    };
+    start();
 
     const form = document.getElementById('controls');
     form.hidden = false;
@@ -32,8 +37,11 @@ try {
         label.append(light.name, box);
         document.getElementById('lights').append(label);
     }
+    const known = await (await fetch('page.json')).json();
+    addFrames(form.elements.frame, known.frames);
+    if (known.physical) addPhysical(known.physical, form, view, description.camera, start);
     message.hidden = true;
-    for (const input of form.querySelectorAll('input[type=range]')) {
+    for (const input of document.querySelectorAll('#controls > label > input[type=range]')) {
         const show = () => { input.nextElementSibling.value = Number(input.value).toFixed(2); };
         input.value = view.relighting[input.name];
         input.addEventListener('input', () => { view.relighting[input.name] = Number(input.value); show(); });

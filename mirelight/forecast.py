@@ -48,7 +48,7 @@ def forecast(plan: Plan) -> Forecast:
         InputError, BackendError, RenderError: as the render itself would.
     """
     job, store = plan.job, Store(plan.job)
-    made, index = keys.Keys(job), store.index()
+    made, index = plan.keys, store.index()
     left = [g for g in plan.groups if not all(index.has(t) for t in g.tasks) or not store.has_layers(g.layers)]
     missing = {g.name: [t for t in g.tasks if g.layers or not index.has(t)] for g in left}
     cost = _measured(job, missing[left[0].name][0]) if left else _Cost(composite=0, trace=0, finish=0, bytes=0)

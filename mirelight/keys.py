@@ -25,6 +25,7 @@ class Keys:
     def __init__(self, job: Job) -> None:
         self.job = job
         self._eyes: dict[int, tuple[Camera, str, str]] = {}
+        self._seen: dict[tuple[str, str], str] = {}
         self._named: dict[int, tuple[Lighting, str]] = {}
 
     # --- made once a scene ---
@@ -95,7 +96,15 @@ class Keys:
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""
-        return _joined(self._traced, light_set.digest, view(camera))
+        return self._light(light_set, view(camera))
+
+    def _light(self, light_set: LightSet, seen: str) -> str:
+        """The same by the camera's view; kept, since many lightings are made of one set."""
+        place = light_set.digest, seen
+        found = self._seen.get(place)
+        if found is None:
+            found = self._seen[place] = _joined(self._traced, *place)
+        return found
 
     @cached_property
     def _traced(self) -> str:
@@ -158,7 +167,7 @@ class Keys:
     def _lit(self, lighting: Lighting, seen: str) -> Iterable[str]:
         """`seen`: the view of the lighting's camera."""
         mixture = self.mixture(lighting)
-        return [_joined(self._traced, one.digest, seen) for one in mixture.sets] + [mixture.digest]
+        return [self._light(one, seen) for one in mixture.sets] + [mixture.digest]
 
     def _eye(self, camera: Camera) -> tuple[str, str]:
         """The view of a camera, and that of the camera which its light is traced for; those of one camera are kept."""

@@ -43,6 +43,7 @@ class Plan:
 
     job: Job
     groups: tuple[Group, ...]
+    keys: keys.Keys  # of the job, with what frames share at hand
 
     @property
     def tasks(self) -> tuple[FrameTask, ...]:
@@ -79,12 +80,12 @@ def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str
         name = names[id(camera), id(every_lighting[0])]
         return Group(name, tuple(task(camera, x) for x in chosen_lightings), layers)
 
-    return Plan(job, tuple(group(camera) for camera in chosen_cameras))
+    return Plan(job, tuple(group(camera) for camera in chosen_cameras), made)
 
 
-def light_keys(job: Job) -> frozenset[str]:
+def light_keys(plan: Plan) -> frozenset[str]:
     """Keys of all the composites and traced buffers that the job's frames are made from, whatever is chosen."""
-    made = keys.Keys(job)
+    job, made = plan.job, plan.keys
     composites = [made.composite(camera) for camera in job.cameras] if job.splats is not None else []
     return frozenset([*made.lights(), *composites] if job.proxy is not None else composites)
 

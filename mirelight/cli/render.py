@@ -44,7 +44,7 @@ def run_render(args: argparse.Namespace) -> int:
                     crew.run(order, frames, store, workers, watched)
                 else:
                     executor.run(frames, store, watched)
-            store.tidy(light_keys(work))
+            store.tidy(light_keys(whole))
     except BaseException as e:
         code = stop.exit_code(e)
         if code is None:

@@ -17,7 +17,7 @@ def describe(plan: Plan) -> Index:
     job = plan.job
     if len(plan.groups) < len(job.cameras) or len(plan.groups[0].tasks) < len(job.lightings):
         plan = planning.plan(job)
-    made = keys.Keys(job)
+    made = plan.keys
     known = _Units(made)
     lightings = tuple(known.weighted(x) for x in job.lightings)
     compared = job.captured is not None and job.splats is not None and keys.compares(job)

@@ -38,7 +38,7 @@ class Shard:
 
     def of(self, whole: Plan) -> Plan:
         """The part of a plan. All parts together are the plan, and no two share a camera."""
-        return Plan(whole.job, whole.groups[self.index - 1 :: self.count])
+        return replace(whole, groups=whole.groups[self.index - 1 :: self.count])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+_NAMES: dict[type, tuple[str, ...]] = {}  # of the fields of each type that was met
+
 
 @runtime_checkable
 class Digested(Protocol):
@@ -43,23 +45,30 @@ def _feed(sha: hashlib._Hash, value: object) -> None:
     elif isinstance(value, np.ndarray):
         array = np.ascontiguousarray(value)
         _atom(sha, f"array {array.dtype.str} {array.shape}", array.data.cast("B") if array.size else b"")
-    elif is_dataclass(value) and not isinstance(value, type):
-        names = [f.name for f in fields(value)]
-        _atom(sha, "type", type(value).__name__.encode())
-        _feed(sha, {name: getattr(value, name) for name in names})
-    elif isinstance(value, Digested):
-        _atom(sha, "digest", value.digest.encode())
+    elif isinstance(value, tuple | list):
+        _atom(sha, "list", str(len(value)).encode())
+        for item in value:
+            _feed(sha, item)
     elif isinstance(value, dict):
         _atom(sha, "dict", str(len(value)).encode())
         for key in sorted(value):
             _feed(sha, key)
             _feed(sha, value[key])
-    elif isinstance(value, tuple | list):
-        _atom(sha, "list", str(len(value)).encode())
-        for item in value:
-            _feed(sha, item)
+    elif names := _names(value):
+        _atom(sha, "type", type(value).__name__.encode())
+        _feed(sha, {name: getattr(value, name) for name in names})
+    elif isinstance(value, Digested):  # last of all: it takes longer than the rest together
+        _atom(sha, "digest", value.digest.encode())
     else:
         raise TypeError(f"no digest for {type(value).__name__}")
+
+
+def _names(value: object) -> tuple[str, ...]:
+    """The fields of a dataclass; none of other values."""
+    kind = type(value)
+    if kind not in _NAMES:
+        _NAMES[kind] = tuple(f.name for f in fields(kind)) if is_dataclass(kind) else ()
+    return _NAMES[kind]
 
 
 def _atom(sha: hashlib._Hash, kind: str, content: bytes | memoryview) -> None:

@@ -142,7 +142,7 @@ def build(source: Source, table: JobTable) -> Job:
         compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
         relight=relight_settings(table),
         display=model.DisplaySettings(**_settings(table.display)),
-        output=replace(model.OutputSettings(**_settings(table.output)), directory=_output_folder(source, table)),
+        output=_output(source, table),
         inputs=dict(sorted(assets.digests.items())),
         notes=tuple(assets.notes),
     )
@@ -212,8 +212,12 @@ def relight_settings(table: JobTable) -> model.RelightSettings:
     return model.RelightSettings(profile=table.profile, **chosen)
 
 
-def _output_folder(source: Source, table: JobTable) -> Path:
-    return (source.folder / table.output.directory).resolve()
+def _output(source: Source, table: JobTable) -> model.OutputSettings:
+    """Frames of a sweep hold the picture alone by default: what else there is, they share, and the store keeps it."""
+    chosen = _settings(table.output)
+    whole = table.sweep is None or table.output.store == "frames"
+    chosen |= {name: whole for name in ("layers", "aovs") if chosen[name] is None}
+    return replace(model.OutputSettings(**chosen), directory=(source.folder / table.output.directory).resolve())
 
 
 def _settings(table: Any) -> dict[str, Any]:

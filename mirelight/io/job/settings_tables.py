@@ -134,13 +134,15 @@ class OutputTable(Table):
     )
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
-    layers: bool = Field(
-        default=_OUTPUT.layers, description="EXR: direct and indirect light of each light or group, and their sum."
+    layers: bool | None = Field(
+        default=None,
+        description="EXR: direct and indirect light of each light or group, and their sum. Default: true, but false in "
+        "a job with a sweep, whose light is kept once a camera, unless store is frames.",
     )
-    aovs: bool | list[str] = Field(
-        default=True,
+    aovs: bool | list[str] | None = Field(
+        default=None,
         description="EXR: layers besides the picture and those of lights, all (true), none (false), or by name: "
-        f"{', '.join(AOVS)}. With dwaa, true leaves out what rounding would spoil.",
+        f"{', '.join(AOVS)}. With dwaa, true leaves out what rounding would spoil. Default: as for layers.",
         json_schema_extra={"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(AOVS)}}]},
     )
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
@@ -152,7 +154,7 @@ class OutputTable(Table):
     @field_validator("aovs", mode="before")
     @classmethod
     def _known(cls, value: Any) -> Any:
-        if isinstance(value, bool):
+        if value is None or isinstance(value, bool):
             return value
         if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
             raise wrong(shown(value), "give true, false, or a list of names")

@@ -117,7 +117,10 @@ def _variants(
             if problem is not None:
                 wrong.append(replace(problem, path=(*_AT, "axes", i, "field")))
                 return
-        name = "-".join([plain(one.name), *(value.word for value in combination)])
+        words = [value.word for value in combination]
+        if sweep.how == "paired":  # their draws bear the same numbers
+            words = list(dict.fromkeys(words))
+        name = "-".join([plain(one.name), *words])
         try:
             checked = LightingTable.model_validate({"name": name[:100], **data}, context={"base": folder})
         except ValidationError as e:

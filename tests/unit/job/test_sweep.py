@@ -195,3 +195,33 @@ def test_black_bodies_have_their_known_chromaticities() -> None:
     for kelvin, expected in ((2856, (0.4476, 0.4074)), (6500, (0.3135, 0.3237)), (10000, (0.2807, 0.2884))):
         color = xyz @ colour.blackbody(kelvin)
         assert np.allclose(color[:2] / color.sum(), expected, atol=0.004)
+
+
+def test_paired_draws_share_a_word_and_crossed_ones_do_not(write_job: WriteJob) -> None:
+    lamps = "".join(f'[[lights]]\nname = "{x}"\ntype = "point"\nposition = [0, 2, 0]\n' for x in "ab")
+    axes = "".join(
+        f'[[sweep.axes]]\nfield = "lights.{x}.intensity"\nrange = [1, 9]\ndraws = 2\n' for x in "ab"
+    )  # intensity0000 and so on
+    paired = job.load(write_job(f'{HEAD}{lamps}[sweep]\nhow = "paired"\n{axes}'))
+    assert [x.name for x in paired.lightings] == ["lighting-intensity0000", "lighting-intensity0001"]
+    crossed = job.load(write_job(f"{HEAD}{lamps}{axes}"))
+    assert crossed.lightings[1].name == "lighting-intensity0000-intensity0001"
+
+
+@pytest.mark.parametrize(
+    ("more", "layers", "aovs"),
+    [
+        ("", False, False),
+        ("aovs = ['depth']", False, ("depth",)),
+        ("layers = true", True, False),
+        ("store = 'frames'", True, True),
+    ],
+)
+def test_frames_of_a_sweep_hold_the_picture_alone(
+    write_job: WriteJob, more: str, layers: bool, aovs: bool | tuple[str, ...]
+) -> None:
+    axis = '[[sweep.axes]]\nfield = "lights.key.intensity"\nvalues = [1, 2]\n'
+    output = job.load(write_job(f"{HEAD}{LAMP}{axis}[output]\n{more}\n")).output
+    assert (output.layers, output.aovs) == (layers, aovs)
+    plain = job.load(write_job(f"{HEAD}{LAMP}[output]\n")).output
+    assert plain.layers is True and plain.aovs is True

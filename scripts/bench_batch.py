@@ -1,0 +1,343 @@
+"""What a batch costs beside its light: many lightings of few traces, ten thousand frames, two workers.
+
+    python scripts/bench_batch.py [--quick] [--only light plan again workers] [--json FILE]
+
+The scene is `scenes/stage` on an orbit: 24 cameras under 50 lightings of 8 lamps and an HDRI at 320 x 180 and 16
+samples, as a sweep makes them. Every part runs in a process of its own; CPU seconds are those of all its threads.
+Ratios of wall times (workers) want a machine that does nothing else. `--quick`: few cameras, lightings and frames; its
+figures only show that everything runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from unittest import mock
+
+import mirelight
+from mirelight import cli, executor, relighting, stages
+from mirelight.model import Job
+from mirelight.plan import FrameTask, plan
+from mirelight.scene import prepare
+from mirelight.store import Store
+from mirelight.units import LightSet
+
+SCENE = Path(__file__).resolve().parents[1] / "scenes" / "stage"
+PARTS = ("light", "plan", "again", "workers")
+Figures = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How much of everything."""
+
+    cameras: int
+    lightings: int
+    planned: tuple[int, int]  # cameras and lightings of the frames that are planned and found
+    working: tuple[int, int]  # those that workers make
+
+
+FULL, QUICK = Size(24, 50, (100, 100), (12, 25)), Size(2, 5, (10, 10), (4, 5))
+
+GOALS = {  # name of a figure: (goal, whether more is better)
+    "CPU of all / each unit light traced alone": (1.25, False),
+    "CPU of all / unit lights traced together": (1.25, False),
+    "CPU of an extra lighting / the first": (1 / 50, False),
+    "planning: seconds before the first frame": (2.0, False),
+    "planning: peak MB": (200.0, False),
+    "all there: seconds": (1.5, False),
+    "frames a second, two workers / one": (1.8, True),
+}
+
+
+def job_text(cameras: int, lightings: int, out: Path, more: str = "") -> str:
+    """A job of 8 lamps and an HDRI over the stage."""
+    lamps = "".join(
+        f'[[lights]]\nname = "lamp{i}"\ntype = "point"\nposition = [{-3 + 0.8 * i:g}, {2.5 + 0.1 * i:g}, '
+        f"{2 - 0.4 * i:g}]\nintensity = 10.0\n\n"
+        for i in range(8)
+    )
+    fields = [(f"lights.lamp{i}.intensity", "[0.5, 20.0]") for i in range(8)] + [
+        ("environment.intensity", "[0.1, 1.0]")
+    ]
+    axes = "".join(f'[[sweep.axes]]\nfield = "{f}"\nrange = {r}\ndraws = {lightings}\n\n' for f, r in fields)
+    folder = SCENE.as_posix()
+    return f"""
+splats = "{folder}/splats.compressed.ply"
+proxy = {{ path = "{folder}/proxy.glb", albedo = "splats" }}
+captured = {{ environment = "{folder}/studio.hdr" }}
+environment = "{folder}/sunset.hdr"
+resolution = [320, 180]
+
+{lamps}
+[sweep]
+how = "paired"
+seed = 1
+
+{axes}
+[[cameras]]
+type = "orbit"
+name = "orbit"
+target = [0, 0.8, 0]
+radius = 4.5
+elevation = 15
+frames = {cameras}
+
+[render]
+spp = 16
+
+[output]
+directory = "{out.as_posix()}"
+half = true
+{more}
+"""
+
+
+# --- parts, each in its own process -----------------------------------------------------------------------------------
+
+
+def light(size: Size, folder: Path) -> Figures:
+    """Every unit light of every camera traced alone, and together; then the whole job in a process of its own."""
+    path = written(folder, job_text(size.cameras, size.lightings, folder / "out"))
+    found = child("made", path)
+    job = mirelight.load(path)
+    alone, together = traced(job, alone=True), traced(job, alone=False)
+    frames = size.cameras * size.lightings
+    return {
+        "unit lights": len(units(job)),
+        "CPU s, unit lights traced alone": alone,
+        "CPU s, unit lights traced together": together,
+        f"CPU s, {frames} frames": found["cpu"],
+        "CPU of all / each unit light traced alone": found["cpu"] / alone,
+        "CPU of all / unit lights traced together": found["cpu"] / together,
+        "CPU s, first lighting of a camera": found["first"],
+        "CPU s, an extra lighting": found["extra"],
+        "CPU of an extra lighting / the first": found["extra"] / found["first"],
+        "MB a frame": found["bytes"] / frames / 1e6,
+    }
+
+
+def made(path: Path) -> Figures:
+    """Render a job; CPU seconds in all, of cameras' first lightings and of their others (medians)."""
+    spent: dict[str, list[float]] = {}
+
+    class Heard(executor.Silent):
+        last = 0.0
+
+        def finished(self, task: FrameTask, skipped: bool) -> None:
+            now = time.process_time()
+            spent.setdefault(task.camera.name, []).append(now - self.last)
+            self.last = now
+
+    job = mirelight.load(path)
+    store = Store(job)
+    store.open()
+    executor.run(plan(job), store, Heard())
+    store.close()
+    warm = list(spent.values())[1:]  # the first camera's also prepares the scene and compiles
+    return {
+        "cpu": time.process_time(),
+        "first": statistics.median(x[0] for x in warm),
+        "extra": statistics.median(x for camera in warm for x in camera[1:]),
+        "bytes": sum(x.stat().st_size for x in job.output.directory.iterdir()),
+    }
+
+
+def units(job: Job) -> list[LightSet]:
+    """Each unit light of the job, that of the captured light too, as a set of its own."""
+    scene = prepare(job)
+    every = [*job.lightings, *([job.captured] if job.captured is not None else [])]
+    sets = {s.digest: s for x in every for s in scene.mixture(x).sets}
+    return [LightSet((unit,)) for s in sets.values() for unit in s.units]
+
+
+def traced(job: Job, *, alone: bool) -> float:
+    """CPU seconds of tracing each unit light of each camera once; nothing that is made once a scene counts."""
+    scene = prepare(job)
+    every = [*job.lightings, *([job.captured] if job.captured is not None else [])]
+    sets = units(job) if alone else list({s.digest: s for x in every for s in scene.mixture(x).sets}.values())
+    seen = [relighting.lighting_camera(x, job.relight) for x in job.cameras]
+    for one in sets:  # compiles, and uploads the scene
+        scene.tracer.trace(scene.lighting_of(one), seen[0])
+    began = time.process_time()
+    for camera in seen:
+        for one in sets:
+            scene.tracer.trace(scene.lighting_of(one), camera)
+    return time.process_time() - began
+
+
+def planning(path: Path) -> Figures:
+    """What `mirelight render` does before its first frame."""
+    found: Figures = {}
+
+    def stop(*_: object) -> None:
+        found["seconds"] = time.process_time()
+        found["wall"] = time.time() - float(os.environ["BENCH_BEGAN"])
+        found["peak"] = peak_mb()
+        raise Enough
+
+    with mock.patch.object(executor, "attempt", stop), contextlib.suppress(Enough):
+        cli.main(["render", str(path), "-q"])
+    return found
+
+
+class Enough(BaseException):
+    """The first frame would be made now."""
+
+
+def peak_mb() -> float:
+    """Of this process (Linux). `getrusage` would count the parent's before this program was started in its place."""
+    rows = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(float(row.split()[1]) for row in rows if row.startswith("VmHWM")) / 1024
+
+
+def planned(size: Size, folder: Path) -> Figures:
+    """Planning, in its own process."""
+    path = written(folder, job_text(*size.planned, folder / "out"))
+    found = child("planning", path)
+    return {
+        "planning: frames": size.planned[0] * size.planned[1],
+        "planning: seconds before the first frame": found["seconds"],
+        "planning: wall seconds before the first frame": found["wall"],
+        "planning: peak MB": found["peak"],
+    }
+
+
+def again(size: Size, folder: Path) -> Figures:
+    """A run that finds all its frames, EXR and PNG, in its own process."""
+    text = job_text(*size.planned, folder / "out").replace("[320, 180]", "[8, 6]").replace("spp = 16", "spp = 1")
+    path = written(folder, text)
+    job = mirelight.load(path)
+    scene, store = prepare(job), Store(job)
+    store.open()
+    frames = plan(job)
+    executor.unfinished(frames, store, executor.Silent())
+    frame = stages.frame(scene, job.cameras[0], None)  # what it shows is no matter
+    with mock.patch.object(os, "fsync", lambda _: None):  # to have them soon
+        for task in frames.tasks:
+            store.put(task, frame)
+    store.close()
+    began = time.monotonic()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, "-m", "mirelight", "render", str(path)],
+        check=True,
+        capture_output=True,
+        text=True,
+        env=environment(),
+    )
+    wall, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if f"{len(frames.tasks)} of them already there" not in done.stdout:
+        raise SystemExit(f"not all were there: {done.stdout}{done.stderr}")
+    return {
+        "all there: frames": len(frames.tasks),
+        "all there: seconds": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+        "all there: wall seconds": wall,
+    }
+
+
+def workers(size: Size, folder: Path) -> Figures:
+    """The same frames by one worker process and by two, of one thread each: frames a second once both are at work."""
+    rates = {}
+    for count in (1, 2):
+        out = folder / f"out{count}"
+        path = written(folder, job_text(*size.working, out))
+        command = [sys.executable, "-m", "mirelight", "render", str(path), "-q"]
+        subprocess.run([*command, "--workers", str(count), "--threads", "1"], check=True)
+        times = sorted(x.stat().st_mtime for x in out.glob("*.png"))
+        rates[count] = (len(times) - 1) / (times[-1] - times[0])
+    return {
+        "frames a second, one worker": rates[1],
+        "frames a second, two workers": rates[2],
+        "frames a second, two workers / one": rates[2] / rates[1],
+        "load of the machine before": os.getloadavg()[0],
+    }
+
+
+# --- running them -----------------------------------------------------------------------------------------------------
+
+RUN: dict[str, Callable[[Size, Path], Figures]] = {
+    "light": light,
+    "plan": planned,
+    "again": again,
+    "workers": workers,
+}
+CHILD: dict[str, Callable[[Path], Figures]] = {"made": made, "planning": planning}
+
+
+def written(folder: Path, text: str) -> Path:
+    """The job file."""
+    path = folder / "job.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def environment() -> dict[str, str]:
+    """One in which compiled modules are kept, as an installed package has them."""
+    return {name: x for name, x in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
+def child(name: str, path: Path) -> Figures:
+    """A part's figures, from a process of its own."""
+    done = subprocess.run(
+        [sys.executable, __file__, "--child", name, str(path)],
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**environment(), "BENCH_BEGAN": str(time.time())},
+    )
+    found: Figures = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def line(name: str, value: float) -> str:
+    """A figure, and its goal where it has one."""
+    text = f"{name:48} {value:10.4g}"
+    if name not in GOALS:
+        return text
+    goal, more = GOALS[name]
+    met = value >= goal if more else value <= goal
+    return f"{text}   goal {'at least' if more else 'at most'} {goal:g}: {'met' if met else 'MISSED'}"
+
+
+def main() -> None:
+    """Measure the parts that were asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a few frames of everything")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
+    chosen = parser.parse_args()
+    if chosen.child:
+        name, path = chosen.child
+        print(json.dumps(CHILD[name](Path(path))))
+        return
+    size = QUICK if chosen.quick else FULL
+    figures: Figures = {}
+    for name in chosen.only:
+        folder = Path(tempfile.mkdtemp(prefix="bench-batch-"))
+        try:
+            found = RUN[name](size, folder)
+        finally:
+            shutil.rmtree(folder)
+        figures |= found
+        for key, value in found.items():
+            print(line(key, value), flush=True)
+    if chosen.json:
+        chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -14,7 +14,7 @@ from types import FrameType
 from typing import NoReturn
 
 from mirelight import __version__
-from mirelight.errors import MirelightError, printable
+from mirelight.errors import MirelightError, RenderError, printable
 
 BAD = 2  # exit code of expected trouble: bad input, no backend, a full disk
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -33,6 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = _run(args)
         return code if _flushed() else BAD
+    except RenderError as e:  # raised where only arrays are known
+        _say(f"{_subject(args)}: {e}")
+        return BAD
     except MirelightError as e:
         for line in str(e).splitlines():
             _say(line)

@@ -141,7 +141,7 @@ def _camera(camera: Camera, splats: SplatCloud) -> dict[str, Any]:
     forward = -camera.world_from_camera[:3, 2]
     middle = np.median(splats.means[:: max(len(splats) // 4096, 1)].astype(np.float64), axis=0)
     ahead = max(float((middle - camera.position) @ forward), 2 * camera.near)
-    far = float(np.linalg.norm(splats.means - camera.position.astype(np.float32), axis=1).max())
+    far = float(np.linalg.norm(splats.means.astype(np.float64) - camera.position, axis=1).max())
     return {
         "name": camera.name,
         "position": camera.position.tolist(),

@@ -27,6 +27,7 @@ SECONDS = 20.0  # of processor time; six times as much by the clock
 MEMORY = 1 << 30  # bytes beyond what the process had before the case
 OUTPUT = 1 << 28  # bytes in the case's folder
 _BAIT = ("/etc/passwd", "/etc/hostname", "/dev/zero", "/usr")  # names that cases hold
+_OF_PYTHON = re.compile(r"[a-z]Error: |Exception: ")
 _NOISE = re.compile(r"Warning|warn\(|Exception ignored|^\s+File \"", re.MULTILINE)
 
 
@@ -153,20 +154,26 @@ def _judged(case: Case, root: Path, answer: dict[str, Any], before: frozenset[Pa
         silent = _silent(root / "case", before, case.bright)
         return ("silent", silent) if silent else ("ok", "")
     if answer["code"] == 2:
-        unclear = [x for x in stderr.splitlines() if not _names_a_file(x, names)]
+        lines = stderr.splitlines()
+        clear = all(map(_is_ours, lines)) and bool(lines) and _names_a_file(lines[-1], names)
         mute = case.streams in ("closed", "unread")  # nobody hears, or nobody wants to
-        return ("unclear", stderr) if unclear or not (stderr or mute) else ("refused", stderr)
-    return ("ok", "") if answer["code"] == 1 and case.arguments[0] == "compare" else ("crash", f"exit {answer['code']}")
+        return ("refused", stderr) if clear or mute else ("unclear", stderr)
+    own = {"compare": (1,), "status": (1, 3)}.get(case.arguments[0], ())
+    return ("ok", "") if answer["code"] in own else ("crash", f"exit {answer['code']}")
+
+
+def _is_ours(line: str) -> bool:
+    """Progress, or a line that says who speaks, and not what Python calls the trouble."""
+    return line.startswith("[") or (line.startswith("mirelight: ") and _OF_PYTHON.search(line) is None)
 
 
 def _names_a_file(line: str, names: frozenset[str]) -> bool:
     """A message starts with the program and what it is about: a file, a folder, or an option as it was written."""
     from mirelight.errors import printable
 
-    if not line.startswith("mirelight: "):
-        return line.startswith("[")  # progress
     written = (printable(name) for name in names if name)
-    return any(name in line for name in (*written, *_BAIT, "--", "job.toml", "/case/", ": stdout: "))
+    others = "--", "job.toml", "/case/", ": stdout: ", " frame failed; ", " frames failed; "
+    return any(name in line for name in (*written, *_BAIT, *others))
 
 
 def _escapes(root: Path, opened: list[str]) -> list[str]:

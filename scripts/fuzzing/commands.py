@@ -91,7 +91,7 @@ class Command:
     writes: str  # a sound output
     options: Mapping[str, tuple[str, ...]]  # hostile values
     always: tuple[str, ...] = ()  # further arguments
-    out: str = "-o"
+    out: str = "-o"  # the option for what it writes; "": it writes nothing
 
 
 _JOB_OPTIONS = {"--lighting": NAMES, "--set": ()}
@@ -147,6 +147,13 @@ COMMANDS = (
         out="--html",
     ),
     Command("sheet", ("kept",), "sheet.png", {"--size": NUMBERS, "--camera": NAMES, "--lighting": NAMES}),
+    Command(
+        "film",
+        ("kept",),
+        "film.webp",
+        {"--fps": NUMBERS, "--camera": NAMES, "--lighting": NAMES, "--order": ("cameras", "lightings", "x")},
+    ),
+    Command("status", ("kept",), "", {"--json": ("x",)}, out=""),
     Command("render", ("job.toml",), "frames", {**_JOB_OPTIONS, "--shard": (*NUMBERS, "1/2", "2/1"), "--light": PATHS}),
 )
 
@@ -224,9 +231,8 @@ def _by_streams(title: str, command: Command, rng: random.Random) -> Case:
 
 
 def _case(title: str, command: Command, files: dict[str, bytes], more: tuple[str, ...] = ()) -> Case:
-    arguments = (command.name, *command.reads, *command.always, *more, f"{command.out}={command.writes}")
-    if command.out == "-o":
-        arguments = (*arguments[:-1], "-o", command.writes)
+    out = (command.out, command.writes) if command.out else ()
+    arguments = (command.name, *command.reads, *command.always, *more, *out)
     return of_files(title, arguments, files, setup=_surroundings(Path(command.writes).suffix, arguments))
 
 

@@ -89,6 +89,13 @@ def test_three_mistakes_give_three_lines(run: Run, folder: Path) -> None:
     assert not (folder / "out").exists()
 
 
+def test_what_is_found_out_while_tracing_names_the_job(run: Run, folder: Path) -> None:
+    done = run("estimate", "job.toml", "-o", "light.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("mirelight: job.toml: ") and "too few to tell the captured light from" in line
+
+
 def test_a_variant_that_does_not_exist(run: Run, folder: Path) -> None:
     done = run("render", "job.toml", "--variant", "metal")
     assert done.returncode == 2

@@ -21,7 +21,7 @@ from mirelight.errors import RenderError
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
-from mirelight.mixing.bundle import export, page_file
+from mirelight.mixing.bundle import _camera, export, page_file
 from mirelight.model import CompositorSettings, Frame, Job, ProxyMesh, SplatCloud
 from mirelight.realtime import browser
 from mirelight.scene import prepare
@@ -274,6 +274,16 @@ def test_files_that_do_not_belong_together_are_one_line(
     with pytest.raises(RenderError, match="the engine failed") as told:
         drive(broken)
     assert said in str(told.value)
+
+
+def test_splats_at_the_end_of_the_world_have_a_bookmark(job: Job) -> None:
+    """float32 holds the place, not its square."""
+    assert job.splats is not None
+    splats = job.splats.value
+    far = replace(splats, means=splats.means + np.float32(1e25))
+    with np.errstate(all="raise"):
+        found = _camera(job.cameras[0], far)
+    assert np.isfinite(found["far"]) and found["far"] > found["near"]
 
 
 def test_two_exports_are_the_same_to_the_bit(page: tuple[Path, mixing.MixLayers], job: Job, tmp_path: Path) -> None:

@@ -6,16 +6,17 @@ from pathlib import Path
 
 import pytest
 
+QUICK = "inspect", "schema", "submit", "export", "status", "sheet", "film"
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 def test_hostile_input_is_read_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every case of the first five hundred that renders nothing."""
+    """Of the first five hundred cases those of commands that trace nothing."""
     monkeypatch.syspath_prepend(SCRIPTS)
     from fuzzing.campaign import BAD, run
     from fuzzing.cases import cases
 
-    verdicts = list(run(case for case in cases(500) if case.arguments[0] in ("inspect", "schema")))
+    verdicts = list(run(case for case in cases(500) if case.arguments[0] in QUICK))
     assert len(verdicts) > 200
     assert [x for x in verdicts if x.kind in BAD] == []
     assert any(x.kind == "ok" for x in verdicts)
@@ -41,6 +42,9 @@ def test_the_judge_sees_what_it_looks_for(monkeypatch: pytest.MonkeyPatch) -> No
     assert replies({"code": 2}, error=b"mirelight: a.ply: bad\n") == "refused"
     assert replies({"code": 2}, error=b"mirelight: the system: bad\n") == "unclear"
     assert replies({"code": 2}) == "unclear"
+    assert replies({"code": 2}, error=b"[1/2] a.ply: made\nmirelight: a: failed twice: KeyError: 1\n") == "unclear"
+    assert replies({"code": 2}, error=b"a.ply: (EXR_ERR_CORRUPT) bad\nmirelight: a.ply: bad\n") == "unclear"
+    assert replies({"code": 2}, error=b"usage: mirelight\nmirelight: a.ply: bad\n") == "unclear"
     assert replies({"raised": "KeyError"}) == "traceback"
     assert replies({"code": 1}) == "crash"
     assert replies({}, error=b"Traceback (most recent call last)\n") == "traceback"

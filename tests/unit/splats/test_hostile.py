@@ -8,6 +8,8 @@ import os
 import shutil
 import stat
 import struct
+import subprocess
+import sys
 import tracemalloc
 import zipfile
 import zlib
@@ -285,6 +287,42 @@ def test_streamed_sog(tmp_path: Path, name: str) -> None:
     meta = json.loads((folder / "lod-meta.json").read_text()) | change
     (folder / "lod-meta.json").write_text(json.dumps({k: v for k, v in meta.items() if v is not None}))
     refused(folder / "lod-meta.json", said)
+
+
+READ_WATCHED = """
+import os, sys
+from mirelight.io import splats
+opened = []
+watched = "open", "os.scandir", "os.listdir"
+sys.addaudithook(lambda event, args: opened.append(args[0]) if event in watched else None)
+splats.read(sys.argv[1])
+for path in opened:
+    if isinstance(path, (str, os.PathLike)):
+        print(os.path.realpath(path))
+"""
+
+
+@pytest.mark.parametrize(("name", "head"), [("streamed", "lod-meta.json"), ("sog", "meta.json")])
+def test_only_files_that_the_index_names_are_read(tmp_path: Path, name: str, head: str) -> None:
+    """Whatever else lies in the folder, pipes and files with the names of a set among them, is not opened."""
+    folder = tmp_path / name
+    if name == "streamed":
+        shutil.copytree(truth.DATA / name, folder)
+    else:
+        with zipfile.ZipFile(truth.DATA / "small.sog") as archive:
+            archive.extractall(folder)
+    named = {str(x.relative_to(folder)) for x in folder.rglob("*") if x.is_file()}
+    for other in ("9_9", "."):
+        (folder / other).mkdir(exist_ok=True)
+        for more in ("centroids.webp", "extra.ply", "meta.json.bak"):
+            (folder / other / more).write_bytes(b"x")
+        os.mkfifo(folder / other / "quats.png")
+    command = [sys.executable, "-c", READ_WATCHED, str(folder / head)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    own = f"{folder.resolve()}/"
+    inside = {x.removeprefix(own) for x in done.stdout.splitlines() if x.startswith(own)}
+    assert head in inside
+    assert inside <= named
 
 
 # --- anything --------------------------------------------------------------------------------------------------------

@@ -107,6 +107,7 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
     scene = prepare(plan.job, store, heard.note)
     said = Said(heard)
     left, done = unfinished(plan, store, heard)
+    keep_around(plan, scene, store)
     while left:
         busy: list[Group] = []
         for group in left:
@@ -139,6 +140,12 @@ def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group
         else:
             left.append(group)
     return left, RenderSummary(rendered=0, skipped=there)
+
+
+def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
+    """Keep the maps and suns of the job's environments and skies beside the layers, unless they are there."""
+    if plan.job.output.store != "frames":
+        describe.keep_around(plan, store, scene.resolved)
 
 
 class Said:

@@ -14,6 +14,9 @@ class Kept(Protocol):
     def array(self, key: str) -> F32 | None:
         """A kept array; None where there is none."""
 
+    def has_array(self, key: str) -> bool:
+        """Whether there is such an array."""
+
     def keep_array(self, key: str, values: F32) -> None:
         """Keep an array under its key."""
 
@@ -51,6 +54,10 @@ class KeptNowhere:
     def array(self, key: str) -> F32 | None:
         """There is none."""
         return None
+
+    def has_array(self, key: str) -> bool:
+        """There is none."""
+        return False
 
     def keep_array(self, key: str, values: F32) -> None:
         """Forgets it."""

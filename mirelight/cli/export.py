@@ -8,7 +8,7 @@ from typing import Any
 
 from mirelight.cli import say
 
-LAYOUTS = ("nerf", "colmap", "olat")
+LAYOUTS = ("nerf", "colmap", "tensoir", "olat")
 
 
 def add_export(commands: Any) -> None:
@@ -26,6 +26,7 @@ def add_export(commands: Any) -> None:
     export.add_argument("--split", choices=("camera", "lighting", "both"), default="camera", help="what is held out")
     export.add_argument("--held-out", metavar="SHARE", type=float, default=0.1, help="of the names, 0 to 1")
     export.add_argument("--seed", type=int, default=0, help="of what is held out")
+    export.add_argument("--no-hdr", action="store_true", help="no linear pictures beside those of 8 bits")
     export.add_argument("--license", default="", help="of the data set, for its page")
 
 
@@ -41,6 +42,7 @@ def run_export(args: argparse.Namespace) -> int:
         held_out=args.held_out,
         seed=args.seed,
         license=args.license,
+        hdr=not args.no_hdr,
     )
     count = export(dataset.open(args.folder), Path(args.out), args.layout, settings)
     say.result(f"{count} frames in {args.out}")

@@ -1,11 +1,19 @@
-"""The index of a job's layers, from the job alone: nothing is read or made for it."""
+"""The index of a job's layers, from the job alone: nothing is read or made for it. And what it names besides layers:
+the maps and suns of environments and skies, so that a data set holds them, too."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
 from mirelight import keys, relighting
 from mirelight import plan as planning
-from mirelight.dataset.index import Index, KeptView, UnitLight, Weighted
-from mirelight.model import AreaLight, DirectionalLight, Lighting, SunLight
+from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.dataset.surroundings import MOST_ROWS, shrunk
+from mirelight.kept import Kept
+from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Lighting, SkyModel, SunLight, digest
+from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.plan import Plan
 from mirelight.units import GLOW, LightSet, Unit
 
@@ -73,7 +81,7 @@ class _Units:
         groups = {one.digest: order.index(one.digest) for one in mixture.sets}
         first = mixture.sets[0]
         if first.whole is not None:
-            place = self._place(first.digest, lighting.name, "whole", groups[first.digest], "", None)
+            place = self._place(first.digest, lighting.name, "whole", groups[first.digest], "", first.whole)
             return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),))
         places: list[int] = []
         for term in mixture.terms:
@@ -85,13 +93,13 @@ class _Units:
         weights = tuple((float(t.weight[0]), float(t.weight[1]), float(t.weight[2])) for t in mixture.terms)
         return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights)
 
-    def _place(self, digest: str, name: str, kind: str, group: int, layer: str, unit: Unit | None) -> int:
+    def _place(self, digest: str, name: str, kind: str, group: int, layer: str, of: Unit | Lighting) -> int:
         if digest not in self._places:
             self._places[digest] = len(self.units)
             count = self._names[name] = self._names.get(name, 0) + 1
             own = name if count == 1 else f"{name}-{count}"
-            lights = () if unit is None else unit.lights
-            self.units.append(UnitLight(own, kind, lights, group, layer))
+            around = tuple(key for key, _ in _around(of))
+            self.units.append(UnitLight(own, kind, of.lights, group, layer, around))
         return self._places[digest]
 
 
@@ -101,3 +109,52 @@ def _kind(unit: Unit) -> str:
     if unit.sky is not None:
         return "sun" if unit.part == "sun" else "sky"
     return _TEXT.get(type(unit.lights[0]), "lamp") if len(unit.lights) == 1 else "group"
+
+
+# --- light from far away ---------------------------------------------------------------------------------------------
+
+_Source = Environment | tuple[SkyModel | EstimatedSky, str]  # a picture, or the sun or the sky of a model
+
+
+def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]) -> None:
+    """Keep the maps and suns that the index names and that are not there yet.
+
+    Args:
+        plan: of the job.
+        kept: where to.
+        resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.scene.Scene`.
+    """
+    made = keys.Keys(plan.job)
+    for lighting in plan.job.lightings:
+        mixture = made.mixture(lighting)
+        whole = mixture.sets[0].whole
+        for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:
+            for around, source in _around(of):
+                if not kept.has_array(around.key):
+                    kept.keep_array(around.key, _values(source, resolved))
+
+
+def _around(of: Unit | Lighting) -> list[tuple[Around, _Source]]:
+    """What is kept of a unit's light from far away, and what it is made from."""
+    out: list[tuple[Around, _Source]] = []
+    if of.environment is not None:
+        key = digest("map", MOST_ROWS, of.environment.radiance)
+        out.append((Around(key, of.environment.rotation, of.environment.intensity), of.environment))
+    if of.sky is not None:
+        parts = (of.part,) if isinstance(of, Unit) else (SUN, SKY)
+        out += [(Around(digest("sky", MOST_ROWS, of.sky, part)), (of.sky, part)) for part in parts]
+    return out
+
+
+def _values(source: _Source, resolved: Callable[[Lighting], Lighting]) -> F32:
+    if isinstance(source, Environment):
+        return shrunk(source.pixels)
+    model, part = source
+    lighting = resolved(Lighting(sky=model))
+    if part == SKY:
+        around = lighting.environment
+        assert around is not None
+        return shrunk(around.pixels * np.float32(around.intensity))
+    suns = [x for x in lighting.lights if isinstance(x, SunLight)]
+    rows = [[*x.direction, *(x.color * x.intensity), x.angular_diameter] for x in suns]
+    return np.array(rows, dtype=np.float32).reshape(-1, 7)

@@ -1,32 +1,34 @@
 """Data sets on disk: the frames of kept layers in a layout that loaders read.
 
-One exposure for all frames, recorded; the rig of lights in the data set's world; a page that says what there is.
+One exposure for all frames, recorded; the rig of lights in the data set's world; a page that says what there is. What
+is there already is not made again, so an export that was interrupted goes on.
 """
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Protocol
 
 import numpy as np
 
+from mirelight import colour
 from mirelight.conventions import Matrix
-from mirelight.dataset.draws import By, split
-from mirelight.dataset.index import UnitLight
-from mirelight.dataset.layouts import Picture, straight_rgba, world_of, write_colmap, write_nerf
-from mirelight.dataset.layouts.olat import Lamp, write_olat
-from mirelight.dataset.layouts.world import scale_of
+from mirelight.dataset import card, rig
+from mirelight.dataset.draws import By, Split, split
+from mirelight.dataset.index import KeptView, Weighted
+from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Layout, Picture, Pixels, Shared, world_of
+from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
-from mirelight.io.atomic import atomic_path, output_error
-from mirelight.model import PointLight, SpotLight
+from mirelight.io.cameras.colmap_write import Points
+from mirelight.model import digest
 
-Layout: TypeAlias = Literal["nerf", "colmap", "olat"]
-LAYOUTS: tuple[Layout, ...] = get_args(Layout)
+__all__ = ["LAYOUTS", "ExportSettings", "Layout", "Progress", "Silent", "export"]
+
+_MOST_POINTS = 100_000
+_MARGIN = 0.1  # that the range of depths is wider, as a share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,197 +41,255 @@ class ExportSettings:
     held_out: float = 0.1  # share of the names
     seed: int = 0  # of the choice
     license: str = ""  # of the data set, as SPDX has it
+    hdr: bool = True  # linear pictures, too, where the layout's loaders take them
 
 
-def export(data: DataSet, out: Path, layout: Layout, settings: ExportSettings | None = None) -> int:
+class Progress(Protocol):
+    """Hears how far an export is. What it raises ends it in order."""
+
+    def started(self, count: int) -> None:
+        """Before the first of so many frames."""
+
+    def finished(self, name: str, skipped: bool) -> None:
+        """A frame is there: made now, or found."""
+
+    def note(self, line: str) -> None:
+        """Something to know."""
+
+
+class Silent:
+    """A `Progress` that says nothing."""
+
+    def started(self, count: int) -> None: ...
+
+    def finished(self, name: str, skipped: bool) -> None: ...
+
+    def note(self, line: str) -> None: ...
+
+
+def export(
+    data: DataSet,
+    out: Path,
+    layout: Layout,
+    settings: ExportSettings | None = None,
+    progress: Progress | None = None,
+) -> int:
     """Write the frames of a data set; says how many.
 
     Args:
         data: from `mirelight.dataset.open`.
-        out: a folder; made where it is missing.
-        layout: nerf and colmap: a folder for each lighting; olat: all lightings of one lamp, its place in every frame.
+        out: a folder; made where it is missing. What is there of the same content stays.
+        layout: see docs/datasets.md. olat: lightings of one lamp alone, its place in every frame.
         settings: see :class:`ExportSettings`.
+        progress: hears of every frame.
 
     Raises:
-        InputError: a camera or lighting that the layout cannot hold; an unknown lighting.
+        InputError: a camera or lighting that the layout cannot hold, before anything is written; an unknown lighting.
         OutputError: a file cannot be written.
     """
-    settings = settings or ExportSettings()
-    names = data.lightings if settings.lightings is None else settings.lightings
+    settings, heard = settings or ExportSettings(), progress or Silent()
+    names = data.lightings if settings.lightings is None else tuple(dict.fromkeys(settings.lightings))
     for name in names:
         if name not in data.lightings:
             raise InputError(data.folder, f"no lighting {name!r}", f"there are: {', '.join(data.lightings[:10])}")
-    world = _world(data) if settings.normalize else world_of()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as e:
-        raise output_error(out, e) from None
-    folders = folder_names(names)
+    seen = _Seen.of(data)
+    world = _world(data, seen) if settings.normalize else world_of()
+    lamps = {name: lamp for name in names if (lamp := rig.only_lamp(data, name, world)) is not None}
     if layout == "olat":
-        lamps = [(name, lamp) for name in names if (lamp := _only_lamp(data, name, world)) is not None]
+        names = tuple(lamps)
         if not lamps:
             raise InputError(data.folder, "no lighting of one point or spot light", "sweep with one_at_a_time = true")
-        names = tuple(name for name, _ in lamps)
-        write_olat(out, ((p, lamp) for name, lamp in lamps for p in _pictures(data, name, settings, folders)), world)
-    else:
-        write = write_nerf if layout == "nerf" else write_colmap
-        for name in names:
-            write(out / folders[name], _pictures(data, name, settings), world=world)
-    count = len(names) * len(data.cameras)
-    _write(out / "lights.json", json.dumps(_rig(data, names, world), indent=1, allow_nan=False) + "\n")
-    _write(out / "README.md", _card(data, layout, names, [folders[x] for x in names], count, settings, world))
-    return count
-
-
-def folder_names(names: Sequence[str]) -> dict[str, str]:
-    """By the name of a lighting a different one of letters, digits, "-" and "_"."""
-    out: dict[str, str] = {}
-    for name in names:
-        stem = re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or "lighting"
-        own, number = stem, 1
-        while own.casefold() in {x.casefold() for x in out.values()}:
-            number += 1
-            own = f"{stem}-{number}"
-        out[name] = own
-    return out
-
-
-def _pictures(
-    data: DataSet, lighting: str, settings: ExportSettings, prefix: dict[str, str] | None = None
-) -> Iterator[Picture]:
-    """A lighting's pictures; with `prefix`, the lighting's name is in front of the camera's."""
-    held = split(data, settings.by, settings.held_out, settings.seed)
-    test = {*held.novel_view, *held.novel_light, *held.novel_both}
-    place = data.lightings.index(lighting)
-    for i, camera in enumerate(data.cameras):
-        rgba = data.frame(i, place)
-        geometry = data.geometry(i)
-        full = geometry.depth.shape == rgba.shape[:2]
-        named = camera if prefix is None else replace(camera, name=f"{prefix[lighting]}-{camera.name}")
-        yield Picture(
-            camera=named,
-            rgba=straight_rgba(rgba, data.index.display),
-            depth=geometry.depth if full else None,
-            mask=np.asarray(rgba[..., 3] > 0.5),
-            split="test" if i * len(data.lightings) + place in test else "train",
-        )
-
-
-# --- world and lights ------------------------------------------------------------------------------------------------
-
-
-def _world(data: DataSet) -> Matrix:
-    corners = []
-    for i in range(len(data.cameras)):
-        geometry = data.geometry(i)
-        seen = geometry.position[geometry.coverage > 0]
-        corners += [seen.min(axis=0), seen.max(axis=0)] if len(seen) else []
-    if not corners:
-        raise InputError(data.folder, "no camera sees the proxy", "leave normalize out")
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    return world_of((low + high) / 2, 2 / max(float((high - low).max()), 1e-9))
-
-
-def _only_lamp(data: DataSet, lighting: str, world: Matrix) -> Lamp | None:
-    weighted = data.index.lightings[data.lightings.index(lighting)]
-    if len(weighted.units) != 1:
-        return None
-    unit = data.lights[weighted.units[0]]
-    if len(unit.lights) != 1 or not isinstance(unit.lights[0], PointLight | SpotLight):
-        return None
-    light = unit.lights[0]
-    position = world[:3, :3] @ light.position + world[:3, 3]
-    candela = np.asarray(weighted.weights[0]) * light.color * light.intensity * scale_of(world) ** 2
-    return Lamp(position, candela)
-
-
-def _rig(data: DataSet, names: Sequence[str], world: Matrix) -> dict[str, Any]:
-    index = data.index
-    chosen = [x for x in index.lightings if x.name in names]
-    return {
-        "world_from_job": world.tolist(),
-        "units": "candela for points and spots (of the scaled world), lux for suns, cd/m2 for areas and environments",
-        "exposure_stops": index.display.exposure,
-        "lights": [_described(unit, world) for unit in index.units],
-        "lightings": [
-            {
-                "name": x.name,
-                "lights": [
-                    {"light": index.units[i].name, "weight": [float(v) for v in w]}
-                    for i, w in zip(x.units, x.weights, strict=True)
-                ],
-            }
-            for x in chosen
-        ],
-    }
-
-
-def _described(unit: UnitLight, world: Matrix) -> dict[str, Any]:
-    scale, rotation = scale_of(world), world[:3, :3] / scale_of(world)
-    parts = []
-    for light in unit.lights:
-        part: dict[str, Any] = {
-            "type": type(light).__name__.removesuffix("Light").lower(),
-            "color": light.color.tolist(),
-        }
-        candela = isinstance(light, PointLight | SpotLight)
-        part["intensity"] = light.intensity * (scale**2 if candela else 1.0)
-        position = getattr(light, "position", None)
-        pose = getattr(light, "world_from_light", None)
-        if pose is not None:
-            part |= {"pose": (world @ pose).tolist(), "size": [x * scale for x in getattr(light, "size", ())]}
-        if position is not None:
-            part["position"] = (world[:3, :3] @ position + world[:3, 3]).tolist()
-        if getattr(light, "direction", None) is not None:
-            part["direction"] = (rotation @ light.direction).tolist()  # type: ignore[union-attr]
-        parts.append(part)
-    return {"name": unit.name, "kind": unit.kind, "parts": parts}
-
-
-# --- the page --------------------------------------------------------------------------------------------------------
-
-_LOADING = {
-    "nerf": 'import json\n\nframes = json.load(open("{first}/transforms.json"))["frames"]\nprint(len(frames))',
-    "colmap": 'import pycolmap\n\nmodel = pycolmap.Reconstruction("{first}/sparse/0")\nprint(model.num_images())',
-    "olat": 'import json\n\nframes = json.load(open("transforms_train.json"))["frames"]\nprint(frames[0]["pl_pos"])',
-}
-
-
-def _card(
-    data: DataSet,
-    layout: Layout,
-    names: Sequence[str],
-    folders: Sequence[str],
-    count: int,
-    settings: ExportSettings,
-    world: Matrix,
-) -> str:
-    license_line = f"license: {settings.license}\n" if settings.license else ""
-    listed = ", ".join(folders[:8]) + (", …" if len(folders) > 8 else "")
-    nerfstudio = (
-        "\nFor nerfstudio, which would move the world otherwise: `ns-train nerfacto nerfstudio-data --data "
-        f"{folders[0]} --orientation-method none --center-method none --auto-scale-poses False`.\n"
-        if layout == "nerf"
-        else ""
+    chosen = _Chosen.of(data, names, settings)
+    files_of = chosen.lightings
+    shared = Shared(
+        name=file_names([Path(data.index.job).stem], "set")[Path(data.index.job).stem],
+        source=data.folder,
+        world=world,
+        points=seen.points,
+        surroundings={files_of[x]: one for x in names if (one := data.surroundings(x)) is not None},
+        lamps={files_of[x]: lamp for x, lamp in lamps.items() if x in files_of},
+        near_far=seen.near_far(world),
+        training=files_of[chosen.training],
+        hdr=settings.hdr,
     )
-    return f"""---
-{license_line}tags: [relighting, {layout}]
----
-
-# {Path(data.index.job).stem}
-
-{count} frames: {len(data.cameras)} cameras under {len(names)} lightings ({listed}), layout `{layout}`.
-
-- Pictures: PNG, 8-bit sRGB, straight alpha, exposure {data.index.display.exposure:g} stops for all.
-- Held out: {settings.held_out:g} of the names ({settings.by}), by a hash with seed {settings.seed}.
-- World: Z up, {scale_of(world):.6g} times the job's lengths. `lights.json` has the lights in it.
-{nerfstudio}
-```python
-{_LOADING[layout].format(first=folders[0])}
-```
-"""
+    writer = WRITERS[layout]
+    writer.check(data.cameras, shared)
+    heard.started(len(names) * len(data.cameras))
+    for line in chosen.advice(settings):
+        heard.note(line)
+    with Files(out) as files:
+        writer.write(files, _pictures(data, chosen, world, files, heard), shared)
+        files.json("lights.json", rig.described(data, names, files_of, shared, files.names()))
+        files.json("splits.json", chosen.described(settings))
+        card.write(files, data, layout, settings, chosen.facts(), shared)
+        files.finish()
+    return len(names) * len(data.cameras)
 
 
-def _write(path: Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+# --- what is chosen --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """The frames of an export, by name and part."""
+
+    cameras: dict[str, str]  # file name of each camera
+    lightings: dict[str, str]  # file name of each lighting that is written
+    places: dict[str, int]  # index of those in the data set
+    parts: dict[int, Part]  # by index of a frame in the data set
+    count: int  # of all lightings in the data set
+
+    @staticmethod
+    def of(data: DataSet, names: Sequence[str], settings: ExportSettings) -> _Chosen:
+        held: Split = split(data, settings.by, settings.held_out, settings.seed)
+        parts: dict[int, Part] = {i: part for part in PARTS for i in getattr(held, part)}
+        cameras = file_names([x.name for x in data.cameras], "camera")
+        places = {name: data.lightings.index(name) for name in names}
+        return _Chosen(cameras, file_names(names, "lighting"), places, parts, len(data.lightings))
+
+    def part(self, camera: int, lighting: str) -> Part:
+        """Of a frame."""
+        return self.parts[camera * self.count + self.places[lighting]]
+
+    @property
+    def training(self) -> str:
+        """The first lighting that is not held out; the first where all are."""
+        seen = [x for x in self.lightings if self.part(0, x) in ("seen", "novel_view")]
+        return next(iter(seen), next(iter(self.lightings)))
+
+    def frames(self) -> dict[Part, list[str]]:
+        """By part the frames, "LIGHTING/CAMERA", by file name."""
+        out: dict[Part, list[str]] = {part: [] for part in PARTS}
+        for i, view in enumerate(self.cameras.values()):
+            for name, lighting in self.lightings.items():
+                out[self.part(i, name)].append(f"{lighting}/{view}")
+        return out
+
+    def described(self, settings: ExportSettings) -> dict[str, object]:
+        """splits.json."""
+        return {"by": settings.by, "held_out": settings.held_out, "seed": settings.seed, "parts": self.frames()}
+
+    def facts(self) -> card.Facts:
+        """For the data set's page."""
+        counts = {part: len(frames) for part, frames in self.frames().items()}
+        return card.Facts(len(self.cameras), tuple(self.lightings.values()), self.lightings[self.training], counts)
+
+    def advice(self, settings: ExportSettings) -> Iterator[str]:
+        """What a user would want to know before training."""
+        counts = {part: len(frames) for part, frames in self.frames().items()}
+        if settings.held_out and not counts["seen"]:
+            yield "no frame is left to train on: lower --held-out, or choose another --seed"
+        elif settings.held_out and counts["seen"] == sum(counts.values()):
+            yield "no frame is held out (names are chosen by a hash): raise --held-out, or choose another --seed"
+
+
+def _pictures(data: DataSet, chosen: _Chosen, world: Matrix, files: Files, progress: Progress) -> Iterator[Picture]:
+    """The frames, camera by camera: a camera's layers are read once."""
+    display = data.index.display
+    for i, (camera, view) in enumerate(zip(data.cameras, data.views, strict=True)):
+        whole = view.light_size == (camera.height, camera.width)
+        geometry = _Geometry(data, i)
+        view_key = digest("view 1", view.composite, view.groups[0], camera, world)
+        for name, lighting in chosen.lightings.items():
+            place, before = chosen.places[name], files.made
+            picture = Picture(
+                camera=camera,
+                view=chosen.cameras[camera.name],
+                lighting=lighting,
+                number=data.numbers[i],
+                part=chosen.part(i, name),
+                key=digest("frame 1", view_key, view.glow, *_made_from(data, view, place)),
+                view_key=view_key,
+                pixels=Pixels(_Mixed(data, i, place), geometry if whole else None, display),
+            )
+            yield picture
+            progress.finished(f"{picture.lighting}/{picture.view}", files.made == before)
+
+
+def _made_from(data: DataSet, view: KeptView, place: int) -> tuple[object, ...]:
+    """All besides the camera that decides a frame's pixels."""
+    index = data.index
+
+    def lit(of: Weighted | None) -> object:
+        if of is None:
+            return None
+        units = [index.units[i] for i in of.units]
+        return [(view.groups[u.group], u.layer, list(w)) for u, w in zip(units, of.weights, strict=True)]
+
+    captured = lit(index.captured), index.captured_level
+    return lit(index.lightings[place]), captured, index.relight, index.display, index.linear, index.profile
+
+
+class _Mixed:
+    """Mixes a frame when it is called."""
+
+    def __init__(self, data: DataSet, camera: int, lighting: int) -> None:
+        self._data, self._camera, self._lighting = data, camera, lighting
+
+    def __call__(self) -> np.ndarray:
+        return self._data.frame(self._camera, self._lighting)
+
+
+class _Geometry:
+    """Reads what a camera sees when it is first called."""
+
+    def __init__(self, data: DataSet, camera: int) -> None:
+        self._data, self._camera = data, camera
+        self._found: Geometry | None = None
+
+    def __call__(self) -> Geometry:
+        if self._found is None:
+            seen = self._data.geometry(self._camera)
+            self._found = Geometry(depth=seen.depth, coverage=seen.coverage, normal=seen.normal, albedo=seen.albedo)
+        return self._found
+
+
+# --- the world -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What all cameras see of the proxy, in mirelight's world."""
+
+    low: Matrix  # (3,) corner of the box around it; inf where nothing is seen
+    high: Matrix  # (3,)
+    depths: tuple[float, float]  # the least and the largest; inf and 0 where nothing is seen
+    points: Points | None  # evenly over the pictures, with the proxy's albedo
+
+    @staticmethod
+    def of(data: DataSet) -> _Seen:
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        near, far = np.inf, 0.0
+        positions: list[np.ndarray] = []
+        colors: list[np.ndarray] = []
+        share = max(_MOST_POINTS // len(data.cameras), 1)
+        for i in range(len(data.cameras)):
+            geometry = data.geometry(i)
+            seen = geometry.coverage > 0
+            if not seen.any():
+                continue
+            where = geometry.position[seen]
+            low, high = np.minimum(low, where.min(axis=0)), np.maximum(high, where.max(axis=0))
+            depth = geometry.depth[seen]
+            near, far = min(near, float(depth.min())), max(far, float(depth.max()))
+            sure = np.flatnonzero(geometry.coverage.ravel() > 0.999)
+            some = sure[:: max(1, -(-len(sure) // share))]
+            positions.append(geometry.position.reshape(-1, 3)[some].astype(np.float64))
+            colors.append(colour.encode(geometry.albedo.reshape(-1, 3)[some], "physical"))
+        points = None
+        if sum(len(x) for x in positions):
+            rgb = np.rint(255 * np.clip(np.concatenate(colors), 0, 1)).astype(np.uint8)
+            points = Points(np.concatenate(positions)[:_MOST_POINTS], rgb[:_MOST_POINTS])
+        return _Seen(low, high, (near, far), points)
+
+    def near_far(self, world: Matrix) -> tuple[float, float] | None:
+        """The range of depths in a data set's world, with a margin."""
+        near, far = self.depths
+        scale = float(np.cbrt(np.linalg.det(world[:3, :3])))
+        return (near * scale * (1 - _MARGIN), far * scale * (1 + _MARGIN)) if far > 0 else None
+
+
+def _world(data: DataSet, seen: _Seen) -> Matrix:
+    if not np.isfinite(seen.low).all():
+        raise InputError(data.folder, "no camera sees the proxy", "leave normalize out")
+    return world_of((seen.low + seen.high) / 2, 2 / max(float((seen.high - seen.low).max()), 1e-9))

@@ -30,8 +30,17 @@ from mirelight.model import (
 
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
-VERSION = 1
+VERSION = 2
 _LIGHTS = {kind.__name__: kind for kind in (AreaLight, DirectionalLight, PointLight, SpotLight, SunLight)}
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """Light from far away, kept as an array."""
+
+    key: str  # of a map (h, w, 3) of linear radiance, or of suns (n, 7): the way they shine, lux, degrees across
+    rotation: float = 0.0  # degrees, of a map
+    intensity: float = 1.0  # multiplies it
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +49,10 @@ class UnitLight:
 
     name: str  # unique; that of its layer in the first lighting that has it
     kind: str  # lamp, sun, area, group, environment, sky, or whole: a lighting that was traced as it is
-    lights: tuple[Light, ...]  # white, of intensity 1; those of a group as they are; none of environments and skies
+    lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they are; none of skies
     group: int  # index of the set that it was traced in
     layer: str  # its layer there; "": all of them
+    around: tuple[Around, ...] = ()  # of environments and skies
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +152,7 @@ def _packed(value: Any) -> Any:
         case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
             own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
             return {"type": type(value).__name__, **own}
-        case Camera() | Index() | KeptView() | UnitLight() | Weighted():
+        case Camera() | Index() | KeptView() | UnitLight() | Weighted() | Around():
             return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
         case _:
             return value
@@ -185,7 +195,8 @@ def _key(value: Any) -> str:
 
 def _unit(data: dict[str, Any]) -> UnitLight:
     lights = tuple(_light(x) for x in data["lights"])
-    return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"])
+    around = tuple(Around(_key(x["key"]), float(x["rotation"]), float(x["intensity"])) for x in data["around"])
+    return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"], around)
 
 
 def _light(data: dict[str, Any]) -> Light:

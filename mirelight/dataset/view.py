@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import relighting
 from mirelight.dataset import index as indexing
-from mirelight.dataset.index import Index, UnitLight, Weighted
+from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.dataset.surroundings import Map, Sun, Surroundings
 from mirelight.errors import InputError
-from mirelight.model import F32, Camera, LightingBuffer, Profile, SplatLayer
+from mirelight.model import F32, Camera, DirectionalLight, LightingBuffer, Profile, SplatLayer, SunLight
 from mirelight.store.artefacts import Artefacts
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
@@ -87,9 +88,13 @@ class DataSet:
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)
         there = self._kept.there()
-        self._views = tuple(
-            v for v in self._index.views if there >= {*v.groups, *((v.composite,) if v.composite is not None else ())}
-        )
+        placed = [
+            (i, v)
+            for i, v in enumerate(self._index.views)
+            if there >= {*v.groups, *((v.composite,) if v.composite is not None else ())}
+        ]
+        self._views = tuple(v for _, v in placed)
+        self.numbers = tuple(i for i, _ in placed)  # of the cameras in the job
         if not self._views:
             raise InputError(self.folder, "no camera whose layers are all there", "render the job to its end")
         self._ready: OrderedDict[int, _Ready] = OrderedDict()
@@ -107,6 +112,11 @@ class DataSet:
     def cameras(self) -> tuple[Camera, ...]:
         """Those whose layers are there."""
         return tuple(v.camera for v in self._views)
+
+    @property
+    def views(self) -> tuple[KeptView, ...]:
+        """The cameras with the keys of what is kept of them."""
+        return self._views
 
     @property
     def lights(self) -> tuple[UnitLight, ...]:
@@ -142,6 +152,59 @@ class DataSet:
         """The proxy as that camera sees it: coverage, depth, position, normals, albedo; without light."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
         return _without_light(self._buffer(view.groups[0], self._light_camera(view)))
+
+    def environment(self, lighting: int | str, rows: int | None = None) -> F32 | None:
+        """What a lighting sends from far away: environment, sky and suns as one equirectangular map.
+
+        Args:
+            lighting: index or name.
+            rows: of the map; None: as many as are kept, at most 1024.
+
+        Returns:
+            (rows, 2 rows, 3) linear radiance, row 0 is +Y, `mirelight.conventions` says which way the columns look;
+            None where there is no such light.
+        """
+        found = self.surroundings(lighting)
+        return None if found is None else found.picture(rows)
+
+    def surroundings(self, lighting: int | str) -> Surroundings | None:
+        """The maps and suns of a lighting; None where it has none.
+
+        Raises:
+            InputError: a map was not kept.
+        """
+        weighted = self._index.lightings[self._at(lighting, self.lightings, "lighting")]
+        maps: list[Map] = []
+        suns: list[Sun] = []
+        for place, weight in zip(weighted.units, weighted.weights, strict=True):
+            unit, factor = self.lights[place], np.asarray(weight, dtype=np.float64)
+            for light in unit.lights:
+                if isinstance(light, SunLight):
+                    lux = factor * light.color * light.intensity
+                    suns.append(Sun(light.direction, lux, light.angular_diameter))
+                elif isinstance(light, DirectionalLight):
+                    suns.append(Sun(light.direction, factor * light.color * light.intensity))
+            for around in unit.around:
+                of_sky = self.suns(around)
+                if of_sky is None:
+                    maps.append(Map(self._kept_array(around.key), around.rotation, factor * around.intensity))
+                else:
+                    suns += [replace(sun, lux=factor * sun.lux) for sun in of_sky]
+        return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
+
+    def suns(self, around: Around) -> tuple[Sun, ...] | None:
+        """The suns that light from far away was kept as; None where it is a map. Raises InputError."""
+        values = self._kept_array(around.key)
+        if values.ndim == 3:
+            return None
+        wide = values.astype(np.float64)
+        return tuple(Sun(row[:3], row[3:6] * around.intensity, float(row[6])) for row in wide)
+
+    def _kept_array(self, key: str) -> F32:
+        found = self._scene.array(key)
+        if found is None:
+            raise InputError(self.folder, "a map or sun was not kept", "render the job again: nothing else is made")
+        return found
 
     def composite(self, camera: int | str) -> SplatLayer | None:
         """The splats as that camera sees them; None where the job has none."""

@@ -34,11 +34,13 @@ class Bench:
         job = order.load()
         self._order, self._progress = order, progress
         self._said = executor.Said(progress)
-        self._groups = {group.name: group for group in order.plan(job).groups}
+        plan = order.plan(job)
+        self._groups = {group.name: group for group in plan.groups}
         self.store = Store(job)
         self.store.open()
         self.store.index()
         self._scene = prepare(job, self.store, progress.note)
+        executor.keep_around(plan, self._scene, self.store)
 
     def make(self, camera: str, expected: str) -> RenderSummary | None:
         """Make what is missing of a camera's frames; None: another process is at it.

@@ -59,7 +59,7 @@ def write_environment(path: str | Path, radiance: F32) -> None:
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
-        exr.write_exr(path, {"": radiance})
+        exr.write_exr(path, {"": radiance}, crop=False)
     elif suffix == ".hdr":
         hdr.write_hdr(path, radiance)
     else:

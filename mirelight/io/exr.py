@@ -70,6 +70,7 @@ def write_exr(
     metadata: Metadata | None = None,
     half: Collection[str] = (),
     compression: Compression = "zip",
+    crop: bool = True,
 ) -> None:
     """Write one part with all images. C-contiguous float32 arrays are not copied.
 
@@ -85,6 +86,7 @@ def write_exr(
         half: names of images to store as 16-bit floats, clamped to 65504; the others are 32-bit.
         compression: "zip" (lossless), "none", or "dwaa" (lossy: channels R, G, B and Y of any layer are rounded to 16
             bits and then to what an eye would not see; others stay).
+        crop: False: the data window is the whole picture, for readers that know no other.
 
     Raises:
         OutputError: the file cannot be written; nothing half-written is left.
@@ -93,7 +95,7 @@ def write_exr(
 
     planes = {name or "RGBA"[: values.shape[2]]: _plane(values, name in half) for name, values in images.items()}
     height, width = next(iter(planes.values())).shape[:2]
-    rows, columns = _window(list(planes.values()))
+    rows, columns = _window(list(planes.values())) if crop else (range(height), range(width))
     header = {
         "compression": getattr(OpenEXR, _COMPRESSIONS[compression]),
         "type": OpenEXR.scanlineimage,

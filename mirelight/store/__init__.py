@@ -166,6 +166,10 @@ class Store:
         """See `mirelight.kept.Kept`."""
         return self._scene.array(key)
 
+    def has_array(self, key: str) -> bool:
+        """See `mirelight.kept.Kept`."""
+        return self._scene.has_array(key)
+
     def keep_array(self, key: str, values: NDArray[np.generic]) -> None:
         """See `mirelight.kept.Kept`. Where there is no room, frames go on without."""
         with suppress(OutputError):

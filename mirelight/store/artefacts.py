@@ -49,6 +49,10 @@ class Artefacts:
         except _BROKEN:
             return None
 
+    def has_array(self, key: str) -> bool:
+        """Whether there is such an array."""
+        return (self._folder / f"{key}.npy").is_file()
+
     def keep_array(self, key: str, values: NDArray[Any]) -> None:
         """Keep an array.
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import pickle
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from mirelight import cli, dataset
 from mirelight.dataset import index as indexing
 from mirelight.dataset.draws import Draws, split
-from mirelight.dataset.layouts import straight_rgba
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
 from mirelight.io import splats
@@ -264,78 +260,6 @@ def test_splits_are_four_parts_by_names(folders: tuple[Path, Path]) -> None:
 
 
 # --- export ----------------------------------------------------------------------------------------------------------
-
-
-def export(folder: Path, out: Path, layout: str, *more: str) -> Path:
-    assert cli.main(["export", str(folder), "--layout", layout, "-o", str(out), *more]) == 0
-    return out
-
-
-def page_code(out: Path) -> str:
-    return str(re.findall(r"```python\n(.*?)```", (out / "README.md").read_text(), flags=re.DOTALL)[0])
-
-
-@pytest.mark.parametrize("layout", ["nerf", "colmap", "olat"])
-def test_layouts_load_as_their_page_says(
-    folders: tuple[Path, Path],
-    tmp_path: Path,
-    layout: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    out = export(folders[1], tmp_path / "set", layout, "--license", "cc-by-4.0", "--held-out", "0")
-    said = capsys.readouterr().out
-    monkeypatch.chdir(out)
-    exec(page_code(out), {})
-    printed = capsys.readouterr().out.strip()
-    if layout == "olat":  # the one lighting of one lamp
-        assert said.startswith("2 frames")
-        assert np.allclose(json.loads(printed), [-1, 0, 1])  # [-1, 1, 0] with Y up
-    else:
-        assert said.startswith("6 frames")
-        assert printed == "2"
-    assert "license: cc-by-4.0" in (out / "README.md").read_text()
-    assert not [x for x in out.rglob("*.png") if x.stem.count(".")]
-
-
-def test_exported_pictures_are_those_frames_with_straight_alpha(folders: tuple[Path, Path], tmp_path: Path) -> None:
-    out = export(folders[1], tmp_path, "nerf", "--lighting", "lamps")
-    assert sorted(x.name for x in out.iterdir()) == ["README.md", "lamps", "lights.json"]
-    loaded = np.asarray(Image.open(out / "lamps" / "images" / "front.png"))
-    expected = straight_rgba(dataset.open(folders[1]).frame("front", "lamps"))
-    assert np.array_equal(loaded, expected)
-    depth = np.asarray(Image.open(out / "lamps" / "depth" / "front.png"))
-    geometry = dataset.open(folders[1]).geometry("front")
-    assert np.abs(depth / 1000 - geometry.depth).max() < 0.001
-
-
-def test_lamps_of_a_normalized_world_light_it_the_same(folders: tuple[Path, Path], tmp_path: Path) -> None:
-    """Lux at a point of the surface: candela / distance², in either world."""
-    out = export(folders[1], tmp_path, "olat", "--normalize")
-    rig = json.loads((out / "lights.json").read_text())
-    world = np.array(rig["world_from_job"])
-    scale = np.cbrt(np.linalg.det(world[:3, :3]))
-    assert not np.isclose(scale, 1)
-    frame = json.loads((out / "transforms_train.json").read_text())["frames"][0]
-    point = world[:3, :3] @ [0.5, 0, 0.2] + world[:3, 3]
-    lux = np.array(frame["pl_intensity"]) / np.sum((np.array(frame["pl_pos"]) - point) ** 2)
-    plain = 0.25 / np.sum((np.array([-1, 1, 0]) - [0.5, 0, 0.2]) ** 2)
-    assert np.allclose(lux, plain)
-    lamp = next(x for x in rig["lights"] if x["name"] == "warm.one")["parts"][0]
-    assert np.isclose(lamp["intensity"], scale**2) and np.allclose(
-        lamp["position"], world[:3, :3] @ [1, 1, 1] + world[:3, 3]
-    )
-
-
-def test_what_cannot_be_exported(
-    folders: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for more, said in {
-        ("--layout", "nerf", "--lighting", "noon"): "no lighting 'noon'; there are: day, lamps, dim",
-        ("--layout", "olat", "--lighting", "lamps"): "no lighting of one point or spot light",
-    }.items():
-        assert cli.main(["export", str(folders[1]), "-o", str(tmp_path / "x"), *more]) == 2
-        assert said in capsys.readouterr().err
 
 
 def test_a_dry_run_counts_and_makes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,7 +30,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "advice": BASE | {"colour"},
     "engine_lights": BASE | {"colour"},
     "io": BASE | TOOLS | {"engine_lights", "machine", "proxy", "units"},
-    "dataset": BASE | TOOLS | {"io", "keys", "plan", "relighting", "store", "units"},
+    "dataset": BASE | TOOLS | {"io", "kept", "keys", "plan", "relighting", "store", "units"},
     "backend": {"errors", "model"},
     "lighting": BASE | TOOLS | {"backend", "engine_lights", "machine"},
     "compositor": BASE | TOOLS | {"backend", "machine"},

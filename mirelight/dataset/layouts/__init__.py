@@ -6,10 +6,93 @@ names have no dot but the suffix's, and no space: loaders cut them there.
 
 from __future__ import annotations
 
-from mirelight.dataset.layouts.colmap import write_colmap
-from mirelight.dataset.layouts.nerf import write_nerf
-from mirelight.dataset.layouts.pictures import Picture, straight_rgba
-from mirelight.dataset.layouts.points import points_of
-from mirelight.dataset.layouts.world import world_of
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
-__all__ = ["Picture", "points_of", "straight_rgba", "world_of", "write_colmap", "write_nerf"]
+from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
+from mirelight.dataset.layouts.files import Files
+from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
+from mirelight.dataset.layouts.olat import check_olat, write_olat
+from mirelight.dataset.layouts.pictures import Geometry, Part, Picture, Pixels, Shared, straight_rgba
+from mirelight.dataset.layouts.points import points_of
+from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
+from mirelight.dataset.layouts.world import world_of
+from mirelight.model import Camera
+
+__all__ = [
+    "LAYOUTS",
+    "WRITERS",
+    "Files",
+    "Geometry",
+    "Layout",
+    "Picture",
+    "Pixels",
+    "Shared",
+    "points_of",
+    "straight_rgba",
+    "world_of",
+    "write_colmap",
+    "write_nerf",
+    "write_olat",
+    "write_tensoir",
+]
+
+Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat"]
+LAYOUTS: tuple[Layout, ...] = get_args(Layout)
+
+
+@dataclass(frozen=True, slots=True)
+class Writer:
+    """A layout."""
+
+    check: Callable[[Sequence[Camera], Shared], None]  # raises InputError before anything is written
+    write: Callable[[Files, Iterable[Picture], Shared], None]
+    loading: str  # Python that loads a set, run in its folder; {lighting} and {set} are filled in
+    configs: Callable[[Mapping[Part, int]], list[str]] = lambda parts: []  # lines for the head of the set's page
+    notes: Callable[[Shared, str], str] = lambda shared, lighting: ""  # for the page; the lighting to train on
+
+
+def _nerfstudio(shared: Shared, lighting: str) -> str:
+    return (
+        "- For nerfstudio, which would move the world otherwise: `ns-train nerfacto nerfstudio-data --data "
+        f"{lighting} --orientation-method none --center-method none --auto-scale-poses False`.\n"
+    )
+
+
+def _built_in(shared: Shared, lighting: str) -> str:
+    near, far = shared.near_far or (0.0, 0.0)
+    return (
+        "- The loaders of TensoIR have near 2, far 6 and a box of ±1.5 built in; this set needs near "
+        f"{near:.3g}, far {far:.3g}. The folder of maps is `environments`.\n"
+    )
+
+
+WRITERS: Mapping[Layout, Writer] = {
+    "nerf": Writer(
+        check_nerf,
+        write_nerf,
+        'import json\n\nframes = json.load(open("{lighting}/transforms.json"))["frames"]\nprint(len(frames))',
+        notes=_nerfstudio,
+    ),
+    "colmap": Writer(
+        check_colmap,
+        write_colmap,
+        'import pycolmap\n\nmodel = pycolmap.Reconstruction("{lighting}/sparse/0")\nprint(model.num_images())',
+    ),
+    "tensoir": Writer(
+        check_tensoir,
+        write_tensoir,
+        "import json\nfrom pathlib import Path\n\nimport numpy as np\nfrom PIL import Image\n\n"
+        'folder = sorted(Path().glob("*_[0-9][0-9][0-9]"))[0]\n'
+        'meta = json.load(open(folder / "metadata.json"))\n'
+        'pose = np.array([float(x) for x in meta["cam_transform_mat"].split(",")]).reshape(4, 4)\n'
+        'print(pose.shape, Image.open(folder / "rgba_{lighting}.png").mode)',
+        notes=_built_in,
+    ),
+    "olat": Writer(
+        check_olat,
+        write_olat,
+        'import json\n\nframes = json.load(open("transforms_train.json"))["frames"]\nprint(frames[0]["pl_pos"])',
+    ),
+}

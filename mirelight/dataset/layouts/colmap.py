@@ -1,47 +1,51 @@
-"""COLMAP's layout: images/NAME.png, and a sparse model in sparse/0 as text and binary.
+"""COLMAP's layout: a folder a lighting, with images/NAME.png and a sparse model in sparse/0 as text and binary.
 
 Read by INRIA's 3D Gaussian Splatting, gsplat, nerfstudio and most trainers of splats. They hold out every 8th of the
-sorted names themselves, so splits have no place here.
+sorted names themselves; INRIA's takes sparse/0/test.txt instead where it is started with llffhold = 0. Trainers read
+8-bit pictures alone. Worlds have Z up.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from mirelight import conventions
-from mirelight.conventions import Matrix
-from mirelight.dataset.layouts.pictures import Picture, folder_for, named, write_pixels
+from mirelight.dataset.layouts.files import Files
+from mirelight.dataset.layouts.pictures import Picture, Shared, Split, check_pinholes
 from mirelight.dataset.layouts.points import moved
+from mirelight.dataset.layouts.shared import write_environments, write_geometry
 from mirelight.io.cameras import colmap_write
-from mirelight.io.cameras.colmap_write import Points
-from mirelight.io.cameras.transforms import Z_UP
 from mirelight.model import Camera
 
 
-def write_colmap(
-    folder: Path, pictures: Iterable[Picture], *, points: Points | None = None, world: Matrix = Z_UP
-) -> None:
-    """Write one lighting's pictures.
+def check_colmap(cameras: Sequence[Camera], shared: Shared) -> None:
+    """Raises InputError: a camera that the layout cannot hold."""
+    check_pinholes(shared.source, cameras)
 
-    Args:
-        folder: made where it is missing.
-        pictures: taken one by one, so that they need not be in memory together. Depth and mask have no place here.
-        points: in mirelight's world; INRIA's trainer needs some (:func:`mirelight.dataset.layouts.points_of`).
-        world: from mirelight's world (Y up) to the data set's, see :func:`mirelight.dataset.layouts.world_of`.
 
-    Raises:
-        InputError: an orthographic camera.
-        OutputError: a file cannot be written.
-    """
-    images, sparse = folder / "images", folder / "sparse" / "0"
-    folder_for(images, sparse)
-    cameras: list[Camera] = []
-    names: list[str] = []
-    for name, picture in named(pictures, folder):
-        write_pixels(images / f"{name}.png", picture.rgba)
-        pose = conventions.rigid_part(world @ picture.camera.world_from_camera)
-        cameras.append(replace(picture.camera, world_from_camera=pose))
-        names.append(f"{name}.png")
-    colmap_write.write(sparse, cameras, names, None if points is None else moved(points, world))
+def write_colmap(files: Files, pictures: Iterable[Picture], shared: Shared) -> None:
+    """Write pictures. INRIA's trainer needs `shared.points`. Raises OutputError: a file cannot be written."""
+    written: dict[str, list[tuple[str, Camera, Split]]] = {}
+    views: set[str] = set()
+    for picture in pictures:
+        if picture.view not in views:
+            views.add(picture.view)
+            write_geometry(files, picture, shared)
+        _write_frame(files, picture)
+        pose = conventions.rigid_part(shared.world @ picture.camera.world_from_camera)
+        placed = replace(picture.camera, world_from_camera=pose)
+        written.setdefault(picture.within, []).append((f"{picture.view}.png", placed, picture.split))
+    points = None if shared.points is None else moved(shared.points, shared.world)
+    for within, ones in written.items():
+        names = [name for name, _, _ in ones]
+        for file, data in colmap_write.model(shared.source, [camera for _, camera, _ in ones], names, points):
+            files.bytes(f"{within}sparse/0/{file}", data)
+        for split in ("train", "test"):
+            chosen = [name for name, _, own in ones if own == split]
+            files.text(f"{within}sparse/0/{split}.txt", "".join(f"{name}\n" for name in chosen))
+    write_environments(files, shared, ".exr")
+
+
+def _write_frame(files: Files, picture: Picture) -> None:
+    files.png(f"{picture.within}images/{picture.view}.png", picture.key, lambda: picture.pixels.rgba)

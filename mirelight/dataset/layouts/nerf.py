@@ -1,39 +1,28 @@
-"""The layout of nerfstudio, instant-ngp and Blender-NeRF: transforms.json beside images/NAME.png.
+"""The layout of nerfstudio, instant-ngp and Blender-NeRF: a folder a lighting, transforms.json beside images/NAME.png.
 
-nerfstudio ignores a lens in a frame where one stands at the top, wants masks and depths for all frames or none, and
-lists of file names for all splits or none. Blender-NeRF's readers take transforms_SPLIT.json, add ".png" themselves and
-know nothing but `camera_angle_x`. Depth is along the view axis, 16-bit millimetres: nerfstudio's default, and
-instant-ngp's by `integer_depth_scale`. Worlds have Z up.
+nerfstudio ignores a lens in a frame where one stands at the top, wants masks and depths for all frames or none, lists
+of file names for all splits or none, and 8-bit pictures. Blender-NeRF's readers take transforms_SPLIT.json, add ".png"
+themselves and know nothing but `camera_angle_x`. instant-ngp takes EXR, premultiplied: transforms_hdr.json. Depth is
+along the view axis, 16-bit millimetres: nerfstudio's default, and instant-ngp's by `integer_depth_scale`. Worlds have
+Z up.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from mirelight.conventions import Matrix
-from mirelight.dataset.layouts.pictures import (
-    SPLITS,
-    Picture,
-    Split,
-    folder_for,
-    millimetres,
-    named,
-    write_pixels,
-)
+from mirelight.dataset.layouts.files import Files
+from mirelight.dataset.layouts.pictures import SPLITS, Part, Picture, Shared, check_lenses, check_pinholes
 from mirelight.dataset.layouts.points import moved, ply_bytes
-from mirelight.dataset.layouts.world import scale_of
-from mirelight.errors import InputError
-from mirelight.io.atomic import atomic_path
-from mirelight.io.cameras.colmap_write import Points
-from mirelight.io.cameras.transforms import Z_UP, lens_entry, matrix_entry
-from mirelight.model import Camera
+from mirelight.dataset.layouts.shared import ENVIRONMENTS, GEOMETRY, write_environments, write_geometry
+from mirelight.io.cameras.transforms import lens_entry, matrix_entry
+from mirelight.model import Camera, digest
 
 _SAME = 1e-6  # relative, of lenses
+_POINTS = "points.ply"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,118 +31,119 @@ class _Written:
 
     name: str
     camera: Camera
-    split: Split
+    split: str
+    part: Part
+    out: str  # to the data set's folder
     has_depth: bool
-    has_mask: bool
 
     @property
     def image(self) -> str:
         return f"images/{self.name}.png"
 
 
-def write_nerf(
-    folder: Path,
-    pictures: Iterable[Picture],
-    *,
-    points: Points | None = None,
-    world: Matrix = Z_UP,
-    blender: bool = True,
-) -> None:
-    """Write one lighting's pictures.
+def check_nerf(cameras: Sequence[Camera], shared: Shared) -> None:
+    """Raises InputError: a camera that the layout cannot hold."""
+    check_pinholes(shared.source, cameras)
+    check_lenses(shared.source, cameras)
+
+
+def write_nerf(files: Files, pictures: Iterable[Picture], shared: Shared, *, blender: bool = True) -> None:
+    """Write pictures.
 
     Args:
-        folder: made where it is missing.
+        files: of the data set.
         pictures: taken one by one, so that they need not be in memory together.
-        points: in mirelight's world, for methods that start from some.
-        world: from mirelight's world (Y up) to the data set's, see :func:`mirelight.dataset.layouts.world_of`.
-        blender: write transforms_SPLIT.json, too.
+        shared: what they have in common.
+        blender: write transforms_SPLIT.json, too, which hold one centred angle of view alone (:func:`check_nerf`).
 
     Raises:
-        InputError: a camera that the layout cannot hold; masks or depths for some pictures only.
         OutputError: a file cannot be written.
     """
-    folder_for(folder / "images")
-    scale = scale_of(world)
-    written: list[_Written] = []
-    for name, picture in named(pictures, folder):
-        if blender:
-            _fits_blender(folder, picture.camera, written[0].camera if written else picture.camera)
-        one = _Written(name, picture.camera, picture.split, picture.depth is not None, picture.mask is not None)
-        write_pixels(folder / one.image, picture.rgba)
-        if picture.depth is not None:
-            folder_for(folder / "depth")
-            write_pixels(folder / "depth" / f"{name}.png", millimetres(picture.depth * scale))
-        if picture.mask is not None:
-            folder_for(folder / "masks")
-            write_pixels(folder / "masks" / f"{name}.png", picture.mask.astype("uint8") * 255)
-        written.append(one)
+    written: dict[str, list[_Written]] = {}
+    outs: dict[str, str] = {}
+    views: set[str] = set()
+    for picture in pictures:
+        if picture.view not in views:
+            views.add(picture.view)
+            write_geometry(files, picture, shared)
+        within, outs[picture.within] = picture.within, picture.out
+        _write_frame(files, picture, shared)
+        has_depth = picture.pixels.has_geometry
+        one = _Written(picture.view, picture.camera, picture.split, picture.part, picture.out, has_depth)
+        written.setdefault(within, []).append(one)
+    points = shared.points
     if points is not None:
-        with atomic_path(folder / "points.ply") as path:
-            path.write_bytes(ply_bytes(moved(points, world)))
-    _write_json(folder / "transforms.json", _transforms(written, world, points is not None))
-    for split in SPLITS if blender else ():
-        chosen = [one for one in written if one.split == split]
-        if chosen:
-            _write_json(folder / f"transforms_{split}.json", _blender(chosen, world))
+        placed = moved(points, shared.world)
+        key = digest("points 1", placed.positions, placed.colors)
+        files.put(_POINTS, key, lambda path: path.write_bytes(ply_bytes(placed)))
+    write_environments(files, shared, ".exr")
+    for within, ones in written.items():
+        whole = _transforms(ones, shared, outs[within], within.rstrip("/"))
+        files.json(f"{within}transforms.json", whole)
+        if shared.hdr:
+            files.json(f"{within}transforms_hdr.json", _in_hdr(whole))
+        for split in SPLITS if blender else ():
+            chosen = [one for one in ones if one.split == ("test" if split == "val" else split)]
+            files.json(f"{within}transforms_{split}.json", _blender(chosen, ones[0].camera, shared))
 
 
-def _transforms(written: list[_Written], world: Matrix, has_points: bool) -> dict[str, Any]:
+def _write_frame(files: Files, picture: Picture, shared: Shared) -> None:
+    files.png(f"{picture.within}images/{picture.view}.png", picture.key, lambda: picture.pixels.rgba)
+    if shared.hdr:
+        files.exr(f"{picture.within}hdr/{picture.view}.exr", picture.key, lambda: picture.pixels.linear)
+
+
+def _transforms(written: list[_Written], shared: Shared, out: str, lighting: str) -> dict[str, Any]:
     lenses = [_lens(one.camera) for one in written]
-    shared = len(lenses) > 0 and all(lens == lenses[0] for lens in lenses)
-    out: dict[str, Any] = {"camera_model": "PINHOLE", **(lenses[0] if shared else {})}
-    scale = scale_of(world)
-    out |= {"applied_transform": (world[:3] / scale).tolist(), "orientation_override": "none"}
+    same = len(lenses) > 0 and all(lens == lenses[0] for lens in lenses)
+    whole: dict[str, Any] = {"camera_model": "PINHOLE", **(lenses[0] if same else {})}
+    scale = shared.scale
+    whole |= {"applied_transform": (shared.world[:3] / scale).tolist(), "orientation_override": "none"}
     if abs(scale - 1) > _SAME:
-        out["applied_scale"] = scale
-    if has_points:
-        out["ply_file_path"] = "points.ply"
+        whole["applied_scale"] = scale
+    if shared.points is not None:
+        whole["ply_file_path"] = f"{out}{_POINTS}"
     if any(one.has_depth for one in written):
-        out["integer_depth_scale"] = 0.001
+        whole["integer_depth_scale"] = 0.001
+    if lighting in shared.surroundings:
+        whole["environment"] = f"{out}{ENVIRONMENTS}/{lighting}.exr"
     of_split = {split: [one.image for one in written if one.split == split] for split in SPLITS}
-    if of_split["val"] or of_split["test"]:
-        of_split["val"] = of_split["val"] or of_split["test"]
-        of_split["test"] = of_split["test"] or of_split["val"]
-        out |= {f"{split}_filenames": names for split, names in of_split.items()}
-    out["frames"] = [_frame(one, world, {} if shared else lens) for one, lens in zip(written, lenses, strict=True)]
-    return out
+    if of_split["test"]:
+        of_split["val"] = of_split["test"]
+        whole |= {f"{split}_filenames": names for split, names in of_split.items()}
+    whole["frames"] = [_frame(one, shared, {} if same else lens) for one, lens in zip(written, lenses, strict=True)]
+    return whole
 
 
 def _lens(camera: Camera) -> dict[str, Any]:
     return {key: value for key, value in lens_entry(camera).items() if key != "camera_model"}
 
 
-def _frame(one: _Written, world: Matrix, lens: dict[str, Any]) -> dict[str, Any]:
-    out: dict[str, Any] = {"file_path": one.image, "transform_matrix": matrix_entry(one.camera, world), **lens}
+def _frame(one: _Written, shared: Shared, lens: dict[str, Any]) -> dict[str, Any]:
+    out: dict[str, Any] = {"file_path": one.image, "transform_matrix": matrix_entry(one.camera, shared.world), **lens}
     if one.has_depth:
-        out |= {"depth_file_path": f"depth/{one.name}.png", "depth_path": f"depth/{one.name}.png"}
-    if one.has_mask:
-        out["mask_path"] = f"masks/{one.name}.png"
+        depth = f"{one.out}{GEOMETRY}/depth/{one.name}.png"
+        out |= {"depth_file_path": depth, "depth_path": depth}
+    out |= {"mask_path": f"{one.out}{GEOMETRY}/masks/{one.name}.png", "part": one.part}
     return out
 
 
-def _blender(written: list[_Written], world: Matrix) -> dict[str, Any]:
-    camera = written[0].camera
+def _in_hdr(whole: dict[str, Any]) -> dict[str, Any]:
+    """The same of linear pictures, for instant-ngp: nerfstudio's lists have no place in it."""
     frames = [
-        {"file_path": f"./images/{one.name}", "transform_matrix": matrix_entry(one.camera, world)} for one in written
+        {**frame, "file_path": frame["file_path"].replace("images/", "hdr/").replace(".png", ".exr")}
+        for frame in whole["frames"]
     ]
-    return {"camera_angle_x": 2 * math.atan(camera.width / 2 / camera.fx), "frames": frames}
+    return {key: value for key, value in whole.items() if not key.endswith("_filenames")} | {"frames": frames}
 
 
-def _fits_blender(folder: Path, camera: Camera, first: Camera) -> None:
-    """Raises InputError: a lens that Blender-NeRF's files cannot say."""
-    centered = camera.cx == camera.width / 2 and camera.cy == camera.height / 2
-    if not centered:
-        found = "has its principal point off the middle"
-    elif not math.isclose(camera.fx, camera.fy, rel_tol=_SAME):
-        found = "has different focal lengths along x and y"
-    elif not math.isclose(camera.fx / camera.width, first.fx / first.width, rel_tol=_SAME):
-        found = f"has another field of view than {first.name!r}"
-    else:
-        return
-    remedy = "leave Blender-NeRF's files out (blender=False); transforms.json holds it"
-    raise InputError(folder, f"camera {camera.name!r} {found}", remedy)
-
-
-def _write_json(path: Path, value: dict[str, Any]) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
+def _blender(written: list[_Written], first: Camera, shared: Shared) -> dict[str, Any]:
+    frames = [
+        {
+            "file_path": f"./images/{one.name}",
+            "transform_matrix": matrix_entry(one.camera, shared.world),
+            "part": one.part,
+        }
+        for one in written
+    ]
+    return {"camera_angle_x": 2 * math.atan(first.width / 2 / first.fx), "frames": frames}

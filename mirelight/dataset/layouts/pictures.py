@@ -1,45 +1,189 @@
-"""One frame as data sets hold it, and its files."""
+"""One frame as data sets hold it: its pictures are made when they are asked for."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import colour
+from mirelight.conventions import Matrix
+from mirelight.dataset.layouts.world import scale_of
+from mirelight.dataset.surroundings import Surroundings
 from mirelight.errors import InputError
-from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.cameras.colmap_write import Points
+from mirelight.io.cameras.transforms import Z_UP
 from mirelight.model import F32, Camera, DisplaySettings
 from mirelight.model.arrays import freeze
 
 Split: TypeAlias = Literal["train", "val", "test"]
+Part: TypeAlias = Literal["seen", "novel_view", "novel_light", "novel_both"]
 U8: TypeAlias = NDArray[np.uint8]
 
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
+PARTS: tuple[Part, ...] = ("seen", "novel_view", "novel_light", "novel_both")
 _MILLIMETRES = 1000.0  # in a world unit, which is a metre
 _FARTHEST = 65535  # mm in a 16-bit depth
+_SAME = 1e-6  # relative, of lenses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Geometry:
+    """What a camera sees of the proxy, in mirelight's world."""
+
+    depth: F32  # (H, W) along the view axis; 0 where there is nothing
+    coverage: F32  # (H, W) 0 to 1
+    normal: F32  # (H, W, 3) unit
+    albedo: F32  # (H, W, 3) linear
+
+    def __post_init__(self) -> None:
+        size = self.depth.shape
+        for name in ("depth", "coverage"):
+            freeze(self, name, size)
+        for name in ("normal", "albedo"):
+            freeze(self, name, (*size, 3))
+
+
+class Pixels:
+    """The pixels of a frame, made when they are asked for and kept as long as this is.
+
+    Args:
+        mixed: gives (H, W, 4) linear, premultiplied.
+        geometry: gives what the camera sees; None: it is not known at the frame's size.
+        display: exposure and tone curve of 8-bit pictures.
+    """
+
+    def __init__(
+        self,
+        mixed: Callable[[], F32],
+        geometry: Callable[[], Geometry] | None = None,
+        display: DisplaySettings | None = None,
+    ) -> None:
+        self._mixed, self._geometry, self._display = mixed, geometry, display
+
+    @cached_property
+    def linear(self) -> F32:
+        """(H, W, 4) linear, premultiplied, whatever the exposure."""
+        return self._mixed()
+
+    @cached_property
+    def straight(self) -> F32:
+        """(H, W, 4) linear, not multiplied by alpha; black where alpha is 0."""
+        alpha = self.linear[..., 3]
+        return np.concatenate([colour.straight(self.linear[..., :3], alpha), alpha[..., None]], axis=-1)
+
+    @cached_property
+    def rgba(self) -> U8:
+        """(H, W, 4) sRGB, straight alpha."""
+        return straight_rgba(self.linear, self._display)
+
+    @cached_property
+    def rgb(self) -> U8:
+        """(H, W, 3) sRGB over black."""
+        shown = colour.tone_map(self.linear[..., :3] * np.float32(2.0**self._stops), self._tone)
+        return _bytes(colour.encode(shown, "physical"))
+
+    @property
+    def alpha(self) -> U8:
+        """(H, W)."""
+        return _bytes(self.linear[..., 3])
+
+    @property
+    def mask(self) -> U8:
+        """(H, W) 255 where alpha is above a half, else 0."""
+        return np.where(self.linear[..., 3] > 0.5, 255, 0).astype(np.uint8)
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """What the camera sees; only where `has_geometry`."""
+        assert self._geometry is not None
+        return self._geometry()
+
+    @property
+    def has_geometry(self) -> bool:
+        """Whether it is known."""
+        return self._geometry is not None
+
+    @property
+    def _stops(self) -> float:
+        return self._display.exposure if self._display else 0.0
+
+    @property
+    def _tone(self) -> Literal["none", "aces", "neutral", "agx"]:
+        return self._display.tone if self._display else "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
     """One frame of a data set."""
 
-    camera: Camera
-    rgba: U8  # (H, W, 4) sRGB, straight alpha
-    depth: F32 | None = None  # (H, W) world units along the view axis; 0 where there is nothing
-    mask: NDArray[np.bool_] | None = None  # (H, W) where pixels shall count
-    split: Split = "train"
+    camera: Camera  # in mirelight's world
+    view: str  # a file name of the camera, another one for each
+    lighting: str = ""  # a file name of the lighting; "": the set has one, without a folder of its own
+    number: int = 0  # of the camera in its job
+    part: Part = "seen"
+    key: str = ""  # digest of what the pixels are made from; "": unknown
+    view_key: str = ""  # the same of geometry and mask
+    pixels: Pixels
 
-    def __post_init__(self) -> None:
-        size = self.camera.height, self.camera.width
-        freeze(self, "rgba", (*size, 4), np.uint8)
-        freeze(self, "depth", size)
-        freeze(self, "mask", size, np.bool_)
+    @property
+    def split(self) -> Split:
+        """Where it goes in a layout that knows no more: to train on, or to test with."""
+        return "train" if self.part == "seen" else "test"
+
+    @property
+    def within(self) -> str:
+        """The folder of its lighting, with "/"."""
+        return f"{self.lighting}/" if self.lighting else ""
+
+    @property
+    def out(self) -> str:
+        """From that folder to the data set's, with "/"."""
+        return "../" if self.lighting else ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lamp:
+    """A point light in the data set's world."""
+
+    position: Matrix  # (3,)
+    candela: Matrix  # (3,) linear
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shared:
+    """What all pictures of a data set have in common."""
+
+    name: str = "set"  # a file name of it
+    source: Path = Path("set")  # that what cannot be held is said of
+    world: Matrix = field(default_factory=lambda: Z_UP)  # from mirelight's world (Y up) to the data set's
+    points: Points | None = None  # in mirelight's world; what trainers start from
+    surroundings: Mapping[str, Surroundings] = field(default_factory=dict)  # by a lighting's file name
+    lamps: Mapping[str, Lamp] = field(default_factory=dict)  # by it, where one point or spot light is all there is
+    near_far: tuple[float, float] | None = None  # depths of all that cameras see, in the data set's world
+    training: str = ""  # file name of the first lighting that is not held out
+    hdr: bool = True  # linear pictures, too, where loaders take them
+    spp: int = 0  # of the traced light
+
+    @property
+    def scale(self) -> float:
+        """How the world scales lengths."""
+        return scale_of(self.world)
+
+    def depth(self, pixels: Pixels) -> F32:
+        """(H, W) along the view axis, the data set's units; 0 where there is nothing."""
+        return np.asarray(pixels.geometry.depth * np.float32(self.scale), dtype=np.float32)
+
+    def normal(self, pixels: Pixels) -> F32:
+        """(H, W, 3) unit, in the data set's world."""
+        turn = (self.world[:3, :3] / self.scale).T.astype(np.float32)
+        return np.asarray(pixels.geometry.normal @ turn, dtype=np.float32)
 
 
 def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
@@ -58,54 +202,73 @@ def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
     display = display or DisplaySettings()
     own = colour.straight(rgba[..., :3], rgba[..., 3]) * np.float32(2.0**display.exposure)
     shown = colour.encode(colour.tone_map(own, display.tone), "physical")
-    whole = np.concatenate([shown, rgba[..., 3:]], axis=-1)
-    clean = np.clip(np.nan_to_num(whole, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
-    return np.asarray(np.rint(clean * np.float32(255)), dtype=np.uint8)
-
-
-def named(pictures: Iterable[Picture], folder: Path) -> Iterator[tuple[str, Picture]]:
-    """Each picture with a file name of letters, digits, "-" and "_", all different.
-
-    Raises:
-        InputError: an orthographic camera, or masks or depths for some pictures only.
-    """
-    taken: set[str] = set()
-    first: Picture | None = None
-    for picture in pictures:
-        first = first or picture
-        camera = picture.camera
-        if camera.projection != "perspective":
-            raise InputError(folder, f"camera {camera.name!r} is orthographic", "the layout holds pinholes alone")
-        for key in ("depth", "mask"):
-            if (getattr(picture, key) is None) != (getattr(first, key) is None):
-                raise InputError(folder, f"a {key} for some pictures, none for {camera.name!r}", "give all or none")
-        stem = re.sub(r"[^A-Za-z0-9-]+", "_", camera.name).strip("_") or "camera"
-        name, number = stem, 1
-        while name in taken:
-            number += 1
-            name = f"{stem}-{number}"
-        taken.add(name)
-        yield name, picture
-
-
-def folder_for(*parts: Path) -> None:
-    """Make folders. Raises OutputError."""
-    for path in parts:
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as e:
-            raise output_error(path, e) from None
-
-
-def write_pixels(path: Path, pixels: NDArray[Any]) -> None:
-    """A PNG of (H, W, 4) or (H, W) uint8, or of (H, W) uint16. Raises OutputError."""
-    from PIL import Image
-
-    with atomic_path(path) as temporary:
-        Image.fromarray(pixels).save(temporary, format="PNG")
+    return _bytes(np.concatenate([shown, rgba[..., 3:]], axis=-1))
 
 
 def millimetres(depth: F32) -> NDArray[np.uint16]:
     """Depth in millimetres; 0, which loaders take as unknown, where there is none and beyond 65.5 m."""
     mm = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64) * _MILLIMETRES)
     return np.where((mm > 0) & (mm <= _FARTHEST), mm, 0).astype(np.uint16)
+
+
+def with_alpha(colors: F32, coverage: F32) -> U8:
+    """(H, W, 4) values 0 to 1 as 8 bits, with what the proxy covers as alpha."""
+    return _bytes(np.concatenate([colors, coverage[..., None]], axis=-1))
+
+
+def file_names(names: Sequence[str], empty: str) -> dict[str, str]:
+    """By each name a different one of letters, digits, "-" and "_", also where a file system tells no capitals."""
+    out: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in names:
+        stem = re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or empty
+        own, number = stem, 1
+        while own.casefold() in taken:
+            number += 1
+            own = f"{stem}-{number}"
+        taken.add(own.casefold())
+        out[name] = own
+    return out
+
+
+def check_lenses(source: Path, cameras: Sequence[Camera], *, shared: bool = True, square: bool = False) -> None:
+    """Refuse what a layout with one angle of view cannot say.
+
+    Args:
+        source: that it is said of.
+        cameras: of the set.
+        shared: all have the same angle of view and size.
+        square: the layout's loaders know square pictures alone.
+
+    Raises:
+        InputError: names the first such camera, and in what it differs.
+    """
+    for camera in cameras:
+        first = cameras[0]
+        if camera.cx != camera.width / 2 or camera.cy != camera.height / 2:
+            found = "has its principal point off the middle"
+        elif abs(camera.fx - camera.fy) > _SAME * camera.fx:
+            found = "has different focal lengths along x and y"
+        elif square and camera.width != camera.height:
+            found = f"is {camera.width} x {camera.height} pixels, and the layout's loaders take square ones alone"
+        elif shared and (
+            abs(camera.fx * first.width - first.fx * camera.width) > _SAME * first.fx * camera.width
+            or camera.width * first.height != camera.height * first.width
+        ):
+            found = f"has another field of view than {first.name!r}"
+        else:
+            continue
+        remedy = "the layout has one centred angle of view; render such cameras apart, or use the layout colmap"
+        raise InputError(source, f"camera {camera.name!r} {found}", remedy)
+
+
+def check_pinholes(source: Path, cameras: Sequence[Camera]) -> None:
+    """Refuse orthographic cameras, which no layout holds. Raises InputError."""
+    for camera in cameras:
+        if camera.projection != "perspective":
+            raise InputError(source, f"camera {camera.name!r} is orthographic", "data sets hold pinholes alone")
+
+
+def _bytes(values: F32) -> U8:
+    clean = np.clip(np.nan_to_num(values, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    return np.asarray(np.rint(clean * np.float32(255)), dtype=np.uint8)

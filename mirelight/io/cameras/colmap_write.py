@@ -47,6 +47,15 @@ def write(folder: Path, cameras: Sequence[Camera], pictures: Sequence[str], poin
         InputError: an orthographic camera, which a model cannot hold.
         OutputError: as for :func:`mirelight.io.atomic.atomic_path`.
     """
+    for name, data in model(folder, cameras, pictures, points):
+        with atomic_path(folder / name) as path:
+            path.write_bytes(data)
+
+
+def model(
+    folder: Path, cameras: Sequence[Camera], pictures: Sequence[str], points: Points | None = None
+) -> Iterator[tuple[str, bytes]]:
+    """The files of :func:`write`, each with its name. Raises InputError, as it does."""
     for camera in cameras:
         if camera.projection != "perspective":
             raise InputError(folder, f"camera {camera.name!r} is orthographic", "a COLMAP model holds pinholes alone")
@@ -61,10 +70,8 @@ def write(folder: Path, cameras: Sequence[Camera], pictures: Sequence[str], poin
         ("images", _images_text(images), _images_binary(images)),
         ("points3D", _points_text(points), _points_binary(points)),
     ):
-        with atomic_path(folder / f"{name}.txt") as path, path.open("w", encoding="utf-8", newline="\n") as file:
-            file.writelines(text)
-        with atomic_path(folder / f"{name}.bin") as path, path.open("wb") as raw:
-            raw.writelines(binary)
+        yield f"{name}.txt", "".join(text).encode()
+        yield f"{name}.bin", b"".join(binary)
 
 
 _Lens = tuple[int, int, float, float, float, float]

@@ -15,10 +15,16 @@ import pytest
 import trimesh
 from PIL import Image
 
-from mirelight.dataset.layouts import Picture, points_of, straight_rgba, world_of, write_colmap, write_nerf
+from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, straight_rgba, world_of
+from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
+from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
+from mirelight.dataset.layouts.olat import check_olat
+from mirelight.dataset.layouts.pictures import file_names
+from mirelight.dataset.layouts.tensoir import check_tensoir
 from mirelight.errors import InputError
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP
+from mirelight.io.exr import read_exr
 from mirelight.io.png import encode_display
 from mirelight.model import Camera, DisplaySettings, SplatCloud
 
@@ -36,18 +42,37 @@ def cameras(**more: Any) -> list[Camera]:
     return out
 
 
-def pictures(seen: list[Camera], **more: Any) -> list[Picture]:
+def pictures(seen: list[Camera], depth: float | None = None, lighting: str = "") -> list[Picture]:
+    """Frames of noise; the last two are held out. The proxy covers the whole view at one depth, where it is given."""
     rng = np.random.default_rng(1)
-    splits: tuple[Any, ...] = ("train", "train", "train", "test", "test")
-    return [
-        Picture(
-            camera=c,
-            rgba=rng.integers(0, 256, (c.height, c.width, 4), dtype=np.uint8),
-            split=split,
-            **{key: make(c) for key, make in more.items()},
+    views = file_names([c.name for c in seen], "camera")
+    out = []
+    for i, c in enumerate(seen):
+        linear = rng.uniform(0, 1, (c.height, c.width, 4)).astype(np.float32)
+        linear[..., :3] *= linear[..., 3:]
+        geometry = None if depth is None else flat(c, depth)
+        pixels = Pixels(lambda linear=linear: linear, None if geometry is None else lambda g=geometry: g)  # type: ignore[misc]
+        part: Any = "seen" if i < 3 else "novel_view"
+        key = f"{lighting} {c.name} {depth}"
+        out.append(
+            Picture(
+                camera=c,
+                view=views[c.name],
+                lighting=lighting,
+                number=i,
+                part=part,
+                key=key,
+                view_key=key,
+                pixels=pixels,
+            )
         )
-        for c, split in zip(seen, splits, strict=True)
-    ]
+    return out
+
+
+def flat(camera: Camera, depth: float) -> Geometry:
+    plane = np.ones((camera.height, camera.width), dtype=np.float32)
+    up = np.broadcast_to(np.array([0, 1, 0], np.float32), (*plane.shape, 3))
+    return Geometry(depth=plane * np.float32(depth), coverage=plane, normal=up, albedo=up)
 
 
 def cloud(count: int) -> SplatCloud:
@@ -77,25 +102,25 @@ def test_straight_alpha_gives_the_png_over_any_background() -> None:
 
 def test_nerf(tmp_path: Path) -> None:
     seen = cameras()
-    frames = pictures(
-        seen,
-        depth=lambda c: np.full((c.height, c.width), 3.25, dtype=np.float32),
-        mask=lambda c: np.arange(c.width)[None, :].repeat(c.height, 0) % 2 == 0,
-    )
-    write_nerf(tmp_path / "noon", iter(frames), points=points_of(cloud(50)))
+    frames = pictures(seen, depth=3.25, lighting="noon")
+    shared = Shared(points=points_of(cloud(50)))
+    with Files(tmp_path) as files:
+        write_nerf(files, iter(frames), shared)
     data = json.loads((tmp_path / "noon" / "transforms.json").read_text())
     assert data["fl_x"] == seen[0].fx and "fl_x" not in data["frames"][0]
     found = open_file(tmp_path / "noon" / "transforms.json").read()  # undoes the turn to Z up
-    for camera, again, frame, picture in zip(seen, found, data["frames"], frames, strict=True):
+    linear = json.loads((tmp_path / "noon" / "transforms_hdr.json").read_text())["frames"]
+    for camera, again, frame, picture, hdr in zip(seen, found, data["frames"], frames, linear, strict=True):
         np.testing.assert_allclose(pixels_of(again.to_camera((32, 24)), POINTS), pixels_of(camera, POINTS), atol=1e-6)
         assert re.fullmatch(r"images/[A-Za-z0-9_-]+\.png", frame["file_path"])
         image = Image.open(tmp_path / "noon" / frame["file_path"])
         assert image.mode == "RGBA"
-        np.testing.assert_array_equal(np.asarray(image), picture.rgba)
+        np.testing.assert_array_equal(np.asarray(image), straight_rgba(picture.pixels.linear))
+        np.testing.assert_array_equal(read_exr(tmp_path / "noon" / hdr["file_path"]).layer(), picture.pixels.linear)
         depth = np.asarray(Image.open(tmp_path / "noon" / frame["depth_file_path"]))
         assert depth.dtype == np.uint16 and (depth == 3250).all()
         mask = np.asarray(Image.open(tmp_path / "noon" / frame["mask_path"]))
-        assert mask.ndim == 2 and (mask[:, ::2] == 255).all() and (mask[:, 1::2] == 0).all()
+        np.testing.assert_array_equal(mask, np.where(picture.pixels.linear[..., 3] > 0.5, 255, 0))
     assert len({frame["file_path"] for frame in data["frames"]}) == len(NAMES)
     assert (len(data["train_filenames"]), data["val_filenames"]) == (3, data["test_filenames"])
     assert data["frames"][0]["transform_matrix"][2][3] == pytest.approx(seen[0].position[1])  # Z is up
@@ -106,7 +131,8 @@ def test_nerf(tmp_path: Path) -> None:
 def test_blender_nerf_files(tmp_path: Path) -> None:
     """Everything that such a reader knows is in them: one angle, poses with Z up, names without suffix."""
     seen = cameras()
-    write_nerf(tmp_path, pictures(seen))
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(seen), Shared())
     names = []
     for split, part in (("train", seen[:3]), ("test", seen[3:])):
         data = json.loads((tmp_path / f"transforms_{split}.json").read_text())
@@ -119,38 +145,49 @@ def test_blender_nerf_files(tmp_path: Path) -> None:
             )
             assert (tmp_path / (frame["file_path"] + ".png")).is_file()
             names.append(frame["file_path"])
-    assert len(set(names)) == len(NAMES) and not (tmp_path / "transforms_val.json").exists()
+    assert len(set(names)) == len(NAMES)
+    assert (tmp_path / "transforms_val.json").read_text() == (tmp_path / "transforms_test.json").read_text()
 
 
+@pytest.mark.parametrize("check", [check_nerf, check_olat, check_tensoir])
 @pytest.mark.parametrize(
     ("change", "found"),
     [
         ({"cx": 15.0}, "principal point off the middle"),
         ({"fy": 40.0}, "different focal lengths"),
+        ({"projection": "orthographic"}, "is orthographic"),
     ],
 )
-def test_lenses_that_blender_s_files_cannot_say(tmp_path: Path, change: dict[str, float], found: str) -> None:
-    seen = cameras(**change)
-    with pytest.raises(InputError, match=f"camera 'orbit.0001' has .*{found.split(' ', 1)[1]}.*blender=False"):
-        write_nerf(tmp_path, pictures(seen))
-    write_nerf(tmp_path, pictures(seen), blender=False)
+def test_lenses_that_one_angle_cannot_say(check: Any, change: dict[str, Any], found: str) -> None:
+    with pytest.raises(InputError, match=rf"camera 'orbit\.0001' (has )?.*{found.removeprefix('is ')}"):
+        check(cameras(**change), Shared())
+
+
+def test_layouts_of_square_pictures() -> None:
+    with pytest.raises(InputError, match=r"camera 'orbit\.0001' is 32 x 24 pixels"):
+        check_tensoir(cameras(), Shared())
+
+
+def test_lenses_that_differ_stand_in_the_frames(tmp_path: Path) -> None:
+    seen = cameras(cx=14.5, fy=31.0)
+    seen[2] = replace(seen[2], fx=50.0)
+    plain = cameras()
+    plain[2] = replace(plain[2], fx=50.0, fy=50.0)
+    with pytest.raises(InputError, match=r"'orbit_0001' has another field of view than 'orbit\.0001'"):
+        check_nerf(plain, Shared())
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(seen), Shared(), blender=False)
+    data = json.loads((tmp_path / "transforms.json").read_text())
+    assert "fl_x" not in data and [f["fl_x"] for f in data["frames"]] == [c.fx for c in seen]
     for camera, again in zip(seen, open_file(tmp_path).read(), strict=True):
         np.testing.assert_allclose(pixels_of(again.to_camera((32, 24)), POINTS), pixels_of(camera, POINTS), atol=1e-6)
 
 
-def test_lenses_that_differ_stand_in_the_frames(tmp_path: Path) -> None:
-    seen = cameras()
-    seen[2] = replace(seen[2], fx=50.0, fy=50.0)
-    with pytest.raises(InputError, match=r"'orbit_0001' has another field of view than 'orbit\.0001'"):
-        write_nerf(tmp_path, pictures(seen))
-    write_nerf(tmp_path, pictures(seen), blender=False)
-    data = json.loads((tmp_path / "transforms.json").read_text())
-    assert "fl_x" not in data and [f["fl_x"] for f in data["frames"]] == [c.fx for c in seen]
-
-
 def test_colmap(tmp_path: Path) -> None:
     seen = cameras(cx=14.5, fy=31.0)
-    write_colmap(tmp_path, iter(pictures(seen)), points=points_of(cloud(250), most=100))
+    shared = Shared(points=points_of(cloud(250), most=100))
+    with Files(tmp_path) as files:
+        write_colmap(files, iter(pictures(seen)), shared)
     model = pycolmap.Reconstruction(str(tmp_path / "sparse" / "0"))
     by_name = {image.name: image for image in model.images.values()}
     assert sorted(by_name) == sorted(p.name for p in (tmp_path / "images").iterdir())
@@ -161,6 +198,11 @@ def test_colmap(tmp_path: Path) -> None:
         shown = np.array([image.camera.img_from_cam(point) for point in image.cam_from_world() * turned])
         np.testing.assert_allclose(shown, pixels_of(camera, POINTS), rtol=0, atol=1e-6)
     assert len(model.points3D) == 84  # every third of 250
+    lists = {split: (tmp_path / "sparse" / "0" / f"{split}.txt").read_text().split() for split in ("train", "test")}
+    assert lists == {
+        "train": ["orbit_0001.png", "orbit_0002.png", "orbit_0001-2.png"],
+        "test": ["living_room.png", "camera.png"],
+    }
 
 
 def test_a_normalised_world(tmp_path: Path) -> None:
@@ -169,9 +211,10 @@ def test_a_normalised_world(tmp_path: Path) -> None:
     world = world_of(center=(0.5, 1.0, -2.0), scale=0.25)
     np.testing.assert_allclose(world @ [0.5, 1.0, -2.0, 1], [0, 0, 0, 1], atol=1e-15)
     np.testing.assert_allclose(world @ [0.5, 5.0, -2.0, 1], [0, 0, 1, 1], atol=1e-15)  # 4 up are 1 along Z
-    frames = pictures(seen, depth=lambda c: np.full((c.height, c.width), 3.0, dtype=np.float32))
-    write_nerf(tmp_path, frames, world=world, points=points_of(cloud(20)))
-    write_colmap(tmp_path, frames, world=world, points=points_of(cloud(20)))
+    shared = Shared(world=world, points=points_of(cloud(20)))
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(seen, depth=3.0), shared)
+        write_colmap(files, pictures(seen, depth=3.0), shared)
     moved = POINTS @ world[:3, :3].T + world[:3, 3]
     for camera, again in zip(seen, open_file(tmp_path / "transforms.json").read(), strict=True):
         np.testing.assert_allclose(pixels_of(again.to_camera((32, 24)), POINTS), pixels_of(camera, POINTS), atol=1e-6)
@@ -188,25 +231,52 @@ def test_a_normalised_world(tmp_path: Path) -> None:
     np.testing.assert_allclose(trimesh.load(tmp_path / "points.ply").vertices, expected, atol=1e-6)
 
 
-def test_what_has_no_place(tmp_path: Path) -> None:
-    flat = replace(cameras()[0], projection="orthographic")
-    one = Picture(camera=flat, rgba=np.zeros((24, 32, 4), dtype=np.uint8))
-    for write in (write_nerf, write_colmap):
-        with pytest.raises(InputError, match=r"camera 'orbit\.0001' is orthographic"):
-            write(tmp_path, [one])
-    mixed = pictures(cameras())
-    mixed[1] = replace(mixed[1], depth=np.ones((24, 32), dtype=np.float32))
-    with pytest.raises(InputError, match=r"a depth for some pictures, none for|give all or none"):
-        write_nerf(tmp_path, mixed)
-    with pytest.raises(ValueError, match=r"Picture\.rgba"):
-        Picture(camera=cameras()[0], rgba=np.zeros((32, 24, 4), dtype=np.uint8))
+def test_orthographic_cameras_have_no_place(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"camera 'orbit\.0001' is orthographic"):
+        check_colmap([replace(cameras()[0], projection="orthographic")], Shared())
+
+
+def test_files_are_made_once_and_again_where_their_content_changed(tmp_path: Path) -> None:
+    seen = cameras()
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(seen, depth=3.0, lighting="noon"), Shared())
+        files.finish()
+    dates = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.*") if p.is_file() and ".mirelight" not in p.parts}
+    assert len(dates) == files.made
+    damaged, gone = tmp_path / "noon" / "images" / "camera.png", tmp_path / "noon" / "hdr" / "camera.exr"
+    damaged.write_bytes(damaged.read_bytes()[:-5])
+    gone.unlink()
+    with Files(tmp_path) as again:
+        write_nerf(again, pictures(seen, depth=3.0, lighting="noon"), Shared())
+        again.finish()
+    assert again.made == 2
+    assert {p for p, date in dates.items() if p.stat().st_mtime_ns != date} == {damaged, gone}
+    with Files(tmp_path) as other:  # a set of four cameras at another depth: what was there for the fifth goes
+        write_nerf(other, pictures(seen[:4], depth=2.0, lighting="noon"), Shared())
+        other.finish()
+    assert not damaged.exists() and not gone.exists()
+    assert (np.asarray(Image.open(tmp_path / "geometry" / "depth" / "orbit_0002.png")) == 2000).all()
+
+
+def test_files_of_others_stay(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(cameras(), lighting="noon"), Shared())
+        files.finish()
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(cameras(), lighting="dusk"), Shared())
+        files.finish()
+    kept = sorted(p.name for p in tmp_path.iterdir())
+    assert kept == [".mirelight", "dusk", "geometry", "notes.txt"]
 
 
 def test_the_same_bytes_again(tmp_path: Path) -> None:
+    shared = Shared(points=points_of(cloud(9)))
     for name in ("a", "b"):
-        write_nerf(tmp_path / name, pictures(cameras()), points=points_of(cloud(9)))
-        write_colmap(tmp_path / name / "colmap", pictures(cameras()), points=points_of(cloud(9)))
-    files = [p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file()]
-    assert len(files) > 15
-    for file in files:
+        with Files(tmp_path / name) as files:
+            write_nerf(files, pictures(cameras()), shared)
+            write_colmap(files, pictures(cameras(), lighting="colmap"), shared)
+    names = [p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file()]
+    assert len(names) > 15
+    for file in names:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()

@@ -1,0 +1,75 @@
+"""The page of a data set: what there is, and how to load it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.dataset.layouts import WRITERS, Files, Layout, Shared
+from mirelight.dataset.layouts.pictures import Part
+from mirelight.dataset.view import DataSet
+
+if TYPE_CHECKING:
+    from mirelight.dataset.export import ExportSettings
+
+_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is counted."""
+
+    cameras: int
+    lightings: tuple[str, ...]  # file names
+    training: str  # the one to train on where a loader takes one
+    parts: Mapping[Part, int]  # frames
+
+
+def write(files: Files, data: DataSet, layout: Layout, settings: ExportSettings, facts: Facts, shared: Shared) -> None:
+    """README.md. Raises OutputError: it cannot be written."""
+    files.text("README.md", _text(data, layout, settings, facts, shared))
+
+
+def _text(data: DataSet, layout: Layout, settings: ExportSettings, facts: Facts, shared: Shared) -> str:
+    display = data.index.display
+    count = facts.cameras * len(facts.lightings)
+    listed = ", ".join(facts.lightings[:8]) + (", …" if len(facts.lightings) > 8 else "")
+    size = next((name for most, name in _SIZES if count < most), "n>1M")
+    loading = WRITERS[layout].loading.replace("{lighting}", facts.training).replace("{set}", shared.name)
+    parts = ", ".join(f"{name} {number}" for name, number in facts.parts.items())
+    tone = "" if display.tone == "none" else f", tone curve {display.tone}"
+    range_of = ""
+    if shared.near_far is not None:
+        range_of = f" Cameras see depths from {shared.near_far[0]:.3g} to {shared.near_far[1]:.3g}."
+    head = [
+        f"license: {settings.license}" if settings.license else "",
+        f"pretty_name: {shared.name}",
+        f"size_categories: [{size}]",
+        f"tags: [relighting, {layout}]",
+        *WRITERS[layout].configs(facts.parts),
+    ]
+    front = "\n".join(line for line in head if line)
+    return f"""---
+{front}
+---
+
+# {Path(data.index.job).stem}
+
+{count} frames: {facts.cameras} cameras under {len(facts.lightings)} lightings ({listed}), layout `{layout}`.
+License: {settings.license or "none given"}.
+
+- Pictures: PNG, 8-bit sRGB, exposure {display.exposure:g} stops for all{tone}. Linear pictures, where there are any,
+  hold the scene's own light, without that exposure.
+- Frames by what was seen in training: {parts}. {settings.held_out:g} of the names of {_HELD[settings.by]} are held out,
+  by a hash with seed {settings.seed}; `splits.json` has the list.
+- World: Z up, {shared.scale:.6g} times the job's lengths.{range_of} `lights.json` has the lights in it.
+{WRITERS[layout].notes(shared, facts.training)}
+```python
+{loading}
+```
+"""
+
+
+_HELD = {"camera": "cameras", "lighting": "lightings", "both": "cameras and of lightings"}

@@ -1,0 +1,182 @@
+"""The files of a data set: each appears whole or not at all, and is made again only where what it is made from changed.
+
+`.mirelight/export.jsonl` in the data set's folder says of each file what it was made from and how large it is, so that
+an export that was interrupted goes on, and one whose job has grown adds what is new. Files of an earlier export that
+are not part of this one are removed at its end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.io import exr
+from mirelight.io.atomic import atomic_path, output_error
+
+RECORD = Path(".mirelight") / "export.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    key: str
+    bytes: int
+
+
+class Files:
+    """What an export writes to.
+
+    Args:
+        folder: of the data set; made where it is missing.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.made = 0  # files that were not there before
+        folder_for(folder, folder / RECORD.parent)
+        self._rows = self._read()
+        self._wanted: dict[str, None] = {}
+        try:
+            self._record = (folder / RECORD).open("a", encoding="utf-8", newline="\n")
+        except OSError as e:
+            raise output_error(folder / RECORD, e) from None
+
+    def __enter__(self) -> Files:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._record.close()
+
+    def has(self, name: str, key: str) -> bool:
+        """Whether that file is there, made from that."""
+        row = self._rows.get(name)
+        if row is None or row.key != key:
+            return False
+        try:
+            return (self.folder / name).stat().st_size == row.bytes
+        except OSError:
+            return False
+
+    def put(self, name: str, key: str, write: Callable[[Path], object]) -> None:
+        """A file of the set, written unless it is there.
+
+        Args:
+            name: its path in the folder, with "/".
+            key: digest of what it is made from; "": unknown, so it is always made.
+            write: writes it to a path of the same suffix.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        self._wanted[name] = None
+        if key and self.has(name, key):
+            return
+        path = self.folder / name
+        folder_for(path.parent)
+        if name in self._rows:  # made from something else; gone before its row could be taken for the new one's
+            path.unlink(missing_ok=True)
+        with atomic_path(path) as temporary:
+            write(temporary)
+        self.made += 1
+        self._note(name, _Row(key, path.stat().st_size))
+
+    def text(self, name: str, text: str) -> None:
+        """A text file."""
+        self.bytes(name, text.encode())
+
+    def bytes(self, name: str, data: bytes) -> None:
+        """A file of these bytes."""
+        self.put(name, hashlib.sha256(data).hexdigest(), lambda path: path.write_bytes(data))
+
+    def json(self, name: str, value: Any) -> None:
+        """A JSON file."""
+        self.text(name, json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+
+    def png(self, name: str, key: str, pixels: Callable[[], NDArray[Any]]) -> None:
+        """A PNG of (H, W, 3 or 4) or (H, W) uint8, or of (H, W) uint16."""
+        self.put(name, key, lambda path: write_pixels(path, pixels()))
+
+    def exr(self, name: str, key: str, pixels: Callable[[], NDArray[np.float32]]) -> None:
+        """An OpenEXR of (H, W, 3 or 4) float32, its data window the whole picture: some loaders know no other."""
+        self.put(name, key, lambda path: exr.write_exr(path, {"": pixels()}, crop=False))
+
+    def npy(self, name: str, key: str, values: Callable[[], NDArray[Any]]) -> None:
+        """An array in NumPy's format."""
+        self.put(name, key, lambda path: _save(path, values()))
+
+    def names(self) -> list[str]:
+        """The files of the set so far, sorted."""
+        return sorted(self._wanted)
+
+    def finish(self) -> None:
+        """Remove what an earlier export has left here, and write the record anew."""
+        for name in self._rows.keys() - self._wanted.keys():
+            with suppress(OSError):
+                (self.folder / name).unlink()
+            with suppress(OSError):
+                for parent in list((self.folder / name).parents)[: name.count("/")]:
+                    parent.rmdir()  # ends at the first that holds something
+        self._rows = {name: row for name, row in self._rows.items() if name in self._wanted}
+        with atomic_path(self.folder / RECORD) as temporary:
+            lines = (_line(name, self._rows[name]) for name in sorted(self._rows))
+            temporary.write_text("".join(lines), encoding="utf-8", newline="\n")
+
+    def _note(self, name: str, row: _Row) -> None:
+        self._rows[name] = row
+        try:
+            self._record.write(_line(name, row))
+            self._record.flush()
+        except OSError as e:
+            raise output_error(self.folder / RECORD, e) from None
+
+    def _read(self) -> dict[str, _Row]:
+        out: dict[str, _Row] = {}
+        try:
+            text = (self.folder / RECORD).read_text(encoding="utf-8")
+        except (OSError, ValueError):
+            return out
+        for line in text.splitlines():
+            with suppress(ValueError, KeyError, TypeError):  # a torn line
+                data = json.loads(line)
+                name = str(data["file"])
+                if not Path(name).is_absolute() and ".." not in Path(name).parts:
+                    out[name] = _Row(str(data["key"]), int(data["bytes"]))
+        return out
+
+
+def _line(name: str, row: _Row) -> str:
+    return json.dumps({"file": name, "key": row.key, "bytes": row.bytes}) + "\n"
+
+
+def folder_for(*parts: Path) -> None:
+    """Make folders. Raises OutputError."""
+    for path in parts:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as e:
+            raise output_error(path, e) from None
+
+
+def write_pixels(path: Path, pixels: NDArray[Any]) -> None:
+    """A PNG of (H, W, 3 or 4) or (H, W) uint8, or of (H, W) uint16. Raises OutputError."""
+    from PIL import Image
+
+    try:
+        Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="PNG")
+    except OSError as e:
+        raise output_error(path, e) from None
+
+
+def _save(path: Path, values: NDArray[Any]) -> None:
+    with path.open("wb") as stream:
+        np.save(stream, values, allow_pickle=False)

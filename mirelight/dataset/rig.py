@@ -1,0 +1,117 @@
+"""lights.json: the lights of a data set in its own world, and which of them each lighting takes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mirelight.conventions import Matrix
+from mirelight.dataset.index import UnitLight
+from mirelight.dataset.layouts.pictures import Lamp, Shared
+from mirelight.dataset.layouts.world import scale_of
+from mirelight.dataset.surroundings import Sun
+from mirelight.dataset.view import DataSet
+from mirelight.model import Light, PointLight, SpotLight, SunLight
+
+_UNITS = {
+    "point": "candela, of the data set's world: the job's times the square of its scale",
+    "spot": "candela, of the data set's world: the job's times the square of its scale",
+    "sun": "lux",
+    "directional": "lux",
+    "area": "candela per square metre",
+    "environment": "candela per square metre for a value of 1",
+}
+
+
+def only_lamp(data: DataSet, lighting: str, world: Matrix) -> Lamp | None:
+    """The point or spot light that is all of a lighting; None where there is more, or something else."""
+    weighted = data.index.lightings[data.lightings.index(lighting)]
+    on = [(i, w) for i, w in zip(weighted.units, weighted.weights, strict=True) if any(w)]
+    if len(on) != 1:
+        return None
+    unit, weight = data.lights[on[0][0]], np.asarray(on[0][1])
+    if unit.around or len(unit.lights) != 1 or not isinstance(unit.lights[0], PointLight | SpotLight):
+        return None
+    light = unit.lights[0]
+    candela = weight * light.color * light.intensity * scale_of(world) ** 2
+    return Lamp(world[:3, :3] @ light.position + world[:3, 3], candela)
+
+
+def described(
+    data: DataSet, names: Sequence[str], file_names: Mapping[str, str], shared: Shared, written: Collection[str]
+) -> dict[str, Any]:
+    """The content of lights.json.
+
+    Args:
+        data: the data set.
+        names: of the lightings that are written.
+        file_names: what each is called there.
+        shared: what all pictures have in common.
+        written: names of files.
+    """
+    index = data.index
+    lightings = []
+    for one in index.lightings:
+        if one.name in names:
+            own = file_names[one.name]
+            lights = [
+                {"light": index.units[i].name, "weight": [float(v) for v in w]}
+                for i, w in zip(one.units, one.weights, strict=True)
+            ]
+            maps = [f"environments/{own}{suffix}" for suffix in (".exr", ".hdr")]
+            there = next((name for name in maps if name in written), None)
+            lightings.append({"name": one.name, "file_name": own, "lights": lights, "environment": there})
+    return {
+        "world_from_job": shared.world.tolist(),
+        "scale": shared.scale,
+        "units": _UNITS,
+        "exposure_stops": index.display.exposure,
+        "tone": index.display.tone,
+        "lights": [_described(data, unit, shared.world) for unit in index.units],
+        "lightings": lightings,
+    }
+
+
+def _described(data: DataSet, unit: UnitLight, world: Matrix) -> dict[str, Any]:
+    parts = [_light(light, world) for light in unit.lights]
+    for around in unit.around:
+        suns = data.suns(around)
+        parts += [_sun(sun, world) for sun in suns or ()]
+        if suns is None:
+            part = {"type": "environment", "intensity": around.intensity, "rotation_degrees": around.rotation}
+            parts.append(part)
+    return {"name": unit.name, "kind": unit.kind, "parts": parts}
+
+
+def _light(light: Light, world: Matrix) -> dict[str, Any]:
+    scale = scale_of(world)
+    part: dict[str, Any] = {"type": type(light).__name__.removesuffix("Light").lower(), "color": light.color.tolist()}
+    part["intensity"] = light.intensity * (scale**2 if isinstance(light, PointLight | SpotLight) else 1.0)
+    pose = getattr(light, "world_from_light", None)
+    if pose is not None:
+        part |= {"pose": (world @ pose).tolist(), "size": [x * scale for x in getattr(light, "size", ())]}
+    if isinstance(light, PointLight | SpotLight):
+        part["position"] = (world[:3, :3] @ light.position + world[:3, 3]).tolist()
+        part |= {"radius": light.radius * scale}
+        if np.isfinite(light.range):
+            part["range"] = light.range * scale
+    if isinstance(light, SpotLight):
+        part |= {"inner_cone_angle": light.inner_cone_angle, "outer_cone_angle": light.outer_cone_angle}
+    direction = getattr(light, "direction", None)
+    if direction is not None:
+        part["direction"] = (world[:3, :3] / scale @ direction).tolist()
+    if isinstance(light, SunLight):
+        part["angular_diameter_degrees"] = light.angular_diameter
+    return part
+
+
+def _sun(sun: Sun, world: Matrix) -> dict[str, Any]:
+    return {
+        "type": "sun",
+        "color": sun.lux.tolist(),
+        "intensity": 1.0,
+        "direction": (world[:3, :3] / scale_of(world) @ sun.direction).tolist(),
+        "angular_diameter_degrees": sun.diameter,
+    }

@@ -1,0 +1,335 @@
+"""Exported data sets: every layout read by the conventions of its loaders, from a rendered scene."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+import pytest
+from PIL import Image
+
+from mirelight import cli, dataset
+from mirelight.dataset.layouts import LAYOUTS, straight_rgba
+from mirelight.dataset.surroundings import solid_angles
+from mirelight.dataset.view import DataSet
+from mirelight.io.environment import read_environment, write_environment
+from mirelight.io.exr import read_exr
+
+from .test_dataset_view import make_scene
+
+JOB = """
+splats = "splats.ply"
+proxy = { path = "proxy.glb", albedo = "file" }
+resolution = [24, 24]
+captured = "day.1"
+
+[[lightings]]
+name = "day.1"
+lights = [{ type = "sun", direction = [-0.2, -1, -0.3], intensity = 3.0, color = [1, 0.9, 0.8] }]
+environment = { radiance = [0.3, 0.4, 0.6] }
+
+[[lightings]]
+name = "room"
+environment = { path = "room.hdr", rotation = 90, intensity = 2.0 }
+
+[[lightings]]
+name = "sky"
+environment = { sky = { elevation = 40, azimuth = 30 }, intensity = 0.0001 }
+
+[[lightings]]
+name = "lamp"
+lights = [{ name = "warm.one", type = "point", position = [-1, 1, 0.2], intensity = 2.0, color = [1, 0.6, 0.3] }]
+
+[[lightings]]
+name = "lamps"
+lights = [
+  { name = "warm.one", type = "point", position = [-1, 1, 0.2], intensity = 1.0 },
+  { name = "spot", type = "spot", position = [1, 2, 0], direction = [0, -1, 0], intensity = 3.0 },
+]
+
+[[cameras]]
+type = "orbit"
+name = "orbit"
+frames = 3
+radius = 4
+elevation = 40
+target = [0, 0, 0]
+
+[render]
+spp = 4
+
+[display]
+exposure = -0.5
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("export")
+    make_scene(place)
+    room = np.full((8, 16, 3), 0.25, np.float32)
+    room[2, 5] = [8, 4, 2]
+    write_environment(place / "room.hdr", room)
+    (place / "job.toml").write_text(JOB)
+    assert cli.main(["render", str(place / "job.toml"), "-q", "--set", "output.store=layers"]) == 0
+    return place / "out"
+
+
+def export(folder: Path, out: Path, layout: str, *more: str) -> Path:
+    assert cli.main(["export", str(folder), "--layout", layout, "-o", str(out), *more]) == 0
+    return out
+
+
+def load(path: Path) -> Any:
+    return json.loads(path.read_text())
+
+
+# --- where points are shown ------------------------------------------------------------------------------------------
+
+
+def nerf_pixels(pose: Any, angle: float, size: tuple[int, int], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places in pixels, and depths along the axis, of points by NeRF's convention: world from camera, looks along -Z,
+    +Y up, one angle of view, the middle in the middle."""
+    own = (points - np.array(pose)[:3, 3]) @ np.array(pose)[:3, :3]
+    focal = 0.5 * size[0] / math.tan(0.5 * angle)
+    x = size[0] / 2 + focal * own[:, 0] / -own[:, 2]
+    y = size[1] / 2 - focal * own[:, 1] / -own[:, 2]
+    return np.stack([x, y], axis=-1), -own[:, 2]
+
+
+def seen_points(data: DataSet, camera: int, rig: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (N, 2) that the proxy fills, and the points (N, 3) there, in the world of the set."""
+    geometry = data.geometry(camera)
+    rows, columns = np.nonzero(geometry.coverage == 1)
+    assert len(rows) > 30
+    world = np.array(rig["world_from_job"])
+    points = geometry.position[rows, columns].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
+    return np.stack([columns, rows], axis=-1), points
+
+
+def assert_shown(pixels: np.ndarray, shown: np.ndarray) -> None:
+    """A pixel's position is the mean over its area, which is near its centre."""
+    assert np.abs(shown - pixels - 0.5).max() < 0.5
+    assert np.abs((shown - pixels - 0.5).mean(axis=0)).max() < 0.1
+
+
+@pytest.mark.parametrize("more", [(), ("--normalize",)])
+def test_points_are_where_the_files_say(folder: Path, tmp_path: Path, more: tuple[str, ...]) -> None:
+    data = dataset.open(folder)
+    views = ["orbit_0001", "orbit_0002", "orbit_0003"]
+    sets = {name: export(folder, tmp_path / name, name, *more, "--held-out", "0") for name in LAYOUTS}
+    rig = load(sets["nerf"] / "lights.json")
+    size = (24, 24)
+    model = pycolmap.Reconstruction(str(sets["colmap"] / "room" / "sparse" / "0"))
+    by_name = {image.name: image for image in model.images.values()}
+    nerf = load(sets["nerf"] / "room" / "transforms_train.json")
+    olat = load(sets["olat"] / "transforms_train.json")
+    for i, view in enumerate(views):
+        pixels, points = seen_points(data, i, rig)
+        for layout, found, path in (
+            ("nerf", nerf, f"./images/{view}"),
+            ("olat", olat, f"./images/lamp-{view}"),
+        ):
+            (frame,) = [x for x in found["frames"] if x["file_path"] == path]
+            shown, depth = nerf_pixels(frame["transform_matrix"], found["camera_angle_x"], size, points)
+            assert_shown(pixels, shown)
+            there = np.asarray(Image.open(sets[layout] / "geometry" / "depth" / f"{view}.png"))[
+                pixels[:, 1], pixels[:, 0]
+            ]
+            assert np.abs(there / 1000 - depth).max() < 0.002
+        image = by_name[f"{view}.png"]
+        camera = image.camera
+        assert_shown(pixels, np.array([camera.img_from_cam(p) for p in image.cam_from_world() * points]))
+        meta = load(sets["tensoir"] / f"train_{i:03d}" / "metadata.json")
+        pose = np.array([float(x) for x in meta["cam_transform_mat"].split(",")]).reshape(4, 4)
+        shown, depth = nerf_pixels(pose, meta["cam_angle_x"], (meta["imw"], meta["imh"]), points)
+        assert_shown(pixels, shown)
+        there = np.load(sets["tensoir"] / f"train_{i:03d}" / "depth.npy")[pixels[:, 1], pixels[:, 0]]
+        np.testing.assert_allclose(there, depth, rtol=1e-3)
+        normal = np.asarray(Image.open(sets["tensoir"] / f"train_{i:03d}" / "normal.png"))[pixels[:, 1], pixels[:, 0]]
+        assert (normal == [128, 128, 255, 255]).all()  # a floor, Z up
+    cloud = model.points3D.values()
+    assert len(cloud) > 100 and np.allclose([p.xyz[2] for p in cloud], points[0, 2], atol=1e-6)  # on the floor
+
+
+# --- pixels ----------------------------------------------------------------------------------------------------------
+
+
+def test_pictures_are_the_frames(folder: Path, tmp_path: Path) -> None:
+    data = dataset.open(folder)
+    tensoir, nerf, olat = (export(folder, tmp_path / name, name) for name in ("tensoir", "nerf", "olat"))
+    frame = data.frame("orbit.0002", "lamp")
+    expected = straight_rgba(frame, data.index.display)
+    one = next(tensoir.glob("*_001"))
+    for path in (
+        nerf / "lamp" / "images" / "orbit_0002.png",
+        olat / "images" / "lamp-orbit_0002.png",
+        one / "rgba_lamp.png",
+    ):
+        np.testing.assert_array_equal(np.asarray(Image.open(path)), expected)
+    np.testing.assert_array_equal(read_exr(nerf / "lamp" / "hdr" / "orbit_0002.exr").layer(), frame)
+    linear = read_exr(olat / "images" / "lamp-orbit_0002.exr").layer()  # straight, as NRHints blends it
+    np.testing.assert_allclose(linear[..., :3] * linear[..., 3:], frame[..., :3], atol=1e-6)
+    np.testing.assert_array_equal(linear[..., 3], frame[..., 3])
+    for name in ("train", "val", "test"):
+        frames = load(olat / "hdr" / f"transforms_{name}.json")["frames"]
+        assert all((olat / "hdr" / (x["file_path"] + ext)).is_file() for x in frames for ext in (".png", ".exr"))
+    assert not [
+        p for p in tmp_path.rglob("*") if p.is_file() and ".mirelight" not in p.parts and p.name.count(".") != 1
+    ]
+
+
+def test_no_linear_pictures_where_none_are_wanted(folder: Path, tmp_path: Path) -> None:
+    out = export(folder, tmp_path, "nerf", "--no-hdr", "--lighting", "lamp", "lamps")
+    assert not list(out.rglob("*.exr")) and not (out / "lamp" / "transforms_hdr.json").exists()
+
+
+# --- light -----------------------------------------------------------------------------------------------------------
+
+
+def irradiance(picture: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """On a surface that faces that way, from a map as TensoIR and NeRFactor place it in a world with Z up: u = 0.5 is
+    +X, u = 0.25 +Y, the first row +Z."""
+    rows = len(picture)
+    theta = np.pi * (np.arange(rows) + 0.5) / rows
+    phi = 2 * np.pi * (0.5 - (np.arange(2 * rows) + 0.5) / (2 * rows))
+    t, p = np.meshgrid(theta, phi, indexing="ij")
+    way = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+    return (picture * (np.maximum(way @ toward, 0) * solid_angles(rows))[..., None]).sum(axis=(0, 1))
+
+
+def test_maps_hold_suns_skies_and_pictures(folder: Path, tmp_path: Path) -> None:
+    """What a map gives a surface is what the lights of lights.json give it."""
+    out = export(folder, tmp_path, "nerf", "--no-hdr")
+    maps = {p.stem: read_environment(p) for p in (out / "environments").iterdir()}
+    assert set(maps) == {"day_1", "room", "sky"}
+    rig = load(out / "lights.json")
+    assert {x["file_name"]: x["environment"] for x in rig["lightings"]}["room"] == "environments/room.exr"
+    sun = next(x["parts"][0] for x in rig["lights"] if x["kind"] == "sun" and x["parts"][0]["type"] == "sun")
+    toward = -np.array(sun["direction"])
+    np.testing.assert_allclose(toward, np.array([0.2, -0.3, 1]) / np.linalg.norm([0.2, 0.3, 1]), atol=1e-9)
+    even = np.pi * np.array([0.3, 0.4, 0.6])
+    np.testing.assert_allclose(irradiance(maps["day_1"], toward), even + 3 * np.array([1, 0.9, 0.8]), rtol=1e-3)
+    # the lamp of the picture at row 2, column 5, turned by 90° to column 1: u = 1.5 / 16
+    bright = maps["room"][2, 1]
+    np.testing.assert_allclose(bright, [16, 8, 4], rtol=1e-6)
+    elevation = math.degrees(math.pi / 2 - math.pi * (np.argmax(maps["sky"].sum(axis=(1, 2))) + 0.5) / 512)
+    assert abs(elevation - 40) < 1
+    suns = [part for x in rig["lights"] for part in x["parts"] if part["type"] == "sun"]
+    assert [math.degrees(math.asin(-x["direction"][2])) for x in suns] == pytest.approx([70.17, 40], abs=0.1)
+    tensoir = export(folder, tmp_path / "tensoir", "tensoir")
+    again = read_environment(tensoir / "environments" / "room.hdr")
+    np.testing.assert_allclose(again, maps["room"], rtol=0.01)
+    assert np.allclose(load(tensoir / "environments" / "lamp.json")["point_location"], [-1, -0.2, 1])
+    np.testing.assert_array_equal(dataset.open(folder).environment("room"), maps["room"])
+    assert dataset.open(folder).environment("lamp") is None
+
+
+def test_lamps_of_a_normalized_world_light_it_the_same(folder: Path, tmp_path: Path) -> None:
+    """Lux at a point of the surface: candela / distance², in either world."""
+    out = export(folder, tmp_path, "olat", "--normalize", "--held-out", "0")
+    rig = load(out / "lights.json")
+    world = np.array(rig["world_from_job"])
+    assert not np.isclose(rig["scale"], 1) and np.isclose(np.cbrt(np.linalg.det(world[:3, :3])), rig["scale"])
+    frame = load(out / "transforms_train.json")["frames"][0]
+    point = world[:3, :3] @ [0.5, 0, 0.2] + world[:3, 3]
+    lux = np.array(frame["pl_intensity"]) / np.sum((np.array(frame["pl_pos"]) - point) ** 2)
+    plain = 2 * np.array([1, 0.6, 0.3]) / np.sum((np.array([-1, 1, 0.2]) - [0.5, 0, 0.2]) ** 2)
+    assert np.allclose(lux, plain)
+    lamp = next(x for x in rig["lights"] if x["name"] == "warm.one")["parts"][0]
+    assert np.isclose(lamp["intensity"], rig["scale"] ** 2)
+    assert np.allclose(lamp["position"], world[:3, :3] @ [-1, 1, 0.2] + world[:3, 3])
+
+
+# --- parts, pages, ways to go wrong ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("by", ["camera", "lighting", "both"])
+def test_parts_are_in_every_layout(folder: Path, tmp_path: Path, by: str) -> None:
+    """One list for all; seen frames are the training frames of each layout."""
+    more = ("--split", by, "--held-out", "0.5", "--seed", "4", "--no-hdr")
+    nerf, colmap, tensoir, olat = (
+        export(folder, tmp_path / name, name, *more) for name in ("nerf", "colmap", "tensoir", "olat")
+    )
+    splits = load(nerf / "splits.json")
+    parts = splits["parts"]
+    assert splits == load(tensoir / "splits.json") == load(colmap / "splits.json")
+    assert {key: bool(frames) for key, frames in parts.items()} == {
+        "seen": True,
+        "novel_view": by != "lighting",
+        "novel_light": by != "camera",
+        "novel_both": by == "both",
+    }
+    assert sum(len(x) for x in parts.values()) == 15
+    seen = set(parts["seen"])
+    for lighting in ("day_1", "room", "sky", "lamp", "lamps"):
+        frames = load(nerf / lighting / "transforms_train.json")["frames"]
+        own = {x for x in seen if x.startswith(f"{lighting}/")}
+        assert {f"{lighting}/{x['file_path'].removeprefix('./images/')}" for x in frames} == own
+        listed = (colmap / lighting / "sparse" / "0" / "train.txt").read_text().split()
+        assert {f"{lighting}/{x.removesuffix('.png')}" for x in listed} == own
+    held = {x.split("/")[1] for key in ("novel_view", "novel_both") for x in parts[key]}
+    assert {load(p / "metadata.json")["view"] for p in tensoir.glob("test_*")} == held
+    trained = {x["file_path"] for x in load(olat / "transforms_train.json")["frames"]}
+    assert trained == {f"./images/{x.replace('/', '-')}" for x in seen if x.startswith("lamp/")}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_the_page_s_code_loads_the_set(
+    layout: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = export(folder, tmp_path / "set", layout, "--license", "cc-by-4.0", "--held-out", "0")
+    counted = {"olat": 3}.get(layout, 15)
+    assert capsys.readouterr().out.startswith(f"{counted} frames")
+    page = (out / "README.md").read_text()
+    assert "license: cc-by-4.0" in page and f"{counted} frames: 3 cameras" in page
+    (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    monkeypatch.chdir(out)
+    exec(code, {})
+    printed = capsys.readouterr().out.strip()
+    expected = {"nerf": "3", "colmap": "3", "tensoir": "(4, 4) RGBA"}
+    if layout == "olat":
+        assert np.allclose(json.loads(printed), [-1, -0.2, 1])  # [-1, 1, 0.2] with Y up
+    else:
+        assert printed == expected[layout]
+
+
+def test_an_export_goes_on_where_it_stopped(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = export(folder, tmp_path / "whole", "nerf", "--no-hdr")
+    mixed: list[int] = []
+    frame = DataSet.frame
+
+    def counted(self: DataSet, camera: Any, lighting: Any) -> Any:
+        if len(mixed) == 7:
+            raise KeyboardInterrupt
+        mixed.append(camera)
+        return frame(self, camera, lighting)
+
+    monkeypatch.setattr(DataSet, "frame", counted)
+    assert cli.main(["export", str(folder), "--layout", "nerf", "-o", str(tmp_path / "part"), "--no-hdr"]) == 130
+    monkeypatch.setattr(DataSet, "frame", lambda *x: mixed.append(x[1]) or frame(*x))
+    export(folder, tmp_path / "part", "nerf", "--no-hdr")
+    assert len(mixed) == 15  # none twice
+    files = {p.relative_to(whole) for p in whole.rglob("*") if p.is_file()}
+    assert files == {p.relative_to(tmp_path / "part") for p in (tmp_path / "part").rglob("*") if p.is_file()}
+    assert all((whole / p).read_bytes() == (tmp_path / "part" / p).read_bytes() for p in files)
+
+
+def test_what_cannot_be_exported(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for more, said in {
+        ("--layout", "nerf", "--lighting", "noon"): "no lighting 'noon'; there are: day.1, room",
+        ("--layout", "olat", "--lighting", "lamps"): "no lighting of one point or spot light",
+    }.items():
+        assert cli.main(["export", str(folder), "-o", str(tmp_path / "x"), *more]) == 2
+        assert said in capsys.readouterr().err
+    (folder.parent / "wide.toml").write_text(JOB.replace("[24, 24]", "[24, 16]").replace("frames = 3", "frames = 1"))
+    wide = ["render", str(folder.parent / "wide.toml"), "-q", "-o", str(tmp_path / "wide"), "--set", "render.spp=1"]
+    assert cli.main([*wide, "--set", "output.store=layers"]) == 0
+    assert cli.main(["export", str(tmp_path / "wide"), "--layout", "tensoir", "-o", str(tmp_path / "x")]) == 2
+    assert "camera 'orbit.0001' is 24 x 16 pixels" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()

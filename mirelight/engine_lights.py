@@ -12,7 +12,7 @@ without 1/pi, with ``L = color^2.2 * intensity`` (intensity >= 1).
 |                              | L = I color / (16 pi)                 | instead of 16 / d² |
 | range r of a point or spot   | range r; none: RANGE_FACTOR times the | window (1 - (d/r)^4)², |
 |                              | way to the furthest surface           | not 1 - (d/r)^4 |
-| spot, half angles i and o    | in degrees, divided by CONE_SHRINK    | smoothstep(t), not t² |
+| spot, half angles i and o    | in degrees, divided by CONE_SHRINK    | cone "khr": smoothstep(t) |
 | area light                   | omni or spot, same candela on axis    | no area, no soft shadows |
 | environment, rotation r      | the same map, rotation -r - 90        | 64 x 32 pixels of 8 bit, 64 at most |
 | constant radiance c          | scene ambient c^(1/2.2)               | - |
@@ -307,6 +307,7 @@ def physical_light(light: EngineLight) -> DirectionalLight | PointLight | SpotLi
         range=light.range,
         inner_cone_angle=math.radians(min(light.inner_cone_angle, light.outer_cone_angle - 1e-6) * CONE_SHRINK),
         outer_cone_angle=math.radians(light.outer_cone_angle * CONE_SHRINK),
+        cone="playcanvas",
         falloff=light.falloff,
         shadows=light.cast_shadows,
     )

@@ -152,7 +152,8 @@ def _light(facts: LightFacts) -> str:
     if facts.direction is not None:
         parts.append(f"along {_vector(facts.direction)}")
     if facts.outer_cone_angle is not None:
-        parts.append(f"cone {facts.inner_cone_angle:g}° to {facts.outer_cone_angle:g}°")
+        law = "" if facts.cone is None else f" ({facts.cone})"
+        parts.append(f"cone {facts.inner_cone_angle:g}° to {facts.outer_cone_angle:g}°{law}")
     if facts.angular_diameter is not None:
         parts.append(f"{facts.angular_diameter:g}° wide")
     parts += [f"{name} {value:g}" for name, value in (("range", facts.range), ("radius", facts.radius)) if value]

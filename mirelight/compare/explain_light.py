@@ -30,6 +30,7 @@ from mirelight.model import (
     PointLight,
     SpotLight,
     SunLight,
+    cones,
 )
 
 _MAP = (128, 256)  # an environment's directions that its irradiance is summed over
@@ -172,8 +173,8 @@ def _irradiance(light: Light, position: F64, normal: F64) -> F64:
     if math.isfinite(light.range):
         share = share * np.clip(1 - squared**2 / light.range**4, 0, 1)
     if isinstance(light, SpotLight):
-        inner, outer = math.cos(light.inner_cone_angle), math.cos(light.outer_cone_angle)
-        share = share * np.clip((towards @ -light.direction - outer) / max(inner - outer, 0.001), 0, 1) ** 2
+        angles = light.inner_cone_angle, light.outer_cone_angle
+        share = share * cones.share(light.cone, *angles, towards @ -light.direction)
     return np.asarray(share[:, None] * light.color * light.intensity)
 
 

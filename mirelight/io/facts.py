@@ -49,6 +49,7 @@ class LightFacts:
     range: float | None = None
     inner_cone_angle: float | None = None
     outer_cone_angle: float | None = None
+    cone: str | None = None
     radius: float | None = None
     angular_diameter: float | None = None
     shape: str | None = None
@@ -250,6 +251,7 @@ def light_facts(light: Light) -> LightFacts:
                 direction=numbers(light.direction),
                 inner_cone_angle=rounded(math.degrees(light.inner_cone_angle)),
                 outer_cone_angle=rounded(math.degrees(light.outer_cone_angle)),
+                cone=None if light.cone == "khr" else light.cone,
                 **_reach(light),
                 **facts,
             )

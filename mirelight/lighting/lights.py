@@ -21,6 +21,7 @@ from mirelight.model import (
     PointLight,
     SpotLight,
     SunLight,
+    cones,
     digest,
 )
 
@@ -51,14 +52,14 @@ def _row(
     axis: NDArray[np.float64] | None = None,
     radius: float = 0.0,
     reach: float = float("inf"),
-    cone: tuple[float, float] = (0.0, 1.0),
+    cone: tuple[float, float, float] = (0.0, 1.0, 0.0),
     x: tuple[NDArray[np.float64], float] | None = None,
     y: tuple[NDArray[np.float64], float] | None = None,
 ) -> NDArray[np.float64]:
     """One light: position, kind | axis, radius | strength, 1 / range | x axis, half width | y axis, half height | cone.
 
-    `position` is the way to the light for lights at infinity; `cone` is KHR's (lightAngleScale, lightAngleOffset), and
-    (0, 1) is no cone; `radius` of a sun is the sine of its angular radius.
+    `position` is the way to the light for lights at infinity; `cone` is that of `spot_cone`, and (0, 1, 0) is no cone;
+    `radius` of a sun is the sine of its angular radius.
     """
     zero = (np.zeros(3), 0.0)
     groups = [
@@ -67,15 +68,15 @@ def _row(
         (strength, 1.0 / reach),
         x or zero,
         y or zero,
-        (np.array([cone[0], cone[1], 0.0]), 0.0),
+        (np.array(cone), 0.0),
     ]
     return np.concatenate([np.append(vector, number) for vector, number in groups])
 
 
-def spot_cone(inner: float, outer: float) -> tuple[float, float]:
-    """KHR's (lightAngleScale, lightAngleOffset): the cone is saturate(scale cos + offset) squared. Angles in rad."""
-    scale = 1.0 / max(0.001, float(np.cos(inner) - np.cos(outer)))
-    return scale, float(-np.cos(outer)) * scale
+def spot_cone(light: SpotLight) -> tuple[float, float, float]:
+    """(scale, offset, smooth): t = saturate(scale cos + offset), the cone t² or, where smooth is 1, t² (3 - 2t)."""
+    scale, offset = cones.scale_and_offset(light.cone, light.inner_cone_angle, light.outer_cone_angle)
+    return scale, offset, float(light.cone == "playcanvas")
 
 
 def _pack(light: Light) -> NDArray[np.float64]:
@@ -103,7 +104,7 @@ def _pack(light: Light) -> NDArray[np.float64]:
                 axis=light.direction,
                 radius=light.radius,
                 reach=light.range,
-                cone=spot_cone(light.inner_cone_angle, light.outer_cone_angle),
+                cone=spot_cone(light),
             )
         case AreaLight():
             return _pack_area(light)

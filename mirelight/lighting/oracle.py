@@ -1,7 +1,7 @@
 """The same scene for Mitsuba's own `path` integrator: the independent check of our loop, and the scalar variant.
 
 Lights are Mitsuba's emitters where they match (directional, point, area, constant, envmap) and small plugins where
-none does (spots with KHR's cone, range windows, suns, cameras with off-centre or non-square pixels). Nothing here
+none does (spots' cones, range windows, suns, cameras with off-centre or non-square pixels). Nothing here
 shares code with the tracer but the packed light table's numbers.
 """
 
@@ -40,7 +40,7 @@ def _pointer(mi: Any, emitter: Any) -> Any:
 
 
 def _khr_class(mi: Any) -> Any:
-    """A point or spot light by KHR_lights_punctual: squared cone, range window."""
+    """A point or spot light by KHR_lights_punctual: squared cone (or a smoothstep), range window."""
     import drjit as dr
 
     class KhrPunctual(mi.Emitter):  # type: ignore[misc]
@@ -50,7 +50,7 @@ def _khr_class(mi: Any) -> Any:
             self.position = mi.ScalarPoint3f(props["position"])
             self.axis = mi.ScalarVector3f(props["axis"])
             self.strength = mi.ScalarColor3f(props["strength"])
-            self.scale, self.offset = props["cone_scale"], props["cone_offset"]
+            self.scale, self.offset, self.smooth = (props[f"cone_{x}"] for x in ("scale", "offset", "smooth"))
             self.inverse_range = props["inverse_range"]
 
         def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
@@ -61,10 +61,11 @@ def _khr_class(mi: Any) -> Any:
             ds.dist = dr.norm(way)
             ds.d = way / ds.dist
             cosine = -dr.dot(ds.d, mi.Vector3f(self.axis))
-            cone = dr.clip(cosine * self.scale + self.offset, 0, 1)
+            t = dr.clip(cosine * self.scale + self.offset, 0, 1)
+            cone = t * t * (3 - 2 * t) if self.smooth else t * t
             fourth = (ds.dist * self.inverse_range) ** 4
             window = dr.clip(1 - fourth, 0, 1) / (ds.dist * ds.dist)
-            return ds, mi.Color3f(self.strength) * (cone * cone * window)
+            return ds, mi.Color3f(self.strength) * (cone * window)
 
         def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
             return mi.Float(0)
@@ -176,10 +177,10 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
             spot = isinstance(light, SpotLight)
             if not spot and np.isinf(light.range):
                 return {"type": "point", "position": light.position.tolist(), "intensity": _rgb(mi, strength)}
-            scale, offset = (0.0, 1.0)
+            scale, offset, smooth = 0.0, 1.0, 0.0
             axis = np.array([0.0, 0.0, 1.0])
             if isinstance(light, SpotLight):
-                scale, offset = spot_cone(light.inner_cone_angle, light.outer_cone_angle)
+                scale, offset, smooth = spot_cone(light)
                 axis = light.direction
             return {
                 "type": "khr_punctual",
@@ -188,6 +189,7 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
                 "strength": strength.tolist(),
                 "cone_scale": scale,
                 "cone_offset": offset,
+                "cone_smooth": smooth > 0,
                 "inverse_range": 1.0 / light.range,
             }
         case PointLight() if np.isinf(light.range):

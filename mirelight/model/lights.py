@@ -10,6 +10,7 @@ import numpy as np
 from mirelight import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
+from mirelight.model.cones import ConeLaw
 from mirelight.model.deferred import Deferred
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
@@ -53,7 +54,7 @@ class PointLight(ArrayHolder):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SpotLight(ArrayHolder):
-    """KHR spot light: squared smooth cone between two half angles, `range` as for points."""
+    """KHR spot light: light fades between two half angles by a law (`model.cones`), `range` as for points."""
 
     name: str
     position: F64  # (3,) world units
@@ -61,8 +62,9 @@ class SpotLight(ArrayHolder):
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
     intensity: float = 1.0  # candela inside the inner cone
     range: float = float("inf")  # world units
-    inner_cone_angle: float = 0.0  # rad, half angle, 0 <= inner < outer
+    inner_cone_angle: float = 0.0  # rad, half angle, 0 <= inner < outer; equal to it: a hard edge
     outer_cone_angle: float = float(np.pi / 4)  # rad, half angle, <= pi / 2
+    cone: ConeLaw = "khr"
     radius: float = 0.0  # world units; 0: a point with hard shadows
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
+from mirelight.model.cones import ConeLaw
 
 from .lighting_scenes import FLOOR, Array, constant_sky, floor_mean, overhead, render
 
@@ -55,15 +56,17 @@ def test_a_point_light_is_candela_over_distance_squared_in_its_range_window(heig
 
 
 @pytest.mark.parametrize(("inner", "outer"), [(0.0, np.pi / 4), (0.2, 0.6), (0.5, 0.5005), (0.3, np.pi / 2)])
-def test_a_spot_light_has_the_squared_cone_of_the_specification(inner: float, outer: float) -> None:
+@pytest.mark.parametrize("law", ["khr", "playcanvas"])
+def test_a_spot_light_has_the_cone_of_its_law(inner: float, outer: float, law: ConeLaw) -> None:
     position, axis = np.array([0.0, 5.0, 0.0]), np.array([0.3, -1.0, 0.1])
     axis /= np.linalg.norm(axis)
 
     def brightness(points: Array) -> Array:
         to_light = position - points
         cosine = -(to_light @ axis) / np.linalg.norm(to_light, axis=-1)
-        scale = 1 / max(0.001, np.cos(inner) - np.cos(outer))
-        cone = np.clip((cosine - np.cos(outer)) * scale, 0, 1) ** 2
+        scale = 1 / max(0.001 if law == "khr" else 0, np.cos(inner) - np.cos(outer))
+        t = np.clip((cosine - np.cos(outer)) * scale, 0, 1)
+        cone = t**2 if law == "khr" else t**2 * (3 - 2 * t)
         return np.asarray(100 * cone * lambert(position, points, reach=9.0))
 
     light = SpotLight(
@@ -74,12 +77,13 @@ def test_a_spot_light_has_the_squared_cone_of_the_specification(inner: float, ou
         range=9.0,
         inner_cone_angle=inner,
         outer_cone_angle=outer,
+        cone=law,
     )
     picture, truth = measured(light, spp=256)[..., 1], floor_mean(CAMERA, brightness)
     if outer - inner > 0.01:
         agree(picture, truth, tolerance=0.005)
     else:  # the edge is a step, and a pixel on it is sampled, not smooth
-        assert np.abs(picture - truth).max() < 0.02 * truth.max()
+        assert np.abs(picture - truth).max() < 0.06 * truth.max()  # 256 samples here, 64 in the truth's pixel
         assert picture.mean() == pytest.approx(truth.mean(), rel=1e-3)
 
 

@@ -122,22 +122,21 @@ def same(proxy: ProxyMesh, lighting: Lighting, max_depth: int, *, hide_lights: b
     assert ours.mean() == pytest.approx(theirs.mean(), rel=0.01)
 
 
+SPOT = SpotLight(
+    name="s",
+    position=np.array([1.0, 2, 2]),
+    direction=np.array([-0.5, -1, -1]),
+    intensity=9.0,
+    range=6.0,
+    inner_cone_angle=0.2,
+    outer_cone_angle=0.6,
+)
 LIGHTS: dict[str, tuple[Light, int]] = {
     "directional": (DirectionalLight(name="d", direction=np.array([-0.5, -1, -0.4]), intensity=2.0), 4),
     "point": (KEY, 4),
     "point with range": (replace(KEY, range=3.5), 4),
-    "spot": (
-        SpotLight(
-            name="s",
-            position=np.array([1.0, 2, 2]),
-            direction=np.array([-0.5, -1, -1]),
-            intensity=9.0,
-            range=6.0,
-            inner_cone_angle=0.2,
-            outer_cone_angle=0.6,
-        ),
-        4,
-    ),
+    "spot": (SPOT, 4),
+    "spot with the engine's cone": (replace(SPOT, cone="playcanvas"), 4),
     "sun": (SunLight(name="u", direction=np.array([-0.5, -1, -0.4]), intensity=2.0, angular_diameter=12.0), 4),
     # shapes block light in `path` and not in ours: direct light only
     "ball": (PointLight(name="b", position=np.array([1.2, 1.6, 1.0]), intensity=4.0, radius=0.25), 1),

@@ -53,6 +53,7 @@ Share: TypeAlias = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Degrees: TypeAlias = Annotated[float, Field(ge=-3600, le=3600, allow_inf_nan=False)]
 FieldOfView: TypeAlias = Annotated[float, Field(ge=0.01, le=179, allow_inf_nan=False)]
 Elevation: TypeAlias = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]  # degrees
+Kelvin: TypeAlias = Annotated[float, Field(ge=1000, le=40_000, allow_inf_nan=False)]
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=2**31 - 1)]
 Pixels: TypeAlias = Annotated[int, Field(ge=1, le=65536)]
 

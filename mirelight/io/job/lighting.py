@@ -12,18 +12,17 @@ import numpy as np
 from mirelight import conventions
 from mirelight.conventions import Matrix
 from mirelight.engine_lights import EngineLight, physical_light
-from mirelight.io.job.light_tables import (
+from mirelight.io.job.lamp_tables import (
     AnyLight,
     AreaTable,
+    ConeName,
     DirectionalTable,
-    LightsFromTable,
-    LightUnit,
-    Lit,
     PlayCanvasTable,
     PointTable,
     SpotTable,
     SunTable,
 )
+from mirelight.io.job.light_tables import LightsFromTable, LightUnit, Lit
 from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.placing import environment_rotation, matrix, placed_light
 from mirelight.io.job.positions import Path
@@ -42,6 +41,7 @@ from mirelight.model import (
     SkyModel,
     SpotLight,
     SunLight,
+    cones,
 )
 from mirelight.model.lights import SKY, SUN
 
@@ -122,16 +122,25 @@ def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[
     found, default = files.gltf_lights(table.path, table.unit)
     m = matrix(table.transform) if table.transform else default
     chosen = choose([x.name for x in found], table.names, at, "light", table.path, wrong)
-    lights = [placed_light(found[i], m) for i in chosen]
+    lights = [placed_light(_with_cone(found[i], table.cone), m) for i in chosen]
     return [replace(light, intensity=light.intensity * table.intensity, group=table.group) for light in lights]
 
 
+def _with_cone(light: Light, cone: ConeName) -> Light:
+    """A light of a file whose spots fade by another law than the file's."""
+    if not isinstance(light, SpotLight) or cone == "khr":
+        return light
+    inner, outer = light.inner_cone_angle, light.outer_cone_angle
+    if cone == "blender":
+        inner = cones.of_blender(outer, cones.blend_of_export(inner, outer))
+    return replace(light, inner_cone_angle=inner, cone="playcanvas")
+
+
 def _light(table: AnyLight) -> Light:
-    name = table.name or table.type
-    color = np.asarray(table.color)
+    if isinstance(table, PlayCanvasTable):
+        return _engine_light(table)
+    name, color = table.name or table.type, table.rgb
     match table:
-        case PlayCanvasTable():
-            return _engine_light(table)
         case DirectionalTable():
             return DirectionalLight(
                 name=name,
@@ -154,7 +163,7 @@ def _light(table: AnyLight) -> Light:
                 name=name,
                 group=table.group,
                 color=color,
-                intensity=table.intensity,
+                intensity=table.candela,
                 position=np.asarray(table.position),
                 range=table.range or math.inf,
                 radius=table.radius,
@@ -164,12 +173,13 @@ def _light(table: AnyLight) -> Light:
                 name=name,
                 group=table.group,
                 color=color,
-                intensity=table.intensity,
+                intensity=table.candela,
                 position=np.asarray(table.position),
                 direction=_direction(table),
                 range=table.range or math.inf,
-                inner_cone_angle=table.cone[0],
-                outer_cone_angle=table.cone[1],
+                inner_cone_angle=table.angles[0],
+                outer_cone_angle=table.angles[1],
+                cone=table.law,
                 radius=table.radius,
             )
         case AreaTable():
@@ -182,7 +192,7 @@ def _light(table: AnyLight) -> Light:
                 name=name,
                 group=table.group,
                 color=color,
-                intensity=table.intensity,
+                intensity=table.nits,
                 shape=table.shape,
                 world_from_light=pose,
                 size=(width, height),

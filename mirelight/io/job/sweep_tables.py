@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mirelight.io.job.fields import Positive, Seed, Table, Vec3, given, one_way, wrong
+from mirelight.io.job.fields import Kelvin, Positive, Seed, Table, Vec3, given, one_way, wrong
 
 MOST = 100_000  # lightings of a job
 
-_Kelvin: TypeAlias = Annotated[float, Field(ge=1000, le=40_000, allow_inf_nan=False)]
 _SPREAD = ("range", "kelvin", "dome", "sphere")  # what takes steps or draws
 
 
@@ -44,7 +43,7 @@ class AxisTable(Table):
         description="First and last value: numbers, lists of numbers, or dates with time; instead of values.",
     )
     log: bool = Field(default=False, description="range: by equal factors instead of equal differences.")
-    kelvin: Annotated[list[_Kelvin], Field(min_length=2, max_length=2)] | None = Field(
+    kelvin: Annotated[list[Kelvin], Field(min_length=2, max_length=2)] | None = Field(
         default=None,
         description="Colours of black bodies between two temperatures, of luminance 1; equal steps of 1 / temperature. "
         "Instead of values.",

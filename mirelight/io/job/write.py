@@ -105,6 +105,7 @@ def light_table(light: Light) -> dict[str, Any]:
             cone = {
                 "inner_cone_angle": float(np.degrees(light.inner_cone_angle)),
                 "outer_cone_angle": float(np.degrees(light.outer_cone_angle)),
+                **({} if light.cone == "khr" else {"cone": light.cone}),
             }
             place = {"position": _floats(light.position), "direction": _floats(light.direction)}
             return common | {"type": "spot"} | place | cone | _reach(light)

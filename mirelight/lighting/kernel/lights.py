@@ -81,7 +81,8 @@ def _punctual(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vec
     wi = to_light * inverse
     distance = dr.select(far, dr.inf, d2 * inverse)
     window = dr.clip(1 - dr.square(dr.square(distance * inverse_range)), 0, 1)
-    angular = dr.square(dr.clip(dr.fma(dr.dot(axis, wi), -cone.x, cone.y), 0, 1))
+    t = dr.clip(dr.fma(dr.dot(axis, wi), -cone.x, cone.y), 0, 1)
+    angular = dr.square(t) * dr.fma(cone.z, 2 - 2 * t, 1)  # t², or the smoothstep where cone.z is 1 (model.cones)
     falloff = dr.select(far, 1, window * angular * dr.square(inverse))
     return wi, distance, strength * falloff
 

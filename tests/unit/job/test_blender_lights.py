@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 import mirelight
 from mirelight.io.inspect import inspect
-from mirelight.model import Job
+from mirelight.model import Job, SpotLight
 from mirelight.plan import plan, warnings
 
 from .conftest import WriteJob
@@ -51,6 +52,22 @@ def test_a_unit_that_is_chosen_ends_the_line(lamps: WriteJob, unit: str, candela
     job = mirelight.load(lamps(f'{SCENE}lights_from = {{ path = "lamps.gltf", unit = "{unit}", intensity = 2 }}\n'))
     assert intensity(job) == pytest.approx(2 * candela, rel=1e-12)
     assert warnings(plan(job)) == ()
+
+
+@pytest.mark.parametrize(("cone", "law"), [("khr", "khr"), ("playcanvas", "playcanvas"), ("blender", "playcanvas")])
+def test_spots_of_a_file_take_another_cone(lamps: WriteJob, cone: str, law: str) -> None:
+    """The exporter writes a spot of size 60 degrees and blend 0.4 as these two half angles."""
+    path = lamps(f'{SCENE}lights_from = {{ path = "lamps.gltf", unit = "blender", cone = "{cone}" }}\n')
+    file = path.parent / "lamps.gltf"
+    top = json.loads(file.read_text())
+    half = math.radians(30)
+    (entry,) = top["extensions"]["KHR_lights_punctual"]["lights"]
+    entry |= {"type": "spot", "spot": {"innerConeAngle": 0.6 * half, "outerConeAngle": half}}
+    file.write_text(json.dumps(top))
+    (light,) = mirelight.load(path).lightings[0].lights
+    assert isinstance(light, SpotLight) and light.cone == law
+    inner = math.acos(math.cos(half) + 0.4 * (1 - math.cos(half))) if cone == "blender" else 0.6 * half
+    assert (light.inner_cone_angle, light.outer_cone_angle) == pytest.approx((inner, half))
 
 
 def test_several_lightings_and_a_sweep_say_it_once(lamps: WriteJob) -> None:

@@ -74,6 +74,7 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("directional", "intensity", "{}", NOT_NEGATIVE),
     ("directional", "color", "[1, {}, 1]", NOT_NEGATIVE),
     ("sun", "intensity", "{}", NOT_NEGATIVE),
+    ("sun", "kelvin", "{}", (1000, 40_000)),
     ("sun", "angular_diameter", "{}", (None, 90)),
     ("point at", "position", "[{}, 0, 0]", ANY),
     ("point", "intensity", "{}", NOT_NEGATIVE),

@@ -1,0 +1,256 @@
+"""What bench_truth.py looks at: captures of scenes whose true pictures are known, from cameras kept apart.
+
+True pictures come in two halves of independent noise. What takes long is kept in a folder, by a digest of the scenes'
+sources.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scenegen import surfels
+from scenegen.proxy import proxy_of
+from scenegen.recipe import Recipe
+from scenegen.skies import Sky, sky, towards
+from scenegen.truth import Looks, Truth
+
+from mirelight import conventions
+from mirelight.colour import srgb_encode
+from mirelight.io import splats as splat_files
+from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
+from mirelight.sh import C0
+
+ROOT = Path(__file__).resolve().parent.parent
+BAKE_SPP = 16
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How large the protocol is."""
+
+    width: int
+    height: int
+    truth_spp: int  # of each of the two halves
+    most: int | None = None  # new lightings of a capture; None: all
+
+    def seen(self, camera: Camera) -> Camera:
+        """The camera at this size."""
+        return camera.resized(self.width, self.height)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Captured:
+    """One capture: splats under a light that is known, and true pictures under it and under others."""
+
+    name: str
+    scene: str
+    first: bool  # of its scene's captures
+    camera: Camera  # not one that the splats were made from
+    splats: SplatCloud
+    light: Lighting  # under which they were captured
+    lightings: tuple[Lighting, ...]  # new ones
+    exact: ProxyMesh  # the true surface, leaves and bars and all
+    simplified: Callable[[int], ProxyMesh]  # what is solid of it in about so many triangles
+    truth: Mapping[str, tuple[F32, F32]]  # by lighting: two pictures (H, W, 3), linear on black
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    scene: str
+    name: str
+    captured: str  # lighting
+    new: tuple[str, ...]
+
+
+PLANS = (
+    _Plan("courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun")),
+    _Plan("courtyard", "courtyard, hard sun", "hard sun", ("evening", "night", "day")),
+    _Plan("stage", "stage, soft boxes", "studio", ("spots", "gels", "sunset")),
+    _Plan("interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun")),
+    _Plan("interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
+)
+QUICK = (PLANS[0], PLANS[3])
+APART = {  # eye and target between the cameras that a capture is made from
+    "courtyard": ((2.05, 2.3, 5.75), (-0.3, 1.55, -1.5), 43),
+    "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),
+    "interior": ((1.85, 1.45, 1.75), (-0.8, 0.85, -0.75), 58),
+}
+
+
+class Store:
+    """Arrays kept in a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        sources = sorted((ROOT / "scripts" / "scenegen").glob("*.py"))
+        code = hashlib.sha256(b"".join(x.read_bytes() for x in [*sources, Path(__file__)])).hexdigest()
+        self._folder = folder / code[:12]
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def array(self, name: str, make: Callable[[], F32]) -> F32:
+        """The array of that name, made unless it is there."""
+        path = self._folder / f"{name.replace(' ', '-')}.npy"
+        if not path.is_file():
+            fresh = path.with_suffix(".part.npy")
+            np.save(fresh, make())
+            fresh.rename(path)
+        return np.asarray(np.load(path), np.float32)
+
+    def mesh(self, name: str, make: Callable[[], ProxyMesh]) -> ProxyMesh:
+        """Vertices and faces of the mesh of that name, made unless it is there."""
+
+        def pack() -> F32:
+            made = make()  # as floats: 2 ** 24 vertices at most
+            return np.concatenate([[[len(made.vertices), 0, 0]], made.vertices, made.faces]).astype(np.float32)
+
+        rows = self.array(name, pack)
+        count = 1 + int(rows[0, 0])
+        return ProxyMesh(vertices=rows[1:count], faces=rows[count:].astype(np.int32))
+
+
+def captures(size: Size, store: Store, quick: bool, say: Callable[[str], None]) -> list[Captured]:
+    """The protocol's captures, made or read."""
+    plans = QUICK if quick else PLANS
+    scenes = {name: _Scene(name, size, store, say) for name in dict.fromkeys(x.scene for x in plans)}
+    return [scenes[plan.scene].captured(plan) for plan in plans]
+
+
+class _Scene:
+    """A scene of `scenegen`, and what is made of it once."""
+
+    def __init__(self, name: str, size: Size, store: Store, say: Callable[[str], None]) -> None:
+        self._name, self._size, self._store, self._say = name, size, store, say
+        self.recipe: Recipe = importlib.import_module(f"scenegen.{name}").recipe()
+        own = {x.name: x for x in (self.recipe.captured, *self.recipe.lightings)}
+        self._lightings = own | ({"hard sun": _hard_sun()} if name == "courtyard" else {})
+        eye, target, yfov = APART[name]
+        self._camera = size.seen(Camera.look_at(eye, target, 960, 540, yfov=yfov, name="apart"))
+        self._looks: Looks | None = None
+
+    @property
+    def looks(self) -> Looks:
+        """The true surface; building it takes seconds, so only where it is needed."""
+        if self._looks is None:
+            self._looks = self.recipe.looks()
+        return self._looks
+
+    def captured(self, plan: _Plan) -> Captured:
+        new = plan.new[: self._size.most]
+        return Captured(
+            name=plan.name,
+            scene=self._name,
+            first=plan.captured == self.recipe.captured.name,
+            camera=self._camera,
+            splats=self._splats(plan.captured),
+            light=self._lightings[plan.captured],
+            lightings=tuple(self._lightings[x] for x in new),
+            exact=self._exact(),
+            simplified=self._simplified,
+            truth={x: self._truth(x) for x in (plan.captured, *new)},
+        )
+
+    def _truth(self, lighting: str) -> tuple[F32, F32]:
+        """Half the samples each; their noise is independent."""
+        size = self._size
+        name = f"{self._name}.{lighting}.{size.width}x{size.height}.{size.truth_spp}"
+
+        def make() -> F32:
+            self._say(f"true picture of {self._name} under {lighting}")
+            scene = Truth(self.looks, self._lightings[lighting])
+            return np.stack([scene.picture(self._camera, size.truth_spp, seed=k)[..., :3] for k in (1, 2)])
+
+        first, second = self._store.array(name, make)
+        return first, second
+
+    def _exact(self) -> ProxyMesh:
+        return self._store.mesh(f"{self._name}.exact", lambda: _welded(self.looks))
+
+    def _simplified(self, triangles: int) -> ProxyMesh:
+        def make() -> ProxyMesh:
+            self._say(f"{self._name} in {triangles} triangles")
+            return proxy_of(replace(self.recipe, proxy_faces=triangles, proxy_error=0.0), self.looks)
+
+        return self._store.mesh(f"{self._name}.{triangles}", make)
+
+    def _splats(self, lighting: str) -> SplatCloud:
+        if self._name != "interior":
+            shipped = splat_files.read(ROOT / "scenes" / self._name / "splats.compressed.ply")
+            if lighting == self.recipe.captured.name:
+                return shipped  # fitted to pictures, as a capture is
+            return self._coloured(shipped, lighting)
+
+        def make() -> F32:
+            self._say("splats of the interior")
+            recipe = self.recipe
+            truth = Truth(self.looks, recipe.captured)
+            points, seen = surfels.candidates(surfels.Triangles.of(self.looks.soups), recipe, truth)
+            kept = surfels.thin_out(points, seen.spacing, seed=2)
+            cloud = surfels.cloud(
+                surfels.shape(points.where(kept), seen.spacing[kept], points), np.zeros((len(kept), 3))
+            )
+            return np.concatenate([cloud.means, cloud.quats, cloud.scales], axis=1)
+
+        rows = self._store.array("interior.splats", make)
+        n = len(rows)
+        bare = SplatCloud(
+            means=rows[:, :3],
+            quats=rows[:, 3:7],
+            scales=rows[:, 7:],
+            opacities=np.full(n, 0.97, np.float32),
+            sh=np.zeros((n, 1, 3), np.float32),
+        )
+        return self._coloured(bare, lighting)
+
+    def _coloured(self, splats: SplatCloud, lighting: str) -> SplatCloud:
+        """The splats with the colours that they have under a lighting, by path tracing from each."""
+
+        def make() -> F32:
+            self._say(f"colours of the splats of {self._name} under {lighting}")
+            frames = conventions.rotation_from_quaternion(splats.quats.astype(np.float64))
+            order = np.argsort(-splats.scales, axis=1, kind="stable")
+            frames = np.take_along_axis(frames, order[:, None, :], axis=2)
+            deviations = np.take_along_axis(splats.scales, order, axis=1).astype(np.float64)
+            means = splats.means.astype(np.float64)
+            form = surfels.Shape(positions=means, frames=frames, deviations=deviations)
+            eyes = np.stack([camera.position for camera in self.recipe.orbit])
+            normal = frames[:, :, 2]
+            facing = np.einsum("nj,nkj->nk", normal, eyes - means[:, None])
+            best = np.take_along_axis(facing, np.abs(facing).argmax(axis=1)[:, None], axis=1)
+            truth = Truth(self.looks, self._lightings[lighting])
+            light = surfels.bake(form, normal * np.where(best < 0, -1.0, 1.0), truth, BAKE_SPP, seed=3)
+            return np.asarray(srgb_encode(np.clip(np.nan_to_num(light), 0, 1)), np.float32)
+
+        colour = self._store.array(f"{self._name}.colours.{lighting}", make)
+        return replace(splats, sh=((colour - 0.5) / C0)[:, None, :].astype(np.float32))
+
+
+def _hard_sun() -> Lighting:
+    """The courtyard on a clear day: a small sun from another side, and a darker sky."""
+    sun = towards(108, 44)
+    look = Sky(
+        zenith=(0.14, 0.24, 0.48),
+        horizon=(0.36, 0.42, 0.52),
+        ground=(0.16, 0.13, 0.10),
+        glow=(0.20, 0.18, 0.14),
+        sun=sun,
+    )
+    disc = SunLight(name="sun", direction=-sun, color=np.array([1.0, 0.94, 0.86]), intensity=2.8, angular_diameter=0.53)
+    return Lighting(name="hard sun", lights=(disc,), environment=Environment(name="sky", radiance=sky(look)))
+
+
+def _welded(looks: Looks) -> ProxyMesh:
+    """All true triangles, corners within a tenth of a millimetre made one."""
+    corners = np.concatenate([s.positions for s in looks.soups]).reshape(-1, 3)
+    keys = np.round(corners * 1e4).astype(np.int64)
+    _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    faces = which.reshape(-1, 3)
+    flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    return ProxyMesh(vertices=corners[first].astype(np.float32), faces=faces[~flat].astype(np.int32))

@@ -300,7 +300,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write all rows here")
     parser.add_argument("--pictures", type=Path, help="captured | x factor | frame | truth, of every frame")
     parser.add_argument("--cache", type=Path, default=ROOT / "out" / "bench_truth", help="true pictures and proxies")
-    parser.add_argument("--only", help="captures whose name holds this")
+    parser.add_argument("--only", default="", help="captures whose name holds this")
     chosen = parser.parse_args()
     start = time.monotonic()
 
@@ -311,12 +311,12 @@ def main() -> None:
 
     store = Store(chosen.cache)
     rows: list[Row] = []
-    for capture in captures(QUICK if chosen.quick else FULL, store, chosen.quick, say):
-        if chosen.only is None or chosen.only in capture.name:
-            rows += Bench(capture, store, say, chosen.pictures).rows(chosen.quick)
+    for capture in captures(QUICK if chosen.quick else FULL, store, say, quick=chosen.quick, only=chosen.only):
+        for row in Bench(capture, store, say, chosen.pictures).rows(chosen.quick):
+            rows.append(row)
+            if chosen.json is not None:
+                chosen.json.write_text(json.dumps([asdict(x) for x in rows], indent=1), encoding="utf-8")
     say("done")
-    if chosen.json is not None:
-        chosen.json.write_text(json.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
     print(tables(rows))
 
 

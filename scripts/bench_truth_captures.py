@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -116,11 +116,14 @@ class Store:
         return ProxyMesh(vertices=rows[1:count], faces=rows[count:].astype(np.int32))
 
 
-def captures(size: Size, store: Store, quick: bool, say: Callable[[str], None]) -> list[Captured]:
-    """The protocol's captures, made or read."""
-    plans = QUICK if quick else PLANS
+def captures(
+    size: Size, store: Store, say: Callable[[str], None], *, quick: bool, only: str = ""
+) -> Iterator[Captured]:
+    """The protocol's captures, made or read; `only` those whose name holds it."""
+    plans = [plan for plan in (QUICK if quick else PLANS) if only in plan.name]
     scenes = {name: _Scene(name, size, store, say) for name in dict.fromkeys(x.scene for x in plans)}
-    return [scenes[plan.scene].captured(plan) for plan in plans]
+    for plan in plans:
+        yield scenes[plan.scene].captured(plan)
 
 
 class _Scene:

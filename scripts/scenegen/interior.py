@@ -134,9 +134,7 @@ def _plant() -> list[Part]:
     at = place(2.05, 0, -1.75)
     turn, rise = rng.uniform(0, 2 * np.pi, 90), rng.uniform(0.6, 2.2, 90)
     away = np.stack([np.sin(turn), rise, np.cos(turn)], axis=1)
-    crown = leaves(
-        rng.normal((0, 0.32, 0), 0.05, (90, 3)), away, rng.uniform(0.4, 0.95, 90), "leaf", rng, width=0.12
-    )
+    crown = leaves(rng.normal((0, 0.32, 0), 0.05, (90, 3)), away, rng.uniform(0.4, 0.95, 90), "leaf", rng, width=0.12)
     x, y, z = LAMPS[0]
     cord = tube([[x, HIGH, z], [x, y + 0.22, z]], 0.008, "brass", 8)
     shade = lathe([(0.02, 0.22), (0.06, 0.2), (0.22, 0.06), (0.225, 0.06), (0.07, 0.215), (0.02, 0.23)], "brass", 40)

@@ -224,6 +224,7 @@ def make_parser() -> argparse.ArgumentParser:
     render.add_argument("--light", metavar="LIGHT", help="of a splat file: sun, point, or a file (.hdr, .exr, .glb)")
     _add_order(render, "--out")
     render.add_argument("--workers", metavar="N", help="render with N processes of this machine")
+    render.add_argument("--scheduler", metavar="ADDRESS", help="render with the workers of a Dask scheduler")
     render.add_argument("--shard", metavar="I/N", help="only the I-th of N parts of the cameras")
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")

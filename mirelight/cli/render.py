@@ -10,7 +10,7 @@ from pathlib import Path
 from mirelight import executor
 from mirelight.cli import BAD, new, progress, say, stop
 from mirelight.errors import InputError
-from mirelight.farm import Order, Shard, crew
+from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
 from mirelight.plan import light_keys, warnings
@@ -24,6 +24,10 @@ def run_render(args: argparse.Namespace) -> int:
     order = order_of(args)
     shard = None if args.shard is None else Shard.parse(args.shard)
     workers = count_of(args.workers, "--workers")
+    if args.scheduler is not None:
+        if workers is not None:
+            raise InputError("--workers", "given together with --scheduler", "a scheduler's workers are started apart")
+        scheduler.require()
     try:
         with tally:
             work = _load(args, order, tally)
@@ -40,7 +44,9 @@ def run_render(args: argparse.Namespace) -> int:
             light = [] if args.light is None else [f"--light={args.light}"]
             store.planned.keep(whole, [*order.anywhere().arguments()[1:], *light], whole=every)
             with stop.Watched(tally) as watched:
-                if workers is not None:
+                if args.scheduler is not None:
+                    scheduler.run(order, frames, store, args.scheduler, watched)
+                elif workers is not None:
                     crew.run(order, frames, store, workers, watched)
                 else:
                     executor.run(frames, store, watched)
@@ -78,8 +84,9 @@ def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
         return order.load()
     if not new.is_capture(args.job):
         raise InputError(args.job, "a job together with --light", "change its lights, or name a splat file")
-    if args.workers is not None:
-        raise InputError(args.job, "a splat file together with --workers", "write a job file first: mirelight new")
+    for option, value in (("--workers", args.workers), ("--scheduler", args.scheduler)):
+        if value is not None:
+            raise InputError(args.job, f"a splat file together with {option}", "write a job file first: mirelight new")
     tally.note("mirelight: looking at the capture")
     work = new.first_job(args.job, args.light, order.overrides())
     if args.out is None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections import Counter
 from typing import TYPE_CHECKING, Any
+
+from mirelight.cli import say
 
 if TYPE_CHECKING:
     from mirelight.farm.checks import Finding
@@ -40,17 +41,17 @@ def run_verify(args: argparse.Namespace) -> int:
     found = verify(args.folder, said.hear, rebuild=args.rebuild, step=said.step)
     said.rest()
     for note in found.notes:
-        print(f"note: {note}")
+        say.result(f"note: {note}")
     if found.in_flight:
-        print(f"note: {found.in_flight} frames are in flight, and were not looked at")
+        say.result(f"note: {found.in_flight} frames are in flight, and were not looked at")
     if found.recorded:
-        print(f"{found.recorded} frames written into the journal")
+        say.result(f"{found.recorded} frames written into the journal")
     elif found.unrecorded:
-        print(f"note: {found.unrecorded} frames are not in the journal; --rebuild writes them there")
+        say.result(f"note: {found.unrecorded} frames are not in the journal; --rebuild writes them there")
     if found.forgotten:
-        print(f"{found.forgotten} files forgotten; mirelight render makes them again")
+        say.result(f"{found.forgotten} files forgotten; mirelight render makes them again")
     wrong = f"{found.findings} things are wrong" if found.findings != 1 else "1 thing is wrong"
-    print(f"{args.folder}: {found.frames} frames looked at; {wrong if found.findings else 'all is well'}")
+    say.result(f"{args.folder}: {found.frames} frames looked at; {wrong if found.findings else 'all is well'}")
     return 1 if found.findings else 0
 
 
@@ -61,20 +62,18 @@ class _Said:
 
     def hear(self, finding: Finding) -> None:
         """A line at once, unless there were many of the kind."""
-        from mirelight.errors import printable
-
         self._counts[finding.kind] += 1
         if self._counts[finding.kind] <= _MOST:
-            print(printable(str(finding)), flush=True)
+            say.result(finding)
 
     def step(self, done: int, total: int) -> None:
         """A line on stderr, now and then."""
         if time.monotonic() - self._last >= _EVERY:
             self._last = time.monotonic()
-            print(f"mirelight: {done} of {total} frames looked at", file=sys.stderr, flush=True)
+            say.remark(f"{done} of {total} frames looked at")
 
     def rest(self) -> None:
         """How many lines were left out."""
         for kind, count in self._counts.items():
             if count > _MOST:
-                print(f"{count - _MOST} more of this kind: {kind}")
+                say.result(f"{count - _MOST} more of this kind: {kind}")

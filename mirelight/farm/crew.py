@@ -16,15 +16,15 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 from mirelight import executor
-from mirelight.errors import MirelightError, RenderError
+from mirelight.errors import RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import post
+from mirelight.farm.book import Book
 from mirelight.farm.order import Order, fingerprint
 from mirelight.farm.post import Word
-from mirelight.plan import FrameTask, Group, Plan
+from mirelight.plan import Group, Plan
 from mirelight.store import Store
 
 _LOOK = 0.2  # seconds between two looks at signals
@@ -112,15 +112,13 @@ class _Worker:
 
 class _Crew:
     def __init__(self, order: Order, groups: list[Group], store: Store, progress: Progress) -> None:
-        self._order, self._store, self._progress = order, store, progress
+        self._order, self._progress = order, progress
+        self._book = Book(store, progress)
         self._due = deque(groups)
         self._later: deque[tuple[float, Group]] = deque()  # of other processes; when to ask again
         self._workers: list[_Worker] = []
         self._look = selectors.DefaultSelector()
         self._deaths: Counter[str] = Counter()
-        self._told: set[str] = set()  # frames that were counted
-        self._done = RenderSummary(rendered=0, skipped=0)
-        self._ready = False
 
     def run(self, count: int) -> RenderSummary:
         for _ in range(count):
@@ -135,7 +133,7 @@ class _Crew:
             self._progress.working([x.frame for x in self._workers if x.frame])
             if self._later and not any(x.group for x in self._workers) and not self._due:
                 self._progress.waiting(len(self._later))
-        return self._done
+        return self._book.done
 
     def _hire(self) -> None:
         worker = _Worker(self._order)
@@ -158,42 +156,14 @@ class _Crew:
 
     def _take(self, worker: _Worker, word: Word) -> None:
         worker.spoke = True
-        values = word.values
-        task = self._task(worker, str(values[0])) if values else None
-        match word.kind:
-            case post.SAMPLES if task is not None:
-                worker.frame = task.name
-                self._progress.samples(task, int(values[1]), int(values[2]))
-            case post.FINISHED if task is not None and self._first(task):
-                self._progress.finished(task, bool(values[1]))
-            case post.FAILED if task is not None and self._first(task):
-                self._progress.failed(task, str(values[1]))
-            case post.NOTE:
-                self._progress.note(str(values[0]))
-            case post.BUSY:
-                assert worker.group is not None
-                self._later.append((time.monotonic() + _BUSY, worker.group))
-                worker.group, worker.frame = None, ""
-            case post.DONE:
-                rendered, skipped, failed = (int(x) for x in values)
-                self._done += RenderSummary(rendered=rendered, skipped=skipped, failed=failed)
-                worker.group, worker.frame = None, ""
-            case post.PARTIAL:
-                self._store.partial = (*self._store.partial, *(Path(str(x)) for x in values))
-            case post.FATAL:
-                raise MirelightError(str(values[0]))
-            case _:
-                pass
-
-    def _task(self, worker: _Worker, name: str) -> FrameTask | None:
-        tasks = worker.group.tasks if worker.group is not None else ()
-        return next((task for task in tasks if task.name == name), None)
-
-    def _first(self, task: FrameTask) -> bool:
-        """Whether a frame is heard of for the first time: a camera may be given out again."""
-        new = task.name not in self._told
-        self._told.add(task.name)
-        return new
+        task = self._book.hear(worker.group, word)
+        if task is not None:
+            worker.frame = task.name
+        if word.kind == post.BUSY:
+            assert worker.group is not None
+            self._later.append((time.monotonic() + _BUSY, worker.group))
+        if word.kind in (post.BUSY, post.DONE):
+            worker.group, worker.frame = None, ""
 
     def _bury(self, worker: _Worker) -> None:
         """A worker has ended: by itself, with its work done, or in the middle of it."""
@@ -214,18 +184,8 @@ class _Crew:
             self._progress.note(f"a worker process ended ({how}) while it made {worker.frame}; once more")
             self._due.appendleft(group)
         else:
-            self._give_up(group, f"its worker process ended {_DEATHS} times ({how})")
+            self._book.give_up(group, f"its worker process ended {_DEATHS} times ({how})")
         self._hire()
-
-    def _give_up(self, group: Group, error: str) -> None:
-        self._store.refresh()
-        failed = [task for task in group.tasks if group.layers or not self._store.has(task)]
-        for task in failed:
-            self._store.put_failed(task, error)
-            if self._first(task):
-                self._progress.failed(task, error)
-        there = len(group.tasks) - len(failed)
-        self._done += RenderSummary(rendered=there, skipped=0, failed=len(failed))
 
     @contextlib.contextmanager
     def ended_in_order(self) -> Iterator[None]:

@@ -42,6 +42,11 @@ class Bench:
         self._scene = prepare(job, self.store, progress.note)
         executor.keep_around(plan, self._scene, self.store)
 
+    def plans(self, camera: str, expected: str) -> bool:
+        """Whether the camera's frames are those that the asking process means, see :meth:`make`."""
+        group = self._groups.get(camera)
+        return group is not None and fingerprint(group) == expected
+
     def make(self, camera: str, expected: str) -> RenderSummary | None:
         """Make what is missing of a camera's frames; None: another process is at it.
 
@@ -52,14 +57,13 @@ class Bench:
         Raises:
             InputError: this process plans other frames.
         """
-        group = self._groups.get(camera)
-        if group is None or fingerprint(group) != expected:
+        if not self.plans(camera, expected):
             raise InputError(
                 self._order.job,
                 f"the frames of {camera} are others here than for the process that asked for them",
                 "the job, one of its files or the installed versions differ or have changed; render again",
             )
-        return executor.attempt(self._scene, group, self.store, self._progress, self._said)
+        return executor.attempt(self._scene, self._groups[camera], self.store, self._progress, self._said)
 
 
 class _Stopping(Reporter):

@@ -66,6 +66,7 @@ class Store:
         self.planned = PlannedRuns(self._aside["plans"])
         self._index: Index | None = None
         self._ballast = Ballast(aside)
+        self._run = ""
         self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
 
     def open(self) -> None:
@@ -87,11 +88,23 @@ class Store:
         _clear(self._ballast.folder)
         self._ballast.take()
 
+    def begin(self, run: str) -> None:
+        """Work for a scheduler's run of that name: see :meth:`mirelight.store.claims.Claims.claim`."""
+        self._run = run
+        self._ballast.take()
+
+    def rest(self, run: str) -> None:
+        """No more work of that run: the ballast's room is given back, unless another run has begun."""
+        if run == self._run:
+            self._ballast.free()
+
     def close(self) -> None:
-        """No more writing by this process."""
+        """No more writing by this process. What is left of others that were killed meanwhile is cleared away."""
         self._journal.close()
         self._claims.close()
         self._ballast.free()
+        for folder in (self.folder, *self._aside.values(), self._ballast.folder):
+            _clear(folder)
 
     # --- frames ---
 
@@ -155,7 +168,7 @@ class Store:
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
         """See :meth:`mirelight.store.claims.Claims.claim`."""
-        return self._claims.claim(name)
+        return self._claims.claim(name, self._run)
 
     def _partial_paths(self, task: FrameTask) -> list[Path]:
         return [self.folder / f"{task.name}.partial{suffix}" for suffix in task.files]

@@ -20,7 +20,9 @@ class Ballast:
         self._path: Path | None = None
 
     def take(self) -> None:
-        """Take the room, where there is that much."""
+        """Take the room, where there is that much and it is not held yet."""
+        if self._path is not None:
+            return
         path = self.folder / f".ballast~{owner.token()}-{secrets.token_hex(6)}"
         try:
             with path.open("xb") as file:

@@ -41,29 +41,28 @@ class Held:
 
 
 class Claims:
-    """The claims in a folder.
+    """The claims in a folder."""
 
-    Args:
-        folder: where they are.
-        run: a word that processes share of which somebody sees to it that no two do the same work at once, as a
-            scheduler does: a claim of the same run is taken over, because its process has been given up.
-    """
-
-    def __init__(self, folder: Path, run: str = "") -> None:
-        self._folder, self._run = folder, run
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self._held: set[Path] = set()
         self._toucher: threading.Thread | None = None
         self._ended = threading.Event()
 
     @contextmanager
-    def claim(self, name: str) -> Iterator[bool]:
+    def claim(self, name: str, run: str = "") -> Iterator[bool]:
         """Whether the work of that name is this process's own until the block ends.
+
+        Args:
+            name: of the work.
+            run: a word that processes share where somebody sees to it that no two do the same work at once, as a
+                scheduler does: a claim of the same run is taken over, because its process has been given up.
 
         Raises:
             OutputError: the folder cannot be written.
         """
         path = self._path(name)
-        mine = self._take(path, name)
+        mine = self._take(path, name, run)
         try:
             yield mine
         finally:
@@ -99,28 +98,28 @@ class Claims:
         plain = re.sub(r"[^\w.-]+", "_", name)[:80]
         return self._folder / f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
-    def _take(self, path: Path, name: str) -> bool:
+    def _take(self, path: Path, name: str, run: str) -> bool:
         for _ in range(2):
             try:
                 handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
             except FileExistsError:
-                if not self._abandoned(path) or not self._removed(path):
+                if not self._abandoned(path, run) or not self._removed(path):
                     return False
                 continue
             except OSError as e:
                 raise output_error(path, e) from None
-            about = {"name": name, "host": platform.node(), "since": os.fstat(handle).st_mtime, "run": self._run}
+            about = {"name": name, "host": platform.node(), "since": os.fstat(handle).st_mtime, "run": run}
             os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
             os.close(handle)
             self._hold(path)
             return True
         return False
 
-    def _abandoned(self, path: Path) -> bool:
+    def _abandoned(self, path: Path, run: str) -> bool:
         try:
             holder, about = _signed(path)
             running = owner.runs(holder)
-            if running is False or (self._run and about.get("run") == self._run and holder != owner.token()):
+            if running is False or (run and about.get("run") == run and holder != owner.token()):
                 return True
             if running:
                 return False

@@ -201,10 +201,10 @@ def test_a_claim_taken_over_is_left_to_its_new_holder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("run", "taken"), [("r1", True), ("r2", False), ("", False)])
 def test_a_scheduler_gives_a_camera_to_another_at_once(tmp_path: Path, run: str, taken: bool) -> None:
     """The claim of a process on a machine that died, of the same run."""
-    with Claims(tmp_path, "r1").claim("front"):
+    with Claims(tmp_path).claim("front", "r1"):
         (path,) = tmp_path.iterdir()
         path.write_text("0123456789-12\n" + path.read_text().partition("\n")[2])
-        with Claims(tmp_path, run).claim("front") as mine:
+        with Claims(tmp_path).claim("front", run) as mine:
             assert mine is taken
 
 

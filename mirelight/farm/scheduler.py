@@ -1,0 +1,397 @@
+"""`--scheduler ADDRESS`: the workers of a Dask scheduler, each of which makes one camera after the other.
+
+A task is a camera: its order as text, its name, and what comes back are words. Pictures go through the folder that all
+share. Few tasks are out at a time, so that a run that ends leaves none behind.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import queue
+import secrets
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mirelight import __version__, executor
+from mirelight.errors import BackendError, InputError, MirelightError, RenderError
+from mirelight.executor import Progress, RenderSummary
+from mirelight.farm import post
+from mirelight.farm.book import Book
+from mirelight.farm.crew import threads_of
+from mirelight.farm.order import Order, fingerprint
+from mirelight.farm.post import Reporter, Word
+from mirelight.farm.worker import Bench
+from mirelight.plan import FrameTask, Group, Plan
+from mirelight.store import Store
+
+_LOOK = 0.2  # seconds between two looks at signals
+_COUNT = 2.0  # seconds between two counts of the workers
+_BUSY = 1.0  # seconds before a camera of another process is asked for again
+_GRACE = 60.0  # seconds that workers have to end their step
+_ANSWER = 10  # seconds for the scheduler to answer
+_FETCH = 2  # seconds for a task's words to come
+_AHEAD = 2  # tasks for each worker that are out
+
+
+def require() -> None:
+    """See that Dask is there, before any work.
+
+    Raises:
+        BackendError: it is not.
+    """
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        text = 'a scheduler needs the package distributed, which is not installed; pip install "mirelight[dask]"'
+        raise BackendError(f"--scheduler: {text}") from None
+
+
+def run(order: Order, plan: Plan, store: Store, address: str, progress: Progress) -> RenderSummary:
+    """`mirelight.executor.run` by the workers of a Dask scheduler.
+
+    A worker that dies is the scheduler's to notice: its camera goes to another one. A camera over which workers die
+    again and again (the scheduler's `allowed-failures`, 3) is recorded as failed, and the rest goes on.
+
+    Args:
+        order: what `plan` was made from, for the workers to make theirs.
+        plan: the frames, or a shard of them.
+        address: the scheduler's, or its `--scheduler-file`.
+
+    Raises:
+        InputError: no scheduler answers there.
+        BackendError: its workers cannot run this mirelight.
+        MirelightError: a worker met what stops everything (a full disk, a file it cannot see), in its words.
+        RenderError: the scheduler is gone.
+    """
+    progress.started(plan.tasks)
+    left, done = executor.unfinished(plan, store, progress)
+    if not left:
+        return done
+    with _connected(address) as client:
+        return done + _Office(client, address, order.anywhere(), plan, left, store, progress).run()
+
+
+@contextlib.contextmanager
+def _connected(address: str) -> Iterator[Any]:
+    from distributed import Client
+
+    for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said in a line of our own
+    file = Path(address)
+    where: dict[str, Any] = {"scheduler_file": str(file)} if file.is_file() else {"address": address}
+    try:
+        client = Client(**where, timeout=_ANSWER, set_as_default=False)
+    except (OSError, ValueError, TypeError, KeyError) as e:  # what it makes of addresses and files that are none
+        found = f"no Dask scheduler answers there ({type(e).__name__})"
+        remedy = "start one with `dask scheduler`, and give the address that it prints"
+        raise InputError(f"--scheduler {address}", found, remedy) from None
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(Exception):
+            client.close(timeout=2)
+
+
+class _Office:
+    """Gives out cameras and hears of frames, in the process of the command."""
+
+    def __init__(
+        self, client: Any, address: str, order: Order, plan: Plan, left: list[Group], store: Store, progress: Progress
+    ) -> None:
+        self._client, self._address, self._text = client, address, order.text()
+        self._shares_cores = order.threads is None and plan.job.render.threads is None
+        self._run = secrets.token_hex(6)
+        self._book = Book(store, progress)
+        self._progress = progress
+        self._groups = {group.name: group for group in left}
+        self._due = deque(left)
+        self._later: deque[tuple[float, Group]] = deque()  # of other processes; when to ask again
+        self._out: dict[Any, Group] = {}  # by future
+        self._heard: queue.Queue[tuple[str, Any]] = queue.Queue()
+        self._frames: dict[str, str] = {}  # by worker, what it is at
+        self._workers: dict[str, int] = {}  # threads by address
+        self._known: set[str] = set()  # workers that were asked who they are
+        self._counted = 0.0
+        self._said: set[str] = set()
+
+    def run(self) -> RenderSummary:
+        self._client.subscribe_topic(self._run, lambda event: self._heard.put(("word", event[1])))
+        try:
+            while self._due or self._later or self._out:
+                self._count()
+                self._give()
+                self._hear()
+                self._progress.working(list(self._frames.values()))
+                if self._later and not self._out and not self._due:
+                    self._progress.waiting(len(self._later))
+        except BaseException:
+            self._stop()
+            raise
+        finally:
+            with contextlib.suppress(Exception):
+                self._client.run(_rest, self._run, on_error="ignore")
+        return self._book.done
+
+    def _count(self) -> None:
+        """Who works for the scheduler now."""
+        now = time.monotonic()
+        if now - self._counted < _COUNT:
+            return
+        self._counted = now
+        try:
+            self._workers = dict(self._client.nthreads())
+        except Exception as e:
+            raise self._gone() from e
+        self._frames = {x: name for x, name in self._frames.items() if x in self._workers}
+        if not self._workers:
+            self._once(f"the scheduler at {self._address} has no workers yet; waiting for some")
+        new = sorted(set(self._workers) - self._known)
+        if not new:
+            return
+        self._known.update(new)
+        if max(self._workers[x] for x in new) > 1:
+            self._once("workers make one frame at a time: start them with --nthreads 1, as many as fit in memory")
+        for worker, said in self._client.run(_version, workers=new, on_error="return").items():
+            if isinstance(said, OSError):
+                continue  # it has just ended
+            if isinstance(said, BaseException):
+                text = f"the worker {worker} cannot run mirelight ({type(said).__name__}: {said})"
+                raise BackendError(f"{text}; install version {__version__} there")
+            if said != __version__:
+                raise BackendError(f"the worker {worker} has mirelight {said}; install version {__version__} there")
+
+    def _give(self) -> None:
+        while self._later and self._later[0][0] <= time.monotonic():
+            self._due.append(self._later.popleft()[1])
+        hosts = Counter(_host(x) for x in self._workers)
+        while self._due and len(self._out) < _AHEAD * len(self._workers):
+            group = self._due.popleft()
+            beside = dict(hosts) if self._shares_cores else {}
+            future = self._client.submit(
+                _make, self._text, group.name, fingerprint(group), self._run, beside, pure=False, retries=0
+            )
+            self._await(group, future)
+
+    def _hear(self) -> None:
+        until = time.monotonic() + _LOOK
+        while (left := until - time.monotonic()) > 0:
+            try:
+                kind, value = self._heard.get(timeout=left)
+            except queue.Empty:
+                return
+            if kind == "word":
+                self._word(value)
+            else:
+                self._ended(value)
+
+    def _word(self, value: Any) -> None:
+        worker, camera, line = value
+        word = Word.read(line)
+        if word is not None and word.kind != post.FATAL:  # that comes back as its task's result, too
+            task = self._book.hear(self._groups.get(camera), word)
+            if task is not None:
+                self._frames[worker] = task.name
+
+    def _await(self, group: Group, future: Any) -> None:
+        self._out[future] = group
+        future.add_done_callback(lambda x: self._heard.put(("done", x)))
+
+    def _ended(self, future: Any) -> None:
+        """A task has come back, or will not."""
+        group = self._out.pop(future, None)
+        if group is None:
+            return
+        if future.status == "cancelled":
+            raise self._gone()
+        try:
+            error = future.exception(timeout=_FETCH)
+            worker, lines = future.result(timeout=_FETCH) if error is None else ("", [])
+        except (asyncio.CancelledError, CancelledError):
+            raise self._gone() from None
+        except TimeoutError:  # its worker died before it could be asked what it did: the task is being done again
+            self._await(group, future)
+            return
+        if type(error).__name__ == "KilledWorker":
+            self._book.give_up(group, "its worker process ended again and again")
+        elif error is not None:
+            self._book.give_up(group, f"{type(error).__name__}: {error}")
+        self._frames.pop(worker, None)
+        for line in lines:
+            word = Word.read(line)
+            if word is None:
+                continue
+            if word.kind == post.BUSY:
+                self._later.append((time.monotonic() + _BUSY, group))
+            elif word.kind == post.FATAL:
+                raise MirelightError(f"{word.values[0]} (on the worker {worker})")
+            else:
+                self._book.hear(group, word)
+
+    def _stop(self) -> None:
+        """Have the workers end after their step; what they still say of frames is heard."""
+        if self._client.status != "running":
+            return
+        with contextlib.suppress(Exception):
+            self._client.run(_halt, self._run, on_error="ignore")
+        until = time.monotonic() + _GRACE
+        while self._out and self._client.status == "running" and time.monotonic() < until:
+            with contextlib.suppress(MirelightError, KeyboardInterrupt, SystemExit):
+                self._hear()
+
+    def _gone(self) -> RenderError:
+        there = "what was made is there, and the same command goes on once a scheduler runs"
+        return RenderError(f"the Dask scheduler at {self._address} is gone; {there}")
+
+    def _once(self, line: str) -> None:
+        if line not in self._said:
+            self._said.add(line)
+            self._progress.note(line)
+
+
+def _host(worker: str) -> str:
+    """Of an address like tcp://10.0.0.7:40123."""
+    return worker.partition("://")[2].rpartition(":")[0] or worker
+
+
+# --- on the workers --------------------------------------------------------------------------------------------------
+
+
+class _Desk:
+    """What a worker process keeps from one camera to the next. One thread does all, as kernels and scenes want it."""
+
+    def __init__(self) -> None:
+        self.thread = ThreadPoolExecutor(1, thread_name_prefix="mirelight")
+        self.halted: set[str] = set()  # runs that were told to end
+        self._bench: tuple[str, Bench, _Teller] | None = None
+
+    def make(self, task: _Task) -> list[str]:
+        """The words of a camera made, in the desk's thread."""
+        if task.run in self.halted:
+            return []
+        said = _Said(task)
+        try:
+            made = self._made(task, said)
+        except MirelightError as e:
+            said.say(Word(post.FATAL, (str(e),)))
+        except KeyboardInterrupt:
+            if self._bench is not None and self._bench[1].store.partial:
+                said.say(Word(post.PARTIAL, tuple(str(path) for path in self._bench[1].store.partial)))
+                self._bench[1].store.partial = ()
+        else:
+            word = (made.rendered, made.skipped, made.failed) if made is not None else ()
+            said.say(Word(post.BUSY if made is None else post.DONE, word))
+        return said.lines
+
+    def _made(self, task: _Task, said: _Said) -> RenderSummary | None:
+        for again in (False, True):
+            bench, teller = self._ready(task, said, again)
+            if not again and not bench.plans(task.camera, task.expected):
+                continue  # files have changed since this worker read them
+            teller.said, teller.halted = said, self.halted
+            return bench.make(task.camera, task.expected)
+        return None
+
+    def _ready(self, task: _Task, said: _Said, anew: bool) -> tuple[Bench, _Teller]:
+        if self._bench is None or self._bench[0] != task.order or anew:
+            if self._bench is not None:
+                self._bench[1].store.close()
+                self._bench = None
+            order = Order.read(task.order)
+            if task.beside:
+                order = replace(order, threads=str(threads_of(task.beside)))
+            teller = _Teller(said, self.halted)
+            self._bench = task.order, Bench(order, teller), teller
+        _, bench, teller = self._bench
+        bench.store.begin(task.run)
+        return bench, teller
+
+    def rest(self, run: str) -> None:
+        """No more work of that run."""
+        if self._bench is not None:
+            self._bench[1].store.rest(run)
+
+
+class _Task:
+    """A camera to make, as it came."""
+
+    def __init__(self, order: str, camera: str, expected: str, run: str, beside: dict[str, int], worker: Any) -> None:
+        self.order, self.camera, self.expected, self.run, self.worker = order, camera, expected, run, worker
+        self.beside = beside.get(_host(worker.address), 1) if beside else 0  # workers of this machine; 0: never mind
+
+
+class _Said:
+    """Words told at once, by the way; those that count come back with the task."""
+
+    def __init__(self, task: _Task) -> None:
+        self.task = task
+        self.lines: list[str] = []
+
+    def say(self, word: Word) -> None:
+        line = word.line()
+        if word.kind not in (post.SAMPLES, post.NOTE):
+            self.lines.append(line)
+        if word.kind not in (post.DONE, post.BUSY, post.FATAL):
+            with contextlib.suppress(Exception):
+                self.task.worker.log_event(self.task.run, [self.task.worker.address, self.task.camera, line])
+
+
+class _Teller(Reporter):
+    """Tells of the task in hand, and ends it between two steps once its run was told to end."""
+
+    def __init__(self, said: _Said, halted: set[str]) -> None:
+        super().__init__(lambda word: self.said.say(word))
+        self.said, self.halted = said, halted
+
+    def _check(self) -> None:
+        if self.said.task.run in self.halted:
+            raise KeyboardInterrupt
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        super().samples(task, done, total)
+        self._check()
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        super().finished(task, skipped)
+        self._check()
+
+
+_DESK: _Desk | None = None
+_OPENING = threading.Lock()
+
+
+def _desk() -> _Desk:
+    global _DESK
+    with _OPENING:
+        if _DESK is None:
+            _DESK = _Desk()
+        return _DESK
+
+
+def _make(order: str, camera: str, expected: str, run: str, beside: dict[str, int]) -> tuple[str, list[str]]:
+    """A task: make what is missing of a camera's frames; the worker's address, and words."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    desk = _desk()
+    task = _Task(order, camera, expected, run, beside, worker)
+    return worker.address, desk.thread.submit(desk.make, task).result()
+
+
+def _version() -> str:
+    return __version__
+
+
+def _halt(run: str) -> None:
+    _desk().halted.add(run)
+
+
+def _rest(run: str) -> None:
+    _desk().rest(run)

@@ -71,7 +71,7 @@ class Keys:
 
     def splat_light(self, light_set: LightSet, spp: int) -> str:
         """The light of a set on each splat."""
-        return digest("splat light", self.splat_places, light_set.digest, spp)
+        return digest("light on splats", self.splat_places, light_set.digest, spp)
 
     @cached_property
     def sets(self) -> LightSets:

@@ -5,7 +5,7 @@ off; bias and the cache's noise are in it (half of the frames read one fill, hal
 serves every camera and every mix of the lights.
 
     python scripts/bench_surface.py [--scenes interior courtyard night] [--size 0.1] [--samples 256] [--frames 4]
-                                    [--truth 1024] [--picture FILE.png]
+                                    [--truth 1024] [--picture FILE.png] [--points 250000]
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from PIL import Image
 
 from mirelight.colour import srgb_encode
 from mirelight.lighting import Tracer
-from mirelight.model import Indirect, LightingBuffer, RenderSettings
+from mirelight.lighting.albedo import face_normals
+from mirelight.model import Indirect, LightingBuffer, PointLayers, RenderSettings
 
 T = TypeVar("T")
 MODES: tuple[Indirect, ...] = ("traced", "surface", "near")
@@ -83,6 +84,37 @@ def measure(scene: BenchScene, size: float | None, samples: int, frames: int, tr
     return pictures
 
 
+def measure_points(scene: BenchScene, count: int, truth_spp: int) -> None:
+    """Print what light on points costs as `mirelight mix` makes it at 64 samples: traced, and read from the surface."""
+    mesh, lighting = scene.proxy, scene.lighting
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    rng = np.random.default_rng(1)
+    face = rng.choice(len(corners), count, p=area / area.sum())
+    points = (corners[face] * rng.dirichlet((1, 1, 1), count)[:, :, None]).sum(axis=1)
+    normals, some = face_normals(mesh)[face], slice(0, 2000)
+    tracer = Tracer(mesh, RenderSettings(max_depth=24, seed=777, indirect="surface"), aovs=False)
+    truth = tracer.point_layers(lighting, points[some], normals[some], truth_spp)
+    tracer.settings = replace(tracer.settings, max_depth=8, seed=0)
+
+    def say(what: str, made: PointLayers, cpu: float) -> None:
+        sums = [x.direct.astype(np.float64)[:, some] + x.indirect[:, some] for x in (made, truth)]
+        layers = np.sqrt(((sums[0] - sums[1]) ** 2).mean(axis=(1, 2))) / sums[1].mean(axis=(1, 2))
+        both = sums[0].sum(axis=0), sums[1].sum(axis=0)
+        whole = np.sqrt(((both[0] - both[1]) ** 2).mean()) / both[1].mean()
+        print(f"  {what:8} error {whole:.4f}, of a layer {layers.mean():.4f}; {cpu:.1f} s of CPU", flush=True)
+
+    print(f"{scene.name}: {count} points, {len(truth.names)} layers")
+    tracer.point_layers(lighting, points[:64], normals[:64], 64)  # compiles
+    say("traced", *timed(lambda: tracer.point_layers(lighting, points, normals, 64)))
+
+    def read() -> PointLayers:
+        cache = tracer.fill(tracer.cells_at(points, normals), lighting, samples=64)
+        return tracer.point_layers(lighting, points, normals, 32, cache=cache)
+
+    say("read", *timed(read))
+
+
 def main() -> None:
     """Measure the scenes that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else "")
@@ -92,11 +124,14 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=4)
     parser.add_argument("--truth", type=int, default=1024, help="samples a pixel of the truth")
     parser.add_argument("--resolution", type=int, nargs=2, default=[160, 90])
+    parser.add_argument("--points", type=int, help="measure light on so many points of the surface instead of frames")
     parser.add_argument("--picture", type=Path, help="truth | surface | difference x 10, one row a scene")
     chosen = parser.parse_args()
     rows = []
     for scene in scenes(chosen.resolution[0], chosen.resolution[1], 220):
-        if scene.name in chosen.scenes:
+        if scene.name in chosen.scenes and chosen.points:
+            measure_points(scene, chosen.points, chosen.truth)
+        elif scene.name in chosen.scenes:
             truth, _, surface, _ = measure(scene, chosen.size, chosen.samples, chosen.frames, chosen.truth)
             level = 0.3 / truth.mean()
             parts = [truth * level, surface * level, 10 * level * np.abs(surface - truth)]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight import colour, conventions, sh
 from mirelight.errors import RenderError
+from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud
 
@@ -181,11 +182,12 @@ def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int =
 def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured: Lighting) -> F64:
     """(N, 3) at the splats' places, on the side that was seen: the front, unless that is the dark inside."""
     points, normals = deposits.on(mesh)
-    light = tracer.irradiance(captured, points, normals, SPP).astype(np.float64)
+    light = np.pi * shown(tracer, captured, points, normals, SPP).astype(np.float64)
     brightness = light.mean(axis=1)
     inside = np.flatnonzero(brightness <= UNLIT * brightness.mean())
     if len(inside):
-        light[inside] = np.maximum(light[inside], tracer.irradiance(captured, points[inside], -normals[inside], SPP))
+        behind = np.pi * shown(tracer, captured, points[inside], -normals[inside], SPP)
+        light[inside] = np.maximum(light[inside], behind)
     return light
 
 

@@ -1,4 +1,4 @@
-"""Which pieces of the proxy light is kept on: those that paths from a scene's cameras visit.
+"""Which pieces of the proxy light is kept on: those that paths from a scene's cameras, or from points, visit.
 
 Voxels of one edge length, times six facing directions, split so that no cell lies on both sides of a wall: every point
 of a cell sees its anchor, a place just above one of them. A piece that no path has visited has no cell; there the
@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, F64, Camera, SurfaceCells
+from mirelight.model import F32, F64, SurfaceCells
 
 if TYPE_CHECKING:
+    from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
+    from mirelight.lighting.kernel.rays import CameraRays
 
-PATHS = 1 << 18  # drawn from all cameras together
+PATHS = 1 << 18  # drawn from all views together
 FEWEST_PATHS = 1 << 9  # from each
 VERTICES = 4  # of a path: later ones lie where others have been
 PARTS = 4  # most that a voxel's side is split into by what sees what; what is left has no cell
@@ -27,24 +29,24 @@ FINEST = 1 << 14  # voxels along the proxy's diagonal at most
 SLACK = 1.37  # voxels before the proxy's lowest corner, so that walls at round coordinates lie inside of them
 
 
-def make(surface: DeviceProxy, cameras: Sequence[Camera], size: float) -> SurfaceCells:
+def make(surface: DeviceProxy, views: Sequence[tuple[CameraRays | PointRays, int]], size: float) -> SurfaceCells:
     """The cells of a scene.
 
     Args:
         surface: the proxy.
-        cameras: every camera of the job, whatever is chosen to render: the same cells serve each frame.
+        views: where paths start, and how many pixels each has: every camera of the job, whatever is chosen to render,
+            as the same cells serve each frame; or points of the surface.
         size: edge of a voxel, world units.
     """
     from mirelight.lighting.kernel.cells import Grid, visit
-    from mirelight.lighting.kernel.rays import CameraRays
 
     low, high = (x.astype(np.float64) for x in surface.bounds)
     size = max(size, float(np.linalg.norm(high - low)) / FINEST)
     origin = low - SLACK * size
-    grid, lanes = Grid(origin, size), max(PATHS // max(len(cameras), 1), FEWEST_PATHS)
+    grid, lanes = Grid(origin, size), max(PATHS // max(len(views), 1), FEWEST_PATHS)
     keys, values = [np.zeros((0, 3), np.uint32)], [np.zeros((0, 8), np.float32)]
-    for index, camera in enumerate(cameras):
-        found = visit(surface, CameraRays(camera), grid, lanes, camera.width * camera.height, VERTICES, index)
+    for index, (view, pixels) in enumerate(views):
+        found = visit(surface, view, grid, lanes, pixels, VERTICES, index)
         keys.append(found[0])
         values.append(found[1])
     return _table(surface, np.concatenate(keys), np.concatenate(values), origin, size)

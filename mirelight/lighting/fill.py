@@ -75,7 +75,7 @@ def fill(
     if not names or not len(cells):
         nothing = _Light(layers, *np.zeros((2, len(layers.names), len(cells), 3), np.float32))
         return _cache(cells, names, [nothing] * 2, lighting, emission)
-    rounds = [PASS] * (WARM - 1) + [LAST_WARM * PASS] + [max(samples // 2 // PASS, 1) * PASS] * 2
+    rounds = rounds_of(samples)
     row = Camera.perspective(np.eye(4), len(cells), 1, yfov=45, name="cells")
     refuse_if_too_large(row, layers)
     read: DeviceCells | None = None
@@ -92,6 +92,11 @@ def fill(
     return SurfaceCache(
         cells=cells, lights=tuple(_cell_light(name, k, halves, lighting, emission) for k, name in enumerate(names))
     )
+
+
+def rounds_of(samples: int) -> list[int]:
+    """Samples of a cell in each generation, where the last two are to have so many."""
+    return [PASS] * (WARM - 1) + [LAST_WARM * PASS] + [max(samples // 2 // PASS, 1) * PASS] * 2
 
 
 def on_device(

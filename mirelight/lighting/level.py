@@ -15,6 +15,7 @@ from mirelight import colour
 from mirelight.errors import RenderError
 from mirelight.lighting.albedo import UNLIT, deposits_of, face_normals
 from mirelight.lighting.engine import EngineTracer
+from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, rules_of
 
@@ -54,10 +55,10 @@ def captured_level(splats: SplatCloud | None, proxy: ProxyMesh, captured: Lighti
     def brightness(of: NDArray[np.integer], side: float) -> F64:
         face, points, normals = places.face[of], places.points[of], side * places.normals[of]
         if engine is not None:
-            light = engine.irradiance(captured, face, points, normals)
+            light = engine.irradiance(captured, face, points, normals) / np.pi
         else:
-            light = tracer.irradiance(captured, points, normals, SPP).astype(np.float64)
-        return light @ colour.REC709_LUMINANCE / np.pi
+            light = shown(tracer, captured, points, normals, SPP).astype(np.float64)
+        return light @ colour.REC709_LUMINANCE
 
     every = np.arange(len(places.face))
     if not len(every):

@@ -7,7 +7,6 @@ something.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,15 +14,12 @@ import numpy as np
 from mirelight import conventions
 from mirelight.errors import RenderError
 from mirelight.lighting.albedo import UNLIT, face_normals
+from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
-from mirelight.model import F32, F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
 
 REACH = 0.02  # of the bounds' diagonal
-SIDE_SPP = 16  # samples a splat, to tell the dark side
-_CHUNK = 1 << 17  # splats at once, which bounds the film's memory: 36 bytes for each of them and of its layers
-_SEED_STEP = 0x9E3779B1  # between chunks, so that they share no random numbers
-
-Progress = Callable[[int, int], None]
+FEW, MANY = 4, 32  # samples a splat, to tell the dark side: of all, and of those that few have found dark
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,13 +32,16 @@ class Places:
 
 
 def tracer_for(proxy: ProxyMesh, settings: RenderSettings) -> Tracer:
-    """A tracer of layers at points. Where the variant is `scalar_rgb`, LLVM is used.
+    """A tracer of layers at points, which reads light on the surface where it is given some.
+
+    Where the variant is `scalar_rgb`, LLVM is used.
 
     Raises:
         BackendError: the variant cannot be used on this machine.
     """
     variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
-    return Tracer(proxy, replace(settings, variant=variant, noise=None, denoise=False), aovs=False)
+    own = replace(settings, variant=variant, noise=None, denoise=False, indirect="surface")
+    return Tracer(proxy, own, aovs=False)
 
 
 def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: Lighting | None) -> Places:
@@ -82,56 +81,15 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
         _, nearest = cKDTree(points[found]).query(means[lost])
         points[lost], normals[lost] = points[found[nearest]], normals[found[nearest]]
     reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
-    front = _brightness(tracer, reference, points, normals)
-    dark = np.flatnonzero(front <= UNLIT * front.mean())
-    if len(dark):
-        behind = dark[_brightness(tracer, reference, points[dark], -normals[dark]) > front[dark]]
+    front = _brightness(tracer, reference, points, normals, FEW)
+    dim = np.flatnonzero(front <= UNLIT * front.mean())
+    if len(dim):  # seldom met, or dark
+        front[dim] = _brightness(tracer, reference, points[dim], normals[dim], MANY)
+        dark = dim[front[dim] <= UNLIT * front.mean()]
+        behind = dark[_brightness(tracer, reference, points[dark], -normals[dark], MANY) > front[dark]]
         normals[behind] *= -1
     return Places(points, normals, len(found) / len(means))
 
 
-def _brightness(tracer: Tracer, lighting: Lighting, points: F64, normals: F64) -> F64:
-    parts = [
-        tracer.irradiance(lighting, points[i : i + _CHUNK], normals[i : i + _CHUNK], SIDE_SPP)
-        for i in range(0, len(points), _CHUNK)
-    ]
-    return np.asarray(np.concatenate(parts).mean(axis=1), np.float64)
-
-
-def layers_at(
-    places: Places, lighting: Lighting, tracer: Tracer, spp: int, *, emission: bool, progress: Progress | None = None
-) -> tuple[dict[str, F32], F32]:
-    """The light of each layer on splats, and the albedo of the proxy under them.
-
-    Args:
-        places: of N splats.
-        lighting: of at most `layers.MAX_LAYERS` layers.
-        tracer: from :func:`tracer_for`; its seed counts, its number of samples does not.
-        spp: samples a splat.
-        emission: whether surfaces that glow do, as a layer named "emission".
-        progress: called with (paths done, paths in all).
-
-    Returns:
-        By layer (N, 3) irradiance / pi, linear; (N, 3) albedo.
-    """
-    count = len(places.points)
-    light: dict[str, F32] = {}
-    albedo = np.zeros((count, 3), np.float32)
-    seed = tracer.settings.seed
-    for i, start in enumerate(range(0, count, _CHUNK)):
-        some = slice(start, start + _CHUNK)
-
-        def report(done: int, total: int, start: int = start) -> None:
-            if progress is not None:
-                progress(start * spp + done, count * spp)
-
-        tracer.settings = replace(tracer.settings, seed=(seed + i * _SEED_STEP) & 0x7FFFFFFF)
-        try:
-            found, albedo[some] = tracer.irradiance_layers(
-                lighting, places.points[some], places.normals[some], spp, emission=emission, progress=report
-            )
-        finally:
-            tracer.settings = replace(tracer.settings, seed=seed)
-        for name, values in found.items():
-            light.setdefault(name, np.zeros((count, 3), np.float32))[some] = values / np.float32(np.pi)
-    return light, albedo
+def _brightness(tracer: Tracer, lighting: Lighting, points: F64, normals: F64, spp: int) -> F64:
+    return np.asarray(shown(tracer, lighting, points, normals, spp).mean(axis=1), np.float64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
+    from mirelight.lighting.kernel.rays import CameraRays
     from mirelight.lighting.kernel.sky import Sky
 
 CELL_SAMPLES = 256  # of each cell of a surface cache
@@ -63,7 +64,7 @@ class Tracer:
         self.settings = settings
         self._layers, self._aovs = layers, aovs
         self._proxy = proxy
-        self._emissive = is_emissive(proxy)
+        self.emissive = is_emissive(proxy)
         self._surface: DeviceProxy | None = None
         self._sky: tuple[Environment | None, Sky] | None = None  # the last frame's, as many frames share one
         backend.mitsuba(settings.variant, settings.threads)
@@ -107,7 +108,7 @@ class Tracer:
             ValueError: it lacks a light.
         """
         lighting = plain(lighting)
-        emission = emission and self._emissive
+        emission = emission and self.emissive
         layers = Layers.of(lighting, emissive=emission, separate=self._layers)
         refuse_if_too_large(camera, layers, parts=self.settings.denoise)
         if not len(self._proxy.faces):
@@ -148,10 +149,25 @@ class Tracer:
         Raises:
             BackendError: the variant `scalar_rgb`.
         """
+        from mirelight.lighting.kernel.rays import CameraRays
+
+        return self._found([(CameraRays(x), x.width * x.height) for x in cameras], size)
+
+    def cells_at(self, points: F64, normals: F64, size: float | None = None) -> SurfaceCells:
+        """As `cells`, for points (N, 3) of the proxy with normals (N, 3), as `point_layers` takes them.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+        """
+        from mirelight.lighting.kernel.probes import PointRays
+
+        return self._found([(PointRays(points, normals), len(points))] if len(points) else [], size)
+
+    def _found(self, views: Sequence[tuple[CameraRays | PointRays, int]], size: float | None) -> SurfaceCells:
         from mirelight.lighting import cells, thickness
 
         surface = self._on_device()
-        return cells.make(surface, cameras, thickness.cell_size(surface, self._proxy) if size is None else size)
+        return cells.make(surface, views, thickness.cell_size(surface, self._proxy) if size is None else size)
 
     def fill(
         self,
@@ -178,7 +194,7 @@ class Tracer:
 
         surface, lighting = self._on_device(), plain(lighting)
         sky = self._sky_of(lighting.environment)
-        glow = emission and self._emissive
+        glow = emission and self.emissive
         return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
 
     def _cells(
@@ -191,73 +207,6 @@ class Tracer:
 
         names = Layers.of(lighting, emissive=emission).names
         return bound(cache, layers, names, first=self.settings.indirect == "surface")
-
-    def irradiance(self, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
-        """Light that falls on points of the proxy from the side that their normals point to, direct and indirect.
-
-        Args:
-            lighting: lights and environment.
-            points: (N, 3) on the proxy, world space.
-            normals: (N, 3) unit, of the face that each lies on; either sign.
-            spp: samples per point, instead of the settings' own.
-
-        Returns:
-            (N, 3) linear irradiance. What a proxy that glows sends out itself at the point counts as reflected.
-
-        Raises:
-            BackendError: the variant `scalar_rgb`.
-        """
-        buffer = self._at_points(lighting, points, normals, spp, separate=False, emission=True, progress=_ignore)
-        return np.asarray(np.pi * buffer.beauty[0] / np.maximum(buffer.albedo[0], np.float32(1e-4)), dtype=np.float32)
-
-    def irradiance_layers(
-        self,
-        lighting: Lighting,
-        points: F64,
-        normals: F64,
-        spp: int,
-        *,
-        emission: bool = True,
-        progress: Progress | None = None,
-    ) -> tuple[Mapping[str, F32], F32]:
-        """As :meth:`irradiance`, for each layer of the lighting by its name; `emission` and `progress` as in
-        :meth:`trace`. Where there are more than `layers.MAX_LAYERS`, lights share one.
-
-        Returns:
-            By layer (N, 3) linear irradiance; (N, 3) the points' albedo.
-        """
-        if not len(points):
-            return {}, np.zeros((0, 3), np.float32)
-        buffer = self._at_points(
-            lighting, points, normals, spp, separate=True, emission=emission, progress=progress or _ignore
-        )
-        inverse = np.pi / np.maximum(buffer.albedo[0], np.float32(1e-4))
-        return {x.name: np.asarray(x.total[0] * inverse, np.float32) for x in buffer.layers}, buffer.albedo[0]
-
-    def _at_points(
-        self,
-        lighting: Lighting,
-        points: F64,
-        normals: F64,
-        spp: int,
-        *,
-        separate: bool,
-        emission: bool,
-        progress: Progress,
-    ) -> LightingBuffer:
-        """A row of pixels, one for each point."""
-        from mirelight.lighting.kernel.probes import PointRays
-
-        surface = self._on_device()
-        lighting = plain(lighting)
-        row = Camera.perspective(np.eye(4), len(points), 1, yfov=45, name="points")
-        settings = replace(self.settings, spp=spp, noise=None, denoise=False)
-        sky, view = self._sky_of(lighting.environment), PointRays(points, normals)
-        emission = emission and self._emissive
-        layers = Layers.of(lighting, emissive=emission, separate=separate)
-        frame = FrameInProgress(surface, sky, lighting, row, layers, settings, aovs=False, view=view, emission=emission)
-        _sample(frame, settings, progress)
-        return frame.develop()
 
     def point_layers(
         self,
@@ -289,7 +238,7 @@ class Tracer:
         from mirelight.lighting.points import gathered
 
         surface, lighting = self._on_device(), plain(lighting)
-        glow, sky = emission and self._emissive, self._sky_of(lighting.environment)
+        glow, sky = emission and self.emissive, self._sky_of(lighting.environment)
         layers = Layers.of(lighting, emissive=glow, separate=self._layers)
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)
         cells = self._cells(cache, lighting, layers, glow)
@@ -315,6 +264,22 @@ class Tracer:
             _sample(opened, settings, lambda done, total: report(before * spp + done, len(points) * spp))
 
         return gathered(points, normals, layers, settings.seed, frame, sample)
+
+    def materials_at(self, points: F64, normals: F64) -> tuple[F32, F32]:
+        """Points of the proxy themselves, as seen from where their normals point to.
+
+        Args:
+            points, normals: as for `point_layers`.
+
+        Returns:
+            (N, 3) albedo; (N, 3) radiance that they send out.
+
+        Raises:
+            BackendError: the variant `scalar_rgb`.
+        """
+        from mirelight.lighting.kernel.probes import materials_at
+
+        return materials_at(self._on_device(), points, normals)
 
     def nearest_along(self, origins: F64, directions: F64, reach: float) -> tuple[I32, F32, F64]:
         """The nearest point of the proxy on each line, both ways.

@@ -7,21 +7,26 @@ Mode `tint`: T = brightness a L, without a base.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from mirelight import keys
 from mirelight.errors import InputError
 from mirelight.lighting import splat_light
+from mirelight.lighting.fill import rounds_of
 from mirelight.lighting.layers import MAX_LAYERS
-from mirelight.model import F32, F64, Job, Lighting, rules_of
+from mirelight.lighting.points import own_glow
+from mirelight.model import F32, F64, Job, Lighting, SurfaceCells, rules_of
 from mirelight.scene import Scene
 from mirelight.units import GLOW, LightSet, LightSets, Rules, terms
 
 BASE, EMISSION = "base", "emission"
 MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them up to seven textures of the splats
+FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
+READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
 _MANY = 1 << 30
 _NO_LIGHT = 1e-20
 
@@ -202,18 +207,43 @@ class _OnSplats:
         layers = [EMISSION] if one.glow else [str(i) for i in range(len(one.units))]
         count = len(self._places.points)
         if kept is None or kept.shape != (len(layers) + 1, count, 3):
-            light, albedo = splat_light.layers_at(
-                self._places,
-                self._scene.lighting_of(one),
-                self._tracer,
-                self._spp,
-                emission=one.glow,
-                progress=lambda done, total: self._say(what, done, total),
-            )
-            kept = np.stack([*(light[name] for name in layers), albedo])
+            kept = np.stack([*self._traced(one, layers, what), self._materials[0]])
             self._scene.kept.keep_array(key, kept)
         self.albedo = kept[-1]
         return kept[:-1]
+
+    def _traced(self, one: LightSet, layers: list[str], what: str) -> Iterator[F32]:
+        points, normals = self._places.points, self._places.normals
+        lighting, tracer = self._scene.lighting_of(one), self._tracer
+        say = partial(self._say, what)
+        cache, spp = None, self._spp
+        if self._reads_surface:
+            cache = tracer.fill(self._cells, lighting, samples=spp, emission=one.glow, progress=say)
+            spp = max(spp // READS, 1)
+        made = tracer.point_layers(lighting, points, normals, spp, emission=one.glow, cache=cache, progress=say)
+        for name in layers:
+            k = made.names.index(name)
+            light = (made.direct[k] + made.indirect[k]) * np.float32(1 / np.pi)
+            yield light + self._materials[1] if one.glow else light
+
+    @cached_property
+    def _materials(self) -> tuple[F32, F32]:
+        """(N, 3) albedo; (N, 3) what the places send out themselves over it."""
+        points, normals = self._places.points, self._places.normals
+        albedo, _ = self._tracer.materials_at(points, normals)
+        return albedo, own_glow(self._tracer, points, normals)
+
+    @cached_property
+    def _cells(self) -> SurfaceCells:
+        return self._tracer.cells_at(self._places.points, self._places.normals)
+
+    @property
+    def _reads_surface(self) -> bool:
+        """Whether indirect light is gathered on the surface first: where that is less work than paths from splats."""
+        paths = len(self._places.points) * self._spp
+        if self._scene.job.render.max_depth == 1 or paths <= FEWEST_PATHS:
+            return False
+        return paths > len(self._cells) * sum(rounds_of(self._spp))
 
     def _say(self, what: str, done: int, total: int) -> None:
         if self._progress is not None:

@@ -145,7 +145,7 @@ def room_splats() -> SplatCloud:
         normal.append(np.tile(n, (2000, 1)))
         albedo.append(np.tile(color, (2000, 1)))
     points, normals = np.concatenate(at), np.concatenate(normal)
-    light = Tracer(true_room(), replace(SETTINGS, seed=77)).irradiance(LAMP, points, normals, 256)
+    light = Tracer(true_room(), replace(SETTINGS, seed=77)).point_layers(LAMP, points, normals, 256).total
     return splats_on(points, normals, np.concatenate(albedo) * light / np.pi, 0.02)
 
 

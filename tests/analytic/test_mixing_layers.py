@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from mirelight.errors import InputError
-from mirelight.lighting import splat_light
+from mirelight.lighting import Tracer, splat_light
+from mirelight.lighting.points import shown
+from mirelight.mixing import layers as module
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import MixLayers, check, make
 from mirelight.model import (
@@ -19,13 +21,17 @@ from mirelight.model import (
     Job,
     LayerFactor,
     Lighting,
+    Material,
     PointLight,
     ProxyMesh,
     RelightSettings,
     RenderSettings,
     SplatCloud,
+    SurfaceCells,
 )
 from mirelight.scene import prepare
+
+from .test_surface_cache import stage
 
 FLOOR = ProxyMesh(
     vertices=np.array([[-50, 0, -50], [50, 0, -50], [50, 0, 50], [-50, 0, 50]], np.float32),
@@ -104,10 +110,12 @@ def test_a_splat_off_the_proxy_takes_the_nearest_place(layers: MixLayers) -> Non
 def test_layers_sum_to_the_irradiance() -> None:
     tracer = splat_light.tracer_for(FLOOR, replace(JOB.render, max_depth=4))
     places = splat_light.places_of(SPLATS, FLOOR, tracer, CAPTURED)
-    found, albedo = splat_light.layers_at(places, DAY, tracer, 64, emission=True)
-    whole = tracer.irradiance(DAY, places.points, places.normals, 64) / np.pi
-    np.testing.assert_allclose(sum(found.values()), whole, rtol=2e-3)
+    made = make(prepare(replace(JOB, captured=None, relight=RelightSettings(mode="tint"))), spp=64, lightings=(DAY,))
+    whole = shown(tracer, DAY, places.points, places.normals, 64)
+    np.testing.assert_allclose(made.factor(made.weights(0)), 0.5 * whole * JOB.relight.brightness, rtol=2e-3)
+    albedo, glow = tracer.materials_at(places.points, places.normals)
     np.testing.assert_allclose(albedo, 0.5, rtol=1e-6)
+    assert not glow.any()
     np.testing.assert_array_equal(places.normals, np.tile([0.0, 1.0, 0.0], (len(SPLATS), 1)))
 
 
@@ -170,3 +178,43 @@ def test_more_layers_than_the_page_holds_are_refused() -> None:
     lamps = tuple(replace(LAMP, name=f"lamp{k}", position=np.array([k, 2.0, 0])) for k in range(33))
     with pytest.raises(InputError, match="34 layers of light; give lights a group, or choose lightings"):
         make(prepare(JOB), spp=1, lightings=(Lighting(lights=lamps),))
+
+
+def test_layers_read_from_the_surface_are_the_traced_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a stage whose surfaces glow and light each other."""
+    proxy, lighting, _ = stage()
+    glowing = replace(proxy, faces=proxy.faces[:, ::-1], materials=(Material(emissive=np.array([0.2, 0.1, 0.3])),))
+    rng = np.random.default_rng(4)
+    means = np.stack([rng.uniform(-1.9, -0.4, 600), np.zeros(600), rng.uniform(-1.9, 1.9, 600)], axis=1)
+    splats = SplatCloud(
+        means=means.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (600, 1)),
+        scales=np.tile(np.array([0.1, 0.01, 0.1], np.float32), (600, 1)),
+        opacities=np.full(600, 0.9, np.float32),
+        sh=np.zeros((600, 1, 3), np.float32),
+    )
+    job = Job(
+        source=Path("job.toml"),
+        splats=Deferred.of(splats),
+        proxy=Deferred.of(glowing),
+        lightings=(replace(lighting, name="day"),),
+        relight=RelightSettings(mode="tint"),
+        render=RenderSettings(max_depth=12),
+    )
+    fills: list[int] = []
+    fill = Tracer.fill
+
+    def counted(self: Tracer, cells: SurfaceCells, lighting: Lighting, *, samples: int, **more: object) -> object:
+        fills.append(samples)
+        return fill(self, cells, lighting, samples=samples, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Tracer, "fill", counted)
+    traced = make(prepare(job), spp=128, lightings=job.lightings)
+    assert not fills
+    monkeypatch.setattr(module, "FEWEST_PATHS", 0)
+    monkeypatch.setattr(module, "rounds_of", lambda samples: [0])
+    read = make(prepare(job), spp=128, lightings=job.lightings)
+    assert fills == [128, 128] and read.names == traced.names == ("lamp", "sun", "environment", "emission")
+    for one, other in zip(read.values, traced.values, strict=True):
+        np.testing.assert_allclose(one.mean(axis=0), other.mean(axis=0), rtol=0.03)
+        assert np.sqrt(((one - other) ** 2).mean()) < 0.15 * other.mean()

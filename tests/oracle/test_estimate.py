@@ -75,7 +75,7 @@ def painted(mesh: ProxyMesh, light: Lighting, count: int) -> SplatCloud:
     points = (v[face] * rng.dirichlet((1, 1, 1), count)[:, :, None]).sum(axis=1)
     points = np.where(points[:, 1:2] < 0, np.abs(points) * [1, 0, 1], points)  # the floor's underside shows nothing
     normals = face_normals(mesh)[face]
-    light_there = Tracer(mesh, SETTINGS, layers=False, aovs=False).irradiance(light, points, normals, 64)
+    light_there = Tracer(mesh, SETTINGS, layers=False, aovs=False).point_layers(light, points, normals, 64).total
     assert mesh.vertex_colors is not None
     albedo = mesh.vertex_colors[mesh.faces[face, 0]] * np.exp(0.1 * rng.standard_normal((count, 1)))
     shown = colour.srgb_encode(np.clip(albedo * light_there / np.pi, 0, 1))
@@ -113,7 +113,7 @@ def test_the_light_at_the_surface_is_found_up_to_its_scale() -> None:
     v = mesh.vertices[mesh.faces].astype(np.float64).mean(axis=1)
     normals = face_normals(mesh)
     up = v[:, 1] > 0
-    true, made = (tracer.irradiance(x, v[up], normals[up], 256) for x in (LIGHT, found().lighting))
+    true, made = (tracer.point_layers(x, v[up], normals[up], 256).total for x in (LIGHT, found().lighting))
     bright = true.mean(axis=1) > 0.1 * true.mean()
     ratio = made[bright].mean(axis=1) / true[bright].mean(axis=1)
     assert 0.65 < np.median(ratio) < 1.5

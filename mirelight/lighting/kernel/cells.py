@@ -10,6 +10,7 @@ import numpy as np
 
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, pair
@@ -193,14 +194,14 @@ class CellPoints:
 @dr.syntax
 def visit(
     surface: DeviceProxy,
-    view: CameraRays,
+    view: CameraRays | PointRays,
     grid: Grid,
     lanes: int,
     pixels: int,
     vertices: int,
     seed: int,
 ) -> tuple[NDArray[np.uint32], F32]:
-    """Where paths of a camera go: `lanes` of them, drawn evenly over its pixels, up to `vertices` hits each.
+    """Where paths of a view go: `lanes` of them, drawn evenly over its pixels, up to `vertices` hits each.
 
     Returns:
         (n, 3) key and face of every hit; (n, 8) its barycentric coordinates, its normal and the place above it.

@@ -41,6 +41,19 @@ class PointRays:
         return mi.Float(p.x * 0)
 
 
+def materials_at(surface: DeviceProxy, points: F64, normals: F64) -> tuple[F32, F32]:
+    """(N, 3) albedo and (N, 3) radiance of points of the surface, each 0 where there is none; as for `PointRays`."""
+    if not len(points):
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    pixel = dr.arange(mi.UInt32, len(points))
+    there, face, uv, d = PointRays(points, normals).first_hit(surface, pixel, pixel, pixel)
+    at = surface.at(face, uv, d, there)
+    both = dr.select(there, at.albedo, 0), dr.select(there, at.emission, 0)
+    dr.eval(both)
+    albedo, emission = (np.stack([_numpy(x.x), _numpy(x.y), _numpy(x.z)], axis=1).astype(np.float32) for x in both)
+    return albedo, emission
+
+
 def nearest_along(surface: DeviceProxy, origins: F64, directions: F64, reach: float) -> tuple[I32, F32, F64]:
     """The nearest point of the surface on each line, both ways.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -120,6 +121,6 @@ def _colour(text: str) -> tuple[float, float, float]:
 
 
 def _band(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 1000:
+    if not re.fullmatch(r"[0-9]{1,4}", text) or not 1 <= int(text) <= 1000:
         raise InputError("--band", repr(text), "write a whole number of pixels from 1 to 1000")
     return int(text)

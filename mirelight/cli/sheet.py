@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def run_sheet(args: argparse.Namespace) -> int:
 
     out = Path(args.file)
     sheet_format(out)
-    if not args.size.isdecimal() or not _LEAST <= int(args.size) <= _MOST:
+    if not re.fullmatch(r"[0-9]{1,4}", args.size) or not _LEAST <= int(args.size) <= _MOST:
         raise InputError("--size", args.size, f"give {_LEAST} to {_MOST} pixels")
     found = shots.wanted(args.paths, args.camera, args.lighting)
     made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)

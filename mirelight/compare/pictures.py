@@ -14,6 +14,7 @@ from mirelight.compare.types import Bool, Picture
 from mirelight.errors import InputError
 from mirelight.io.exr import read_exr
 from mirelight.io.frame_texts import PROVENANCE
+from mirelight.io.safety import open_file, read_file
 from mirelight.model import PROFILES
 
 LINEAR = (".exr",)
@@ -73,7 +74,7 @@ def _read_display(path: Path, premultiplied: bool) -> Picture:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path, formats=("PNG", "JPEG", "WEBP")) as image:
+            with open_file(path) as stream, Image.open(stream, formats=("PNG", "JPEG", "WEBP")) as image:
                 if image.width * image.height > _MAX_PIXELS:
                     raise InputError(path, f"{image.width} x {image.height} pixels", "scale it down")
                 texts = {str(k): v for k, v in image.info.items() if isinstance(v, str)}
@@ -115,7 +116,7 @@ def _provenance(texts: Mapping[str, str]) -> dict[str, Any]:
     """The provenance that mirelight writes into EXR and PNG; empty for other files."""
     try:
         found = json.loads(texts.get(PROVENANCE, ""))
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -125,9 +126,9 @@ def _beside(path: Path) -> dict[str, Any]:
     meta = path.with_name("meta.json")
     try:
         if meta.is_file() and meta.stat().st_size <= _MAX_META:
-            found = json.loads(meta.read_text(encoding="utf-8"))
+            found = json.loads(read_file(meta))
             return found if isinstance(found, dict) and "engine" in found else {}
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         pass
     return {}
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import read_file
 from mirelight.model import (
     AreaLight,
     Camera,
@@ -103,7 +104,7 @@ def write(index: Index, folder: Path) -> None:
     text = json.dumps({"version": VERSION, **_packed(index)}, allow_nan=False, separators=(",", ":")) + "\n"
     path = folder / FILE
     try:
-        if path.read_text(encoding="utf-8") == text:
+        if read_file(path) == text.encode():
             return
     except (OSError, ValueError):
         pass
@@ -121,10 +122,10 @@ def read(folder: Path) -> Index:
     path = folder / FILE
     remedy = 'render the job with output.store = "layers" or "both"'
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_file(path))
     except OSError:
         raise InputError(folder, "no kept layers", remedy) from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise InputError(path, "not an index of layers", remedy) from None
     try:
         if data["version"] != VERSION:

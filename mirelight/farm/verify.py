@@ -17,6 +17,7 @@ from mirelight.farm.checks import Finding, Kind, Sums
 from mirelight.farm.order import Order
 from mirelight.io import image
 from mirelight.io.exr import read_exr
+from mirelight.io.safety import open_file
 from mirelight.model import DisplaySettings, Job, Lighting
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
@@ -294,7 +295,7 @@ class _Look:
 
 def _png_size(path: Path) -> tuple[int, int]:
     """Width and height, as the header says."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         file.seek(16)
         width, height = struct.unpack(">II", file.read(8))
     return width, height

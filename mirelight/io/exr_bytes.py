@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from mirelight.io.safety import open_file
+
 DIGEST = "mirelight/digest"  # header attribute, a string: SHA-256 of the file with this value's digits taken as "0"
 NO_DIGEST = "0" * 64
 _LONG_NAMES = 0x400
@@ -34,7 +36,7 @@ def is_whole(path: str | Path) -> bool:
     damage of whole disk blocks; bits that changed inside a chunk's data it does not see, :func:`is_intact` does.
     """
     try:
-        with Path(path).open("rb") as stream:
+        with open_file(Path(path)) as stream:
             return _chunks_fit(stream)
     except (OSError, struct.error, ValueError, OverflowError):
         return False
@@ -46,7 +48,7 @@ def is_intact(path: str | Path) -> bool:
     False for a whole file without a digest, too: nothing is known of it.
     """
     try:
-        with Path(path).open("rb") as stream:
+        with open_file(Path(path)) as stream:
             if not _chunks_fit(stream):
                 return False
             at = _header(stream).digest

@@ -9,7 +9,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-_TOKEN = re.compile(r"([0-9a-f]{10})-(\d+)")
+_TOKEN = re.compile(r"([0-9a-f]{10})-([0-9]{1,9})")
 
 
 @cache
@@ -30,6 +30,12 @@ def token() -> str:
     return f"{machine()}-{os.getpid()}"
 
 
+def process_of(owner: str) -> int:
+    """The process of a token; 0 for what is no token."""
+    found = _TOKEN.fullmatch(owner)
+    return int(found[2]) if found else 0
+
+
 def runs(owner: str) -> bool | None:
     """Whether the process of a token still runs; None where that cannot be told from here (another machine's)."""
     found = _TOKEN.fullmatch(owner)
@@ -39,7 +45,7 @@ def runs(owner: str) -> bool | None:
         os.kill(int(found[2]), 0)
     except ProcessLookupError:
         return False
-    except (PermissionError, OverflowError):
+    except PermissionError:
         return True
     return not _is_zombie(int(found[2]))
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mirelight import colour
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import open_file
 from mirelight.model import F32, DisplaySettings, Profile
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -102,7 +103,7 @@ def read_png_text(path: str | Path) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     try:
-        with Path(path).open("rb") as stream:
+        with open_file(Path(path)) as stream:
             for kind, data in _chunks(stream, until=b"IDAT"):
                 if kind == b"tEXt":
                     key, _, text = data.partition(b"\0")
@@ -118,7 +119,7 @@ def read_png_text(path: str | Path) -> dict[str, str]:
 def png_is_intact(path: str | Path) -> bool:
     """Whether every chunk of a PNG file has the CRC-32 that it must have, and nothing follows its end."""
     try:
-        with Path(path).open("rb") as stream:
+        with open_file(Path(path)) as stream:
             kinds = [kind for kind, _ in _chunks(stream)]
             return kinds[:1] == [b"IHDR"] and b"IDAT" in kinds and kinds[-1] == b"IEND" and not stream.read(1)
     except (OSError, ValueError, struct.error):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from io import BufferedReader
@@ -13,6 +14,10 @@ from mirelight.machine import free_memory
 BRIGHTEST = 1e12  # no light, emission or pixel of a map is brighter; its square is still far from float32's end
 
 _LONGEST_NAME = 255  # bytes, of a file or folder
+
+
+class NotAFileError(OSError):
+    """What should be a file is a folder, a pipe or a device."""
 
 
 def existing(path: str | Path) -> Path:
@@ -31,6 +36,33 @@ def existing(path: str | Path) -> Path:
     raise InputError(path, found, "check the path")
 
 
+def open_file(path: Path) -> BufferedReader:
+    """The file, open for reading. A pipe is not waited for, and a device has no end.
+
+    Raises:
+        NotAFileError: it is a folder, a pipe or a device.
+        OSError, ValueError: it cannot be opened.
+    """
+    if stat.S_ISREG(path.stat().st_mode):  # some devices act on being opened
+        number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        if stat.S_ISREG(os.fstat(number).st_mode):
+            return os.fdopen(number, "rb")
+        os.close(number)
+    raise NotAFileError(errno.EINVAL, "not a file", str(path))
+
+
+def read_file(path: Path) -> bytes:
+    """The whole of a file that is left out where it cannot be read.
+
+    Raises:
+        OSError, ValueError: as for :func:`open_file`, or it is larger than a quarter of the memory that is free.
+    """
+    with open_file(path) as file:
+        if os.fstat(file.fileno()).st_size > free_memory() // 4:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+        return file.read()
+
+
 def open_binary(path: Path) -> BufferedReader:
     """The file, open for reading.
 
@@ -38,15 +70,12 @@ def open_binary(path: Path) -> BufferedReader:
         InputError: it cannot be opened, or is a folder, a pipe or a device (those are not waited for).
     """
     try:
-        if stat.S_ISREG(path.stat().st_mode):  # some devices act on being opened
-            number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-            if stat.S_ISREG(os.fstat(number).st_mode):
-                return os.fdopen(number, "rb")
-            os.close(number)
+        return open_file(path)
+    except NotAFileError:
+        raise InputError(path, "not a file", "a folder, a pipe or a device cannot be read; name a file") from None
     except (OSError, ValueError) as e:
         reason = getattr(e, "strerror", None) or "bad path"
         raise InputError(path, f"cannot be read ({reason})", "check the path and its permissions") from None
-    raise InputError(path, "not a file", "a folder, a pipe or a device cannot be read; name a file")
 
 
 def read_whole(path: Path, what: str, times: float = 1.0) -> bytes:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from mirelight.errors import BackendError, InputError, RenderError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.png import write_png
-from mirelight.io.safety import read_bytes
+from mirelight.io.safety import open_file, read_bytes
 from mirelight.model import F32, Camera, Job, Lighting
 from mirelight.realtime.bundle import Exported, export, page_file
 from mirelight.realtime.server import serve
@@ -239,6 +239,13 @@ def _keep(frames: EngineFrames, folder: Path) -> None:
         temporary.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
+def _image(path: Path) -> NDArray[np.uint8]:
+    from PIL import Image
+
+    with open_file(path) as stream, Image.open(stream, formats=("PNG",)) as image:
+        return np.asarray(image.convert("RGBA"))
+
+
 def load_frames(directory: str | Path) -> EngineFrames:
     """Read back what :func:`render` wrote.
 
@@ -246,13 +253,12 @@ def load_frames(directory: str | Path) -> EngineFrames:
         InputError: a file is missing or is not what was written.
     """
     folder = Path(directory)
-    from PIL import Image
-
     try:
-        images = {name: np.asarray(Image.open(folder / f"{name}.png").convert("RGBA")) for name in _IMAGES}
-        with np.load(folder / "buffers.npz", allow_pickle=False) as stored:
+        images: dict[str, Any] = {name: _image(folder / f"{name}.png") for name in _IMAGES}
+        whole = open_file(folder / "buffers.npz")
+        with whole, np.load(whole, allow_pickle=False) as stored:
             buffers = {name: stored[name] for name in _BUFFERS}
         meta = json.loads(read_bytes(folder / "meta.json", _TEXT_LIMIT))
-    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, KeyError, ValueError, RecursionError, zipfile.BadZipFile) as error:
         raise InputError(folder, f"no complete engine frames ({error})", "make them with mirelight realtime") from error
     return EngineFrames(**images, **buffers, meta=meta, warnings=tuple(meta.get("warnings", ())))

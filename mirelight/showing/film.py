@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -19,6 +21,7 @@ from mirelight.showing.shots import Shot
 Order = Literal["cameras", "lightings"]  # what runs first
 
 _FASTEST = 1000
+_RATE = re.compile(r"[0-9]{1,9}(?:[./][0-9]{1,9})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +39,10 @@ def rate_of(text: str) -> Fraction:
     Raises:
         InputError: no such number.
     """
-    try:
-        rate = Fraction(text.strip()).limit_denominator(1001)
-    except (ValueError, ZeroDivisionError):
-        rate = Fraction(0)
+    rate = Fraction(0)
+    if _RATE.fullmatch(text.strip()):
+        with suppress(ZeroDivisionError):
+            rate = Fraction(text.strip()).limit_denominator(1001)
     if not 0 < rate <= _FASTEST:
         raise InputError("--fps", text, "give pictures a second: 24, 23.976 or 24000/1001")
     return rate

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import open_file
 from mirelight.model import (
     F32,
     Camera,
@@ -28,10 +29,10 @@ from mirelight.model import (
     SplatLayer,
     SurfaceCells,
 )
-from mirelight.store.arrays import Arrays, read_arrays, write_arrays
+from mirelight.store.arrays import Arrays, is_sound, read_arrays, write_arrays
 
 _MOST_UNUSED = 2 * 2**30  # bytes of buffers that the job does not use now, kept in case it does again
-_BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+_BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, RecursionError, zipfile.BadZipFile)
 _KINDS = ("lights", "environment", "emission")  # of `CellLight`
 _LIGHT = ".light"  # suffix of buffers, composites and light on the surface
 
@@ -45,7 +46,9 @@ class Artefacts:
     def array(self, key: str) -> F32 | None:
         """A kept array; None where there is none, or it is damaged."""
         try:
-            return np.asarray(np.load(self._folder / f"{key}.npy", allow_pickle=False))
+            with open_file(self._folder / f"{key}.npy") as file:
+                values = np.asarray(np.load(file, allow_pickle=False))
+            return values if is_sound(values) else None
         except _BROKEN:
             return None
 
@@ -65,8 +68,10 @@ class Artefacts:
     def mesh(self, key: str) -> ProxyMesh | None:
         """A kept mesh, vertices and faces alone; None where there is none, or it is damaged."""
         try:
-            with np.load(self._folder / f"{key}.npz", allow_pickle=False) as file:
-                return ProxyMesh(vertices=file["vertices"], faces=file["faces"])
+            whole = open_file(self._folder / f"{key}.npz")
+            with whole, np.load(whole, allow_pickle=False) as file:
+                mesh = ProxyMesh(vertices=file["vertices"], faces=file["faces"])
+            return mesh if is_sound(mesh.vertices) else None
         except _BROKEN:
             return None
 

@@ -22,9 +22,11 @@ from pathlib import Path
 
 from mirelight.io import owner
 from mirelight.io.atomic import output_error
+from mirelight.io.safety import NotAFileError, open_file
 
 _TOUCH = 30.0  # seconds between two touches
 _STALE = 600.0  # seconds without a touch after which another machine's process counts as gone
+_LONGEST = 1 << 16  # bytes of a claim that are read
 _UNSIGNED = 10.0  # seconds after which a claim without a name counts as that of a process killed while it made it
 
 
@@ -79,14 +81,14 @@ class Claims:
         with suppress(OSError):
             for path in self._folder.glob("[!.]*"):
                 with suppress(OSError):
-                    touched = path.stat().st_mtime
+                    touched = path.lstat().st_mtime
                     holder, about = _signed(path)
                     running = owner.runs(holder)
                     found.append(
                         Held(
                             name=str(about.get("name", path.name)),
                             host=str(about.get("host", "an unknown machine")),
-                            process=int(holder.rpartition("-")[2] or 0) if holder else 0,
+                            process=owner.process_of(holder),
                             age=max(0.0, now - _number(about.get("since"), touched)),
                             silent=max(0.0, now - touched),
                             alive=running if running is not None else now - touched <= _STALE,
@@ -123,7 +125,7 @@ class Claims:
                 return True
             if running:
                 return False
-            return self._now() - path.stat().st_mtime > (_STALE if holder else _UNSIGNED)
+            return self._now() - path.lstat().st_mtime > (_STALE if holder else _UNSIGNED)
         except OSError:
             return False  # it has just been given up
 
@@ -144,9 +146,10 @@ class Claims:
         taken = path.with_name(f".{path.name}~{owner.token()}-{secrets.token_hex(4)}")
         try:
             path.rename(taken)
-            taken.unlink()
         except OSError:
             return False
+        with suppress(OSError):  # what is no file stays aside
+            taken.unlink()
         return True
 
     def _hold(self, path: Path) -> None:
@@ -172,13 +175,19 @@ def _signed(path: Path) -> tuple[str, dict[str, object]]:
     Raises:
         OSError: it has been given up.
     """
-    holder, _, rest = path.read_text(encoding="utf-8", errors="replace").partition("\n")
+    try:
+        with open_file(path) as file:
+            holder, _, rest = file.read(_LONGEST).decode("utf-8", "replace").partition("\n")
+    except OSError as e:
+        if not (isinstance(e, NotAFileError) or path.is_symlink()):
+            raise
+        return "", {}  # nobody's
     try:
         about = json.loads(rest)
-    except ValueError:
+    except (ValueError, RecursionError):
         about = {}
     return holder, about if isinstance(about, dict) else {}
 
 
 def _number(value: object, otherwise: float) -> float:
-    return float(value) if isinstance(value, int | float) else otherwise
+    return float(value) if isinstance(value, int | float) and abs(value) < 1e15 else otherwise

@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
 from mirelight.io import image
+from mirelight.io.safety import open_file
 from mirelight.store.journal import FileRow, Row
 
 
@@ -34,8 +36,9 @@ class Index:
         try:
             with os.scandir(folder) as entries:
                 for entry in entries:
-                    status = entry.stat()
-                    self._there[entry.name] = status.st_size, status.st_mtime_ns
+                    with suppress(OSError):  # a link that leads nowhere
+                        status = entry.stat()
+                        self._there[entry.name] = status.st_size, status.st_mtime_ns
         except OSError:
             pass
         self.add(rows)
@@ -71,7 +74,7 @@ class Index:
         rows = self._rows.get((path.name, key), [])
         if any((row.bytes, row.mtime_ns) == (status.st_size, status.st_mtime_ns) for row in rows):
             return True
-        if image.read_fingerprint(path) != key:
+        if (rows and status.st_size not in {row.bytes for row in rows}) or image.read_fingerprint(path) != key:
             return False
         return digest_of(path) in {row.sha256 for row in rows} if rows else image.is_intact(path)
 
@@ -79,7 +82,7 @@ class Index:
 def digest_of(path: Path) -> str:
     """SHA-256 (hex) of a file; empty where it cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from mirelight.io import owner
 from mirelight.io.atomic import output_error
+from mirelight.io.safety import open_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,9 @@ class Row:
     seconds: float  # that it took to make, its share of what its camera's frames have in common included
     error: str = ""  # what went wrong, the first or last line for people
     wanted: Mapping[str, str] = field(default_factory=dict)  # of a failed one: by suffix the keys that it was to have
+
+
+_LONGEST = 1 << 20  # bytes of a line
 
 
 class Journal:
@@ -67,14 +71,17 @@ class Journal:
             try:
                 if file.stat().st_size <= begin:
                     continue
-                with file.open("rb") as stream:
+                rows = []
+                with open_file(file) as stream:
                     stream.seek(begin)
-                    text = stream.read()
+                    while (line := stream.readline(_LONGEST)).endswith(b"\n"):
+                        begin += len(line)
+                        if (row := _row(line)) is not None:
+                            rows.append(row)
             except OSError:
                 continue
-            whole = text.rfind(b"\n") + 1  # a line without its end may still be growing, or is torn for good
-            self._read[file.name] = begin + whole
-            yield [row for line in text[:whole].splitlines() if (row := _row(line)) is not None]
+            self._read[file.name] = begin  # a line without its end may still be growing, or is torn for good
+            yield rows
 
     def add(self, row: Row) -> None:
         """Write a row and see it to the disk. The files that it names must be there already, and their folder synced.

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import read_file
 from mirelight.plan import Plan
 
 _RECORDS = "[!.]*.json"  # what another process is writing begins with a dot
@@ -82,7 +83,7 @@ class PlannedRuns:
     def runs(self) -> Iterator[Planned]:
         """The records, oldest first; what cannot be read is skipped."""
         with suppress(OSError):
-            for path in sorted(self._folder.glob(_RECORDS), key=lambda x: x.stat().st_mtime_ns):
+            for path in sorted(self._folder.glob(_RECORDS), key=lambda x: x.lstat().st_mtime_ns):
                 found = _read(path)
                 if found is not None:
                     yield found
@@ -90,7 +91,7 @@ class PlannedRuns:
 
 def _read(path: Path) -> Planned | None:
     try:
-        entry = json.loads(path.read_bytes())
+        entry = json.loads(read_file(path))
         frames = tuple(
             PlannedFrame(str(name), str(camera), str(lighting), {str(k): str(v) for k, v in files.items()}, str(group))
             for name, camera, lighting, files, group in entry["frames"]

@@ -118,7 +118,7 @@ def run(cases: Iterable[Case]) -> Iterator[Verdict]:
                 (root / part).mkdir()
             (root / "outside" / "canary.png").write_bytes(CANARY)
             case.build(root / "case")
-            before = frozenset((root / "case").rglob("*"))
+            before = {path: path.lstat().st_mtime_ns for path in (root / "case").rglob("*")}
             answer, why, seconds, memory = worker.run(case, root / "case", root / "said")
             kind, detail = _judged(case, root, answer, before) if answer is not None else (why, "")
             yield Verdict(case.name, kind, detail, seconds, memory)
@@ -133,7 +133,7 @@ def _worker() -> Iterator[Worker]:
         worker.close()
 
 
-def _judged(case: Case, root: Path, answer: dict[str, Any], before: frozenset[Path]) -> tuple[str, str]:
+def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, int]) -> tuple[str, str]:
     names = frozenset((*case.arguments, *(x.name for x in before)))
     said = [(root / "said" / name).read_bytes() for name in ("stdout", "stderr")]
     stderr = said[1].decode("utf-8", "backslashreplace")
@@ -196,12 +196,12 @@ def _of_the_job(folder: Path, case: Case, name: str) -> bool:
     return name.removeprefix(f"{folder}/") in asked
 
 
-def _silent(folder: Path, before: frozenset[Path], bright: bool) -> str:
+def _silent(folder: Path, before: dict[Path, int], bright: bool) -> str:
     """What is wrong with finished files: values that are not finite, or black where light was given."""
     from mirelight.io import splats
     from mirelight.io.exr import read_exr
 
-    for path in sorted(x for x in folder.rglob("*.*") if x not in before and x.is_file()):
+    for path in sorted(x for x in folder.rglob("*.*") if x.is_file() and before.get(x) != x.stat().st_mtime_ns):
         if path.suffix == ".exr":
             image = read_exr(path)
             for name, plane in image.channels.items():
@@ -209,7 +209,7 @@ def _silent(folder: Path, before: frozenset[Path], bright: bool) -> str:
                     return f"{path.name}: {name} is not finite"
             if bright and not float(np.max(image.layer("")[..., :3])) > 0:
                 return "black"
-        elif path.suffix == ".ply":
+        elif path.suffix == ".ply" and path.name.startswith("baked"):
             cloud = splats.read(path)
             if not all(np.all(np.isfinite(x)) for x in (cloud.means, cloud.scales, cloud.opacities, cloud.sh)):
                 return f"{path.name} is not finite"

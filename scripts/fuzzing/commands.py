@@ -6,6 +6,7 @@ import io
 import json
 import os
 import random
+import re
 import subprocess
 import sys
 import tempfile
@@ -42,7 +43,19 @@ lights = [{ type = "point", name = "lamp", position = [1, 2, 1], intensity = 30 
 """
 FILES = ("floor.ply", "proxy.glb", "sky.hdr", "job.toml", "target.png", "mask.png", "sky.exr")
 NAMES = ("front", "night", "", "*", "[", "\x1b[2J", "\udcff", "a" * 5000, "../x", "café", "lamp", "nan")
-NUMBERS = (*map(repr, damage.NUMBERS), "nan", "inf", "9" * 5000, "\u0663", "", "x", "1_0", "0x10")
+NUMBERS = (
+    *map(repr, damage.NUMBERS),
+    "nan",
+    "inf",
+    "9" * 5000,
+    "\u0663",
+    "",
+    "x",
+    "1_0",
+    "0x10",
+    "1e999999999",
+    "9" * 5000 + "/1",
+)
 PATHS = (
     *FILES,
     "missing.png",
@@ -154,14 +167,20 @@ COMMANDS = (
         {"--fps": NUMBERS, "--camera": NAMES, "--lighting": NAMES, "--order": ("cameras", "lightings", "x")},
     ),
     Command("status", ("kept",), "", {"--json": ("x",)}, out=""),
-    Command("render", ("job.toml",), "frames", {**_JOB_OPTIONS, "--shard": (*NUMBERS, "1/2", "2/1"), "--light": PATHS}),
+    Command(  # frames from what is kept: only their EXR files are other ones
+        "render",
+        ("job.toml",),
+        "kept",
+        {**_JOB_OPTIONS, "--shard": (*NUMBERS, "1/2", "2/1"), "--light": PATHS},
+        ("--set", 'output.aovs=["depth"]'),
+    ),
 )
 
 
 def drawn(number: int, rng: random.Random) -> Case:
     """One case of one command."""
     command = COMMANDS[number // 2 % len(COMMANDS)]
-    spoil = rng.choice((_in_a_file, _in_the_job, _wrong_file, _missing, _by_option, _by_output, _by_streams))
+    spoil = rng.choice((_in_a_file, _no_file, _in_the_job, _wrong_file, _missing, _by_option, _by_output, _by_streams))
     return spoil(f"{number} {command.name}", command, rng)
 
 
@@ -169,6 +188,8 @@ def _in_a_file(title: str, command: Command, rng: random.Random) -> Case:
     files = _files(command)
     read = [x for x in files if "." in x and x not in ("mask.png", "job.toml")]
     name = rng.choice([x for x in read if x.startswith(command.reads[0])] or read)
+    if command.name == "new" and rng.random() < 0.6:  # it looks at what lies beside
+        name = rng.choice(read)
     data = files[name]
     if name.endswith(".json") and rng.random() < 0.7:
         data = json.dumps(damage.json_of(json.loads(data), rng)).encode()
@@ -180,6 +201,36 @@ def _in_a_file(title: str, command: Command, rng: random.Random) -> Case:
     else:
         data = damage.bytes_of(data, rng)
     return _case(f"{title}: damaged {name}", command, {**files, name: data})
+
+
+def _no_file(title: str, command: Command, rng: random.Random) -> Case:
+    """Something else in a file's place."""
+    files = _files(command)
+    name = rng.choice([x for x in files if x.startswith("kept/")] or sorted(files))
+    kind = rng.choice(("pipe", "folder", "sparse", "loop", "dangling", "device"))
+    case = _case(f"{title}: a {kind} as {name}", command, files)
+
+    def build(folder: Path) -> None:
+        case.build(folder)
+        path = folder / name
+        if kind == "sparse":
+            with path.open("ab") as file:
+                file.truncate(2**42)
+            return
+        path.unlink()
+        match kind:
+            case "pipe":
+                os.mkfifo(path)
+            case "folder":
+                path.mkdir()
+            case "loop":
+                path.symlink_to(path)
+            case "dangling":
+                path.symlink_to(folder / "nowhere" / "a")
+            case _:
+                path.symlink_to("/dev/zero")
+
+    return replace(case, build=build)
 
 
 def _in_the_job(title: str, command: Command, rng: random.Random) -> Case:
@@ -252,7 +303,7 @@ def _surroundings(suffix: str, arguments: tuple[str, ...]) -> Callable[[Path], N
 
 def _files(command: Command) -> dict[str, bytes]:
     files = dict(sound())
-    return {**files, **kept()} if "kept" in command.reads else files
+    return {**files, **kept()} if "kept" in (*command.reads, command.writes) else files
 
 
 @cache
@@ -287,7 +338,7 @@ def sound() -> dict[str, bytes]:
 
 @cache
 def kept() -> dict[str, bytes]:
-    """What a render of the job leaves: frames and layers."""
+    """What a render of the job leaves: frames, layers, journal."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for path, data in sound().items():
@@ -295,4 +346,5 @@ def kept() -> dict[str, bytes]:
         command = [sys.executable, "-m", "mirelight", "render", "job.toml", "-o", "kept", "-q"]
         root = str(Path(__file__).parents[2])
         subprocess.run(command, cwd=folder, check=True, env={**os.environ, "PYTHONPATH": root})
-        return {str(x.relative_to(folder)): x.read_bytes() for x in (folder / "kept").rglob("*") if x.is_file()}
+        found = {str(x.relative_to(folder)): x.read_bytes() for x in (folder / "kept").rglob("*") if x.is_file()}
+        return {re.sub(r"[^/]*\.jsonl", "a.jsonl", name): found[name] for name in sorted(found)}  # without a process id

@@ -63,6 +63,23 @@ def test_no_command_prints_help(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
+    "arguments",
+    [
+        ["sheet", "a.png", "--size", "9" * 5000],
+        ["compare", "a.png", "a.png", "--band", "9" * 5000],
+        ["film", "a.png", "-o", "a.gif", "--fps", "1e999999999"],  # 10 ** 999999999 would take hours
+        ["film", "a.png", "-o", "a.gif", "--fps", "1/0"],
+        ["submit", "a.toml", "--slurm", "--shards", "9" * 5000],
+        ["mix", "job.toml", "-o", "a", "--spp", "9" * 5000],
+    ],
+)
+def test_numbers_without_end_are_one_line(run: Run, folder: Path, arguments: list[str]) -> None:
+    done = run(*arguments)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith("mirelight: ")
+
+
+@pytest.mark.parametrize(
     "arguments", [["fly"], ["render"], ["render", "a", "b"], ["inspect"], ["render", "a", "--fast"]]
 )
 def test_wrong_arguments(run: Run, arguments: list[str]) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mirelight.io import exr
 from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.safety import read_file
 
 RECORD = Path(".mirelight") / "export.jsonl"
 
@@ -142,11 +143,11 @@ class Files:
     def _read(self) -> dict[str, _Row]:
         out: dict[str, _Row] = {}
         try:
-            text = (self.folder / RECORD).read_text(encoding="utf-8")
+            text = read_file(self.folder / RECORD).decode()
         except (OSError, ValueError):
             return out
         for line in text.splitlines():
-            with suppress(ValueError, KeyError, TypeError):  # a torn line
+            with suppress(ValueError, KeyError, TypeError, RecursionError):  # a torn line
                 data = json.loads(line)
                 name = str(data["file"])
                 if not Path(name).is_absolute() and ".." not in Path(name).parts:

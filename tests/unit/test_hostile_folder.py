@@ -1,0 +1,213 @@
+"""Output folders that mean harm: pipes, devices, terabytes and broken rows where runs keep what they know."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.dataset import index
+from mirelight.errors import InputError
+from mirelight.io import image, owner, safety
+from mirelight.model import Camera, SplatLayer
+from mirelight.store import arrays
+from mirelight.store.artefacts import Artefacts
+from mirelight.store.claims import Claims
+from mirelight.store.index import Index
+from mirelight.store.journal import FileRow, Journal, Row
+from mirelight.store.planned import PlannedRuns
+
+CAMERA = Camera.look_at((0, 0, 5), (0, 0, 0), 16, 12, yfov=40)
+DEEP = b"[" * 100_000
+PLAN = {
+    "job": "/a.toml",
+    "settings": [],
+    "whole": True,
+    "frames": [["a.b", "a", "b", {".exr": "k"}, "a"]],
+    "layers": {},
+}
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def loop(path: Path) -> None:
+    path.symlink_to(path)
+
+
+def terabytes(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(2**42)
+
+
+def deep(path: Path) -> None:
+    path.write_bytes(DEEP)
+
+
+KINDS = [pipe, device, loop, terabytes, deep, Path.mkdir]
+each = pytest.mark.parametrize("make", KINDS, ids=lambda x: x.__name__)
+Make = Callable[[Path], None]
+
+
+@each
+def test_files_that_are_left_out(tmp_path: Path, make: Make) -> None:
+    make(tmp_path / "a")
+    if make is deep:
+        assert safety.read_file(tmp_path / "a") == DEEP
+    else:
+        with pytest.raises(OSError, match=r"not a file|too large|symbolic links"):
+            safety.read_file(tmp_path / "a")
+
+
+@each
+def test_plans(tmp_path: Path, make: Make) -> None:
+    for name in ("0.json", "z.json"):
+        make(tmp_path / name)
+    (tmp_path / "m.json").write_text(json.dumps(PLAN))
+    assert [frame.name for frame in PlannedRuns(tmp_path).frames()] == ["a.b"]
+
+
+@each
+def test_journals(tmp_path: Path, make: Make) -> None:
+    journal = Journal(tmp_path)
+    journal.add(Row("a.b", {".exr": FileRow("k", 1, 2, "0")}, 1.0))
+    journal.close()
+    for name in ("0.jsonl", "~.jsonl"):
+        make(tmp_path / name)
+    reader = Journal(tmp_path)
+    assert [row.frame for row in reader.rows()] == ["a.b"]
+    assert list(reader.new_rows()) == []
+
+
+def test_a_row_that_grows_is_read_when_it_is_whole(tmp_path: Path) -> None:
+    whole = json.dumps({"frame": "a.b", "files": {}, "seconds": 1}).encode() + b"\n"
+    path = tmp_path / "a.jsonl"
+    path.write_bytes(b"torn\n" + whole + whole[:10])
+    reader = Journal(tmp_path)
+    assert len(list(reader.rows())) == 1
+    with path.open("ab") as file:
+        file.write(whole[10:] + whole)
+    assert len(list(reader.new_rows())) == 2
+
+
+@each
+def test_artefacts(tmp_path: Path, make: Make) -> None:
+    for suffix in ("npy", "npz", "light"):
+        make(tmp_path / f"a.{suffix}")
+    kept = Artefacts(tmp_path)
+    assert kept.array("a") is None
+    assert kept.mesh("a") is None
+    assert kept.light("a", CAMERA) is None
+    assert kept.composite("a", CAMERA, "physical", True) is None
+    assert kept.cells("a") is None
+    assert kept.cell_lights("a", 1) is None
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"[]",
+        b"{}",
+        b'{"bytes":4}',
+        b'{"bytes":4,"arrays":[],"about":{}}',
+        b'{"bytes":4,"arrays":{"depth":["|O",[1],0]},"about":{}}',
+        b'{"bytes":4,"arrays":{"depth":["<f4",[1000000000000],0]},"about":{}}',
+        b'{"bytes":4,"arrays":{"depth":["<f4",[1],99]},"about":{}}',
+        b'{"bytes":4,"arrays":{"depth":["<f4",[1],0]},"about":[]}',
+        b'{"bytes":4,"arrays":{"depth":["<f4",[1],0]},"about":{"size":0,"names":["a"],"kinds":7,"layers":3}}',
+        DEEP,
+    ],
+)
+def test_artefacts_with_other_heads(tmp_path: Path, head: bytes) -> None:
+    text = arrays._MAGIC + head + b"\n"
+    (tmp_path / "a.light").write_bytes(text + bytes(-len(text) % arrays._ALIGN) + b"1234")
+    kept = Artefacts(tmp_path)
+    assert kept.light("a", CAMERA) is None
+    assert kept.composite("a", CAMERA, "physical", True) is None
+    assert kept.cells("a") is None
+    assert kept.cell_lights("a", 1) is None
+
+
+@each
+def test_claims(tmp_path: Path, make: Make) -> None:
+    claims = Claims(tmp_path)
+    path = claims._path("front")
+    make(path)
+    assert [x.process for x in claims.held()] == [0]
+    with claims.claim("front") as mine:
+        assert not mine  # as long as it looks like one that was just begun
+    os.utime(path, (1, 1), follow_symlinks=False)
+    with claims.claim("front") as mine:
+        assert mine
+    claims.close()
+
+
+def test_claims_of_nobody(tmp_path: Path) -> None:
+    for i, text in enumerate(
+        ("a-x\n", f"{owner.machine()}-{'9' * 5000}\n", f"{owner.token()}\n[[", "\n" + "[" * 100_000, "\xff")
+    ):
+        (tmp_path / f"front-{i}").write_text(text, encoding="latin-1")
+    (tmp_path / "nan").write_text(owner.token() + '\n{"since": NaN, "name": 1e999}')
+    held = Claims(tmp_path).held()
+    assert len(held) == 6
+    assert all(np.isfinite(x.age) for x in held)
+
+
+@each
+def test_frames(tmp_path: Path, make: Make) -> None:
+    """What lies in a frame's place is no frame, and does not hide the others."""
+    make(tmp_path / "a.b.exr")
+    make(tmp_path / "a.b.png")
+    (tmp_path / "c.d.png").write_bytes(b"1")
+    status = (tmp_path / "c.d.png").stat()
+    rows = [
+        Row("a.b", {".exr": FileRow("k", 5, 2, "0"), ".png": FileRow("k", 5, 2, "0")}, 1.0),
+        Row("c.d", {".png": FileRow("k", 1, status.st_mtime_ns, "0")}, 1.0),
+    ]
+    found = Index(tmp_path, iter(rows))
+    assert not found.has_file(tmp_path / "a.b.exr", "k")
+    assert not found.has_file(tmp_path / "a.b.png", "k")
+    assert found.has_file(tmp_path / "c.d.png", "k")
+    for name in ("a.b.exr", "a.b.png"):
+        assert not image.is_intact(tmp_path / name)
+        assert image.read_fingerprint(tmp_path / name) is None
+
+
+@each
+def test_data_sets(tmp_path: Path, make: Make) -> None:
+    (tmp_path / index.FILE).parent.mkdir(exist_ok=True)
+    make(tmp_path / index.FILE)
+    with pytest.raises(InputError, match=r"no kept layers|not an index|a damaged index"):
+        index.read(tmp_path)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38])
+def test_kept_values_that_are_none(tmp_path: Path, value: float) -> None:
+    """A bit that has changed on disk makes the light anew, not a frame of NaN."""
+    kept = Artefacts(tmp_path)
+    values = np.ones((4, 3), np.float32)
+    kept.keep_array("a", values)
+    layer = SplatLayer(
+        camera=CAMERA,
+        profile="physical",
+        linear=True,
+        color=np.ones((12, 16, 3), np.float32),
+        transmittance=np.zeros((12, 16), np.float32),
+        depth=np.ones((12, 16), np.float32),
+        median_depth=np.ones((12, 16), np.float32),
+    )
+    kept.keep_composite("b", layer)
+    assert kept.array("a") is not None and kept.composite("b", CAMERA, "physical", True) is not None
+    for name in ("a.npy", "b.light"):
+        data = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(data[:-64] + np.full(16, value, np.float32).tobytes())
+    assert kept.array("a") is None and kept.composite("b", CAMERA, "physical", True) is None

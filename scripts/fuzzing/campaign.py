@@ -158,7 +158,7 @@ def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, i
         clear = all(map(_is_ours, lines)) and bool(lines) and _names_a_file(lines[-1], names)
         mute = case.streams in ("closed", "unread")  # nobody hears, or nobody wants to
         return ("refused", stderr) if clear or mute else ("unclear", stderr)
-    own = {"compare": (1,), "status": (1, 3)}.get(case.arguments[0], ())
+    own = {"compare": (1,), "status": (1, 3), "verify": (1,)}.get(case.arguments[0], ())
     return ("ok", "") if answer["code"] in own else ("crash", f"exit {answer['code']}")
 
 

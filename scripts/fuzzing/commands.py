@@ -167,6 +167,7 @@ COMMANDS = (
         {"--fps": NUMBERS, "--camera": NAMES, "--lighting": NAMES, "--order": ("cameras", "lightings", "x")},
     ),
     Command("status", ("kept",), "", {"--json": ("x",)}, out=""),
+    Command("verify", ("kept",), "", {"--rebuild": ("x",)}, out=""),
     Command(  # frames from what is kept: only their EXR files are other ones
         "render",
         ("job.toml",),

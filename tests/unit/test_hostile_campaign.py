@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import pytest
 
-QUICK = "inspect", "schema", "submit", "export", "status", "sheet", "film"
+from mirelight.cli import make_parser
+
+QUICK = "inspect", "schema", "submit", "export", "status", "verify", "sheet", "film"
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
@@ -20,6 +23,14 @@ def test_hostile_input_is_read_or_refused(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(verdicts) > 200
     assert [x for x in verdicts if x.kind in BAD] == []
     assert any(x.kind == "ok" for x in verdicts)
+
+
+def test_every_command_has_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    from fuzzing.cases import cases
+
+    (commands,) = (x for x in make_parser()._actions if isinstance(x, argparse._SubParsersAction))
+    assert {case.arguments[0] for case in cases(500)} == set(commands.choices) - {"doctor"}  # which takes nothing
 
 
 def test_the_judge_sees_what_it_looks_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from mirelight.io.safety import open_file
 from mirelight.model import DisplaySettings, Job, Lighting
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
-from mirelight.store.index import digest_of
+from mirelight.store.index import digest_of, is_one_of
 from mirelight.store.journal import FileRow, Journal, Row
 from mirelight.store.planned import PlannedFrame
 from mirelight.units import terms
@@ -195,7 +195,7 @@ class _Look:
             if suffix in gone:
                 continue
             found = image.read_fingerprint(path)
-            sound = digest_of(path) in {x.sha256 for x in rows} if rows else image.is_intact(path)
+            sound = is_one_of(path, rows) if rows else image.is_intact(path)
             if found is None or (found == key and not sound):
                 text = "its bytes are others than were written" if found else "it is cut off, or no picture of ours"
                 self._bad(frame.name + suffix, text, path)

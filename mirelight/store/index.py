@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
@@ -74,9 +74,17 @@ class Index:
         rows = self._rows.get((path.name, key), [])
         if any((row.bytes, row.mtime_ns) == (status.st_size, status.st_mtime_ns) for row in rows):
             return True
-        if (rows and status.st_size not in {row.bytes for row in rows}) or image.read_fingerprint(path) != key:
-            return False
-        return digest_of(path) in {row.sha256 for row in rows} if rows else image.is_intact(path)
+        return image.read_fingerprint(path) == key and (is_one_of(path, rows) if rows else image.is_intact(path))
+
+
+def is_one_of(path: Path, rows: Collection[FileRow]) -> bool:
+    """Whether a file is, to the bit, one that was written. What has another size is not read."""
+    try:
+        size = path.stat().st_size
+    except OSError:
+        return False
+    digests = {row.sha256 for row in rows if row.bytes == size}
+    return bool(digests) and digest_of(path) in digests
 
 
 def digest_of(path: Path) -> str:

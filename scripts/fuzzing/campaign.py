@@ -134,7 +134,8 @@ def _worker() -> Iterator[Worker]:
 
 
 def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, int]) -> tuple[str, str]:
-    names = frozenset((*case.arguments, *(x.name for x in before)))
+    values = (x.partition("=")[2] for x in case.arguments)
+    names = frozenset((*case.arguments, *values, *(x.name for x in before)))
     said = [(root / "said" / name).read_bytes() for name in ("stdout", "stderr")]
     stderr = said[1].decode("utf-8", "backslashreplace")
     if answer["raised"] or "Traceback (most recent" in stderr:

@@ -17,7 +17,7 @@ from mirelight.model import Camera, SplatLayer
 from mirelight.store import arrays
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims
-from mirelight.store.index import Index
+from mirelight.store.index import Index, digest_of, is_one_of
 from mirelight.store.journal import FileRow, Journal, Row
 from mirelight.store.planned import PlannedRuns
 
@@ -180,6 +180,17 @@ def test_frames(tmp_path: Path, make: Make) -> None:
     for name in ("a.b.exr", "a.b.png"):
         assert not image.is_intact(tmp_path / name)
         assert image.read_fingerprint(tmp_path / name) is None
+
+
+def test_terabytes_in_a_frames_place_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    path.write_bytes(b"whole")
+    row = FileRow("k", 5, 0, digest_of(path))
+    assert is_one_of(path, [row])
+    path.write_bytes(b"other")
+    assert not is_one_of(path, [row])
+    terabytes(path)
+    assert not is_one_of(path, [row]) and not is_one_of(tmp_path / "none", [row])
 
 
 @each

@@ -135,7 +135,8 @@ def _worker() -> Iterator[Worker]:
 
 def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, int]) -> tuple[str, str]:
     values = (x.partition("=")[2] for x in case.arguments)
-    names = frozenset((*case.arguments, *values, *(x.name for x in before)))
+    beside = (f"{Path(x).stem}." for x in case.arguments)  # of FILE.toml there is a FILE.exr
+    names = frozenset((*case.arguments, *values, *beside, *(x.name for x in before))) - {"."}
     said = [(root / "said" / name).read_bytes() for name in ("stdout", "stderr")]
     stderr = said[1].decode("utf-8", "backslashreplace")
     if answer["raised"] or "Traceback (most recent" in stderr:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from typing import get_args
 
-from mirelight import __version__, backend
+from mirelight import __version__, backend, extras
 from mirelight.errors import BackendError
 from mirelight.machine import memory
 from mirelight.model import Variant
@@ -30,6 +30,8 @@ def run() -> int:
         print(f"{variant:<12} {'renders' if problem is None else problem}")
     for name, state in _optional():
         print(f"{name:<12} {state}")
+    for line in _extras():
+        print(line)
     return 0 if results["llvm_ad_rgb"] is None else 2
 
 
@@ -124,6 +126,16 @@ def _optional() -> list[tuple[str, str]]:
         ("PlayCanvas", str(playcanvas) if playcanvas else fetched),
         ("splat-transform", converter or "not found (.ksplat, LCC): npm install -g @playcanvas/splat-transform"),
     ]
+
+
+def _extras() -> list[str]:
+    """A line for each extra: what it unlocks, and how to get it."""
+    lines = []
+    for extra in extras.EXTRAS:
+        lacks = extras.missing(extra.name)
+        state = f"missing ({', '.join(lacks)}): {extras.install(extra.name)}" if lacks else "installed"
+        lines.append(f"extra {extra.name:<8} {state}; for {extra.unlocks}")
+    return lines
 
 
 def _child(variant: str) -> int:

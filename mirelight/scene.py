@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight import advice, backend, keys
+from mirelight import advice, backend, extras, keys
 from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
@@ -22,6 +22,7 @@ from mirelight.model import (
     EstimatedSky,
     Job,
     Lighting,
+    Matte,
     ProxyMesh,
     SplatCloud,
     SurfaceCache,
@@ -33,6 +34,7 @@ from mirelight.view_light import ViewLight
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
     from mirelight.lighting import EngineTracer, Tracer
+    from mirelight.lighting.mattes import Mattes
 
 
 def prepare(job: Job, kept: Kept | None = None, report: Callable[[str], None] | None = None) -> Scene:
@@ -53,7 +55,10 @@ def prepare(job: Job, kept: Kept | None = None, report: Callable[[str], None] | 
 
 
 def check(job: Job) -> None:
-    """Raises InputError where a job names too little to be rendered."""
+    """Raises InputError where a job names too little to be rendered, BackendError where it needs a package that is not
+    installed."""
+    if job.render.denoise and job.proxy is not None and not keys.follows_engine(job):
+        extras.require("denoise")
     if job.splats is None and (job.proxy is None or not job.lightings):
         raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
     if job.lightings and job.proxy is None:
@@ -77,6 +82,7 @@ class Scene:
         self._report = report
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
         self._view: ViewLight | None = None
+        self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
 
     def __repr__(self) -> str:
         ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
@@ -221,6 +227,22 @@ class Scene:
         render = self.job.render
         assert self.splats is not None
         return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
+
+    def mattes(self, camera: Camera) -> tuple[Matte, ...]:
+        """The cryptomattes that the job's files hold, of one camera; those of the last camera are kept."""
+        wanted = keys.mattes(self.job)
+        if not wanted:
+            return ()
+        if self._mattes is None or keys.view(self._mattes[0]) != keys.view(camera):
+            self._mattes = (camera, tuple(self._matte_rays.of(camera, name) for name in wanted))
+        return self._mattes[1]
+
+    @cached_property
+    def _matte_rays(self) -> Mattes:
+        from mirelight.lighting.mattes import Mattes
+
+        assert self.mesh is not None
+        return Mattes(self.mesh, self.job.render.variant, self.job.render.threads)
 
     @cached_property
     def tracer(self) -> Tracer | EngineTracer:

@@ -14,6 +14,7 @@ from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
 from mirelight.plan import light_keys, warnings
+from mirelight.scene import check
 from mirelight.store import Store
 
 
@@ -32,6 +33,7 @@ def run_render(args: argparse.Namespace) -> int:
         with tally:
             work = _load(args, order, tally)
             whole = order.plan(work)
+            check(work)
             frames = whole if shard is None else shard.of(whole)
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from mirelight import extras
 from mirelight.compare.types import CompareSettings
-from mirelight.errors import MirelightError
 from mirelight.model import F32
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709 weights on display values
 _SSIM_SIGMA, _SSIM_RADIUS = 1.5, 5
 _SSIM_C1, _SSIM_C2 = 0.01**2, 0.03**2
-_PACKAGES = {"flip_evaluator": "flip-evaluator", "colour": "colour-science"}  # of the extra `compare`
 _DARK_SHARE = 0.01  # relMSE: share of the squared mean that keeps dark pixels from deciding
 
 
@@ -128,18 +127,9 @@ def require(*, flip_alone: bool = False) -> None:
         flip_alone: only :func:`flip` is wanted, and :func:`delta_e` is not.
 
     Raises:
-        MirelightError: a package of the extra `compare` is missing.
+        BackendError: a package of the extra `compare` is missing.
     """
-    from importlib.util import find_spec
-
-    for module, package in _PACKAGES.items():
-        if not (flip_alone and module != "flip_evaluator") and find_spec(module) is None:
-            raise _missing(package)
-
-
-def _missing(package: str) -> MirelightError:
-    remedy = "install it with: pip install 'mirelight[compare]'"
-    return MirelightError(f"comparing pictures needs the package {package}; {remedy}")
+    extras.require("compare", "flip_evaluator" if flip_alone else None)
 
 
 def _library(module: str) -> Any:
@@ -150,4 +140,4 @@ def _library(module: str) -> Any:
             warnings.simplefilter("ignore")  # colour-science tells of plotting packages that are not needed here
             return import_module(module)
     except ImportError:
-        raise _missing(_PACKAGES[module]) from None
+        raise extras.needed("compare", module) from None

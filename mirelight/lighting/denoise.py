@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight import extras
 from mirelight.errors import BackendError
 from mirelight.lighting.adaptive import window_sum
 from mirelight.model import F32, LightingBuffer, LightLayer
@@ -42,10 +43,8 @@ def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
     """
     try:
         import pyoidn  # type: ignore[import-untyped]
-    except ImportError as missing:
-        raise BackendError(
-            "denoising needs Open Image Denoise: pip install pyoidn, or set denoise = false"
-        ) from missing
+    except ImportError:
+        raise extras.needed("denoise") from None
     if not buffer.layers:
         return buffer
     parts = _Parts.of(buffer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.errors import BackendError
+from mirelight import extras
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Soup
 
@@ -20,7 +20,7 @@ def decimated(soup: Soup, most: int) -> Soup:
     try:
         import pyfqmr
     except ImportError:
-        raise BackendError("fewer triangles need pyfqmr: pip install 'mirelight[proxy]'") from None
+        raise extras.needed("proxy") from None
     simplifier = pyfqmr.Simplify()
     simplifier.setMesh(soup.vertices, soup.faces.astype(np.int32))
     simplifier.simplify_mesh(target_count=most, aggressiveness=4, preserve_border=True, verbose=False)

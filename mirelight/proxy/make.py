@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight import extras
 from mirelight.errors import InputError
 from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
@@ -54,6 +55,8 @@ def make(
         BackendError: the variant cannot run here, or `triangles` without pyfqmr.
         RenderError: not enough memory.
     """
+    if settings.triangles is not None:
+        extras.require("proxy")
     report, began = progress or quiet, time.monotonic()
     report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)

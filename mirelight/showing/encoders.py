@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import shutil
 import subprocess
@@ -14,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight import extras
 from mirelight.errors import InputError, OutputError
 from mirelight.io.safety import require_memory
 from mirelight.io.sheet import spread
@@ -64,12 +64,12 @@ def encoder_of(path: Path, rate: Fraction) -> Write:
     raise InputError(
         path,
         "nothing here writes H.264",
-        "pip install 'mirelight[film]', or put ffmpeg on the PATH, or write .gif or .webp",
+        extras.remedy("film"),
     )
 
 
 def _has_pyav() -> bool:
-    if importlib.util.find_spec("av") is None:
+    if extras.missing("film"):
         return False
     import av
 

@@ -288,5 +288,5 @@ def test_the_error_of_a_denoised_picture_counts_its_bias(monkeypatch: pytest.Mon
 
 def test_denoising_without_the_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    with pytest.raises(BackendError, match="pip install pyoidn"):
+    with pytest.raises(BackendError, match=r"pip install 'mirelight\[denoise\]', or set render.denoise = false"):
         denoise(noisy())

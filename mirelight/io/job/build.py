@@ -52,6 +52,10 @@ class Assets:
     def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
         """The proxy in world space; gray where its colours come from the splats."""
         path, m = self.path(table.path), placing.matrix(table.transform)
+        if path.suffix.lower() in GLTF_SUFFIXES:
+            from mirelight.io.gltf.meshopt import refuse_without_decoder
+
+            refuse_without_decoder(path)
         albedo = "gray" if table.albedo == "splats" else table.albedo
         return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
 

@@ -13,6 +13,7 @@ from functools import cached_property
 
 from mirelight import provenance, relighting
 from mirelight.model import Camera, CompositorSettings, EstimatedSky, Job, Lighting, OutputSettings, digest
+from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of
 from mirelight.units import GLOW, LightSet, LightSets, Mixture, Rules, terms
 
@@ -250,6 +251,11 @@ def lighting_cameras(job: Job) -> list[Camera]:
 def reads_surface(job: Job) -> bool:
     """True where light that has been reflected is kept on the surface and read there."""
     return job.render.indirect != "traced" and not follows_engine(job)
+
+
+def mattes(job: Job) -> tuple[str, ...]:
+    """Names of the cryptomattes that a file holds."""
+    return tuple(name for name in MATTES if job.output.wants(name)) if job.proxy is not None else ()
 
 
 def wants_noise(job: Job) -> bool:

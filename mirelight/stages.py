@@ -138,7 +138,7 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     assert camera is not None
     key = "" if unfinished else scene.keys.frame(camera, lit.lighting if lit else None)
     made_by = provenance.of_frame(job, lit.lighting.name if lit else "", key)
-    return relighting.apply(
+    made = relighting.apply(
         splats,
         lit.new if lit else None,
         job.relight,
@@ -147,6 +147,8 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
         made_by=replace(made_by, partial=unfinished),
         noise=keys.wants_noise(job),
     )
+    mattes = scene.mattes(camera)
+    return replace(made, mattes=mattes) if mattes else made
 
 
 def frame(scene: Scene, camera: Camera, lighting: Lighting | None) -> Frame:

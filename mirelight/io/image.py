@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import InputError, OutputError
-from mirelight.io import exr_bytes
+from mirelight.io import cryptomatte, exr_bytes
 from mirelight.io.exr import ExrImage, read_exr, read_header, write_exr
 from mirelight.io.frame_texts import (
     FINGERPRINT,
@@ -71,7 +71,11 @@ def write(
             if plane.half:
                 half.add(name)
             images |= _channels(name, plane, values)
-        write_exr(path, images, attributes_of(frame, noise=noise), half if output.half else (), output.compression)
+        texts = dict(attributes_of(frame, noise=noise))
+        for matte in (x for x in frame.mattes if output.wants(x.name)):
+            images |= cryptomatte.layers(matte)
+            texts |= cryptomatte.attributes(matte)
+        write_exr(path, images, texts, half if output.half else (), output.compression)
     elif suffix == ".png":
         whole = frame.splats is not None and frame.splats.linear
         pixels = encode_display(frame.rgba, display, frame.profile, whole=whole)
@@ -89,6 +93,7 @@ def read(path: str | Path) -> Frame:
     - `splats` is None unless all four planes of a SplatLayer are there;
     - `lighting` is None where the file has no layer `lighting`, as that holds the coverage;
     - `lighting.layers` are one, "beauty", with all light in `direct`, where the file has no layers of lights;
+    - `mattes` are none;
     - depth, position, normals and albedo of `lighting` are 0, as where the proxy covers nothing; mode `ratio`, which
       divides by the albedo, refuses such light.
 

@@ -25,7 +25,7 @@ from mirelight.model.lights import (
     SunLight,
 )
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
-from mirelight.model.results import Frame, LightingBuffer, LightLayer, Provenance, SplatLayer
+from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, SplatCloud, Wrap, Wraps
 from mirelight.model.settings import (
     CompositorSettings,
@@ -66,6 +66,7 @@ __all__ = [
     "Lighting",
     "LightingBuffer",
     "Material",
+    "Matte",
     "OutputSettings",
     "PointLayers",
     "PointLight",

@@ -214,8 +214,10 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         exact=True,
     ),
 )
-AOVS = tuple(plane.name for plane in PLANES)  # what `output.aovs` can name
-EXACT = frozenset(plane.name for plane in PLANES if plane.exact)
+AOVS = tuple(plane.name for plane in PLANES)  # what `output.aovs` can name, and what `true` means
+MATTES = ("cryptomatte_material", "cryptomatte_node")  # `output.aovs` can name them, too: `model.results.Matte`
+NAMEABLE = AOVS + MATTES
+EXACT = frozenset(plane.name for plane in PLANES if plane.exact) | frozenset(MATTES)
 SURFACE = tuple(plane for plane in PLANES if plane.upsampling in ("covered", "unit"))  # in the film's order
 
 

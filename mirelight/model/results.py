@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mirelight.model import shown
-from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
+from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
 from mirelight.model.profiles import Profile
 
@@ -213,6 +213,26 @@ class LightingBuffer(ArrayHolder):
         return np.asarray(new_apart + np.clip(correlation, 0, 1) * (new_together**2 - new_apart), dtype=np.float32)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Matte(ArrayHolder):
+    """Which named parts of the proxy a picture shows (Cryptomatte): of each pixel the parts that cover it, the largest
+    first."""
+
+    name: str  # of `planes.MATTES`
+    names: tuple[str, ...]  # every part of the proxy, whether it is seen or not
+    index: I32  # (H, W, ranks) into `names`, -1 where fewer cover the pixel; an even number of ranks
+    share: F32  # (H, W, ranks) of the pixel that it covers, 0..1
+
+    def __post_init__(self) -> None:
+        freeze(self, "index", (None, None, None), np.int32)
+        freeze(self, "share", self.index.shape)
+
+    def __repr__(self) -> str:
+        height, width, ranks = self.index.shape
+        parts = f"{shown.count(len(self.names), 'name')} ({shown.names(self.names)})"
+        return f"Matte({self.name!r}, {width} x {height}: {ranks} ranks of {parts})"
+
+
 EMISSION = "emission"  # the layer of what the proxy's own surfaces send out
 
 
@@ -251,6 +271,7 @@ class Frame(ArrayHolder):
     made_by: Provenance | None = None
     noise: F32 | None = None  # (H, W, 3) standard deviation of rgba's colour; None where it is unknown or not wanted
     profile: Profile = "physical"  # by whose transfer curve it is shown; that of the splats where there are any
+    mattes: tuple[Matte, ...] = ()  # what `output.aovs` names of `planes.MATTES`; not read back from a file
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width

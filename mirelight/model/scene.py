@@ -87,6 +87,8 @@ class ProxyMesh(ArrayHolder):
     vertex_colors: F32 | None = None  # (V, 3) linear
     face_materials: I32 | None = None  # (F,) index into materials; None: all 0
     materials: tuple[Material, ...] = (Material(),)
+    face_nodes: I32 | None = None  # (F,) index into nodes; None: all 0
+    nodes: tuple[str, ...] = ("proxy",)  # names of the file's objects, where it has some
     albedo: F64 | None = field(default_factory=lambda: np.full(3, 0.5))  # (3,) linear; None: the file's own colours
 
     def __post_init__(self) -> None:
@@ -96,6 +98,7 @@ class ProxyMesh(ArrayHolder):
         for name, width in (("normals", 3), ("uvs", 2), ("vertex_colors", 3)):
             freeze(self, name, (v, width))
         freeze(self, "face_materials", (len(self.faces),), np.int32)
+        freeze(self, "face_nodes", (len(self.faces),), np.int32)
         freeze(self, "albedo", (3,), np.float64)
         if len(self.faces) and not (int(self.faces.min()) >= 0 and int(self.faces.max()) < v):
             raise ValueError(f"ProxyMesh.faces: an index outside 0..{v - 1}")

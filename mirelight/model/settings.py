@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting
-from mirelight.model.planes import AOVS, EXACT
+from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, RelightMode, Space, rules_of
 from mirelight.model.scene import ProxyMesh, SplatCloud
 
@@ -101,14 +101,14 @@ class OutputSettings:
     exr: bool = True
     png: bool = True
     layers: bool = True  # direct and indirect of each light or group, and `lighting`, which is their sum
-    aovs: bool | tuple[str, ...] = True  # names of `planes.AOVS`; True: all that the compression allows, False: none
+    aovs: bool | tuple[str, ...] = True  # of `planes.NAMEABLE`; True: all AOVS that the compression allows, False: none
     half: bool = False  # 16-bit colour (positions and depth stay 32-bit)
     compression: Compression = "zip"  # of the EXR; dwaa is lossy and holds none of `planes.EXACT`
 
     def __post_init__(self) -> None:
-        unknown = [] if isinstance(self.aovs, bool) else [name for name in self.aovs if name not in AOVS]
+        unknown = [] if isinstance(self.aovs, bool) else [name for name in self.aovs if name not in NAMEABLE]
         if unknown:
-            raise ValueError(f"OutputSettings.aovs: no layer {unknown[0]!r}; there are: {', '.join(AOVS)}")
+            raise ValueError(f"OutputSettings.aovs: no layer {unknown[0]!r}; there are: {', '.join(NAMEABLE)}")
 
     @property
     def wants_layers(self) -> bool:

@@ -13,7 +13,7 @@ import pytest
 from mirelight.errors import MirelightError
 from mirelight.io.job import load
 from mirelight.model import F32, Frame, LightingBuffer, LightLayer, OutputSettings, SplatLayer
-from mirelight.model.planes import AOVS, EXACT, LIGHT_PLANES, PLANES, SURFACE, Owner, planes_of
+from mirelight.model.planes import AOVS, EXACT, LIGHT_PLANES, MATTES, PLANES, SURFACE, Owner, planes_of
 
 TYPES: dict[Owner, type] = {"frame": Frame, "splats": SplatLayer, "lighting": LightingBuffer, "layer": LightLayer}
 ELSEWHERE = {("frame", "rgba"), ("lighting", "coverage")}  # the picture itself, and the alpha of `lighting`
@@ -65,7 +65,8 @@ def test_settings_want_what_they_name() -> None:
         "lighting"
     ]  # its alpha goes with layers
     assert not any(OutputSettings(exr=False).wants(name) for name in AOVS)
-    assert {name for name in AOVS if not OutputSettings(compression="dwaa").wants(name)} == EXACT
+    assert {name for name in AOVS if not OutputSettings(compression="dwaa").wants(name)} == EXACT - set(MATTES)
+    assert [name for name in MATTES if OutputSettings().wants(name)] == []  # by name alone
     with pytest.raises(ValueError, match="no layer 'depht'"):
         OutputSettings(aovs=("depht",))
 

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight.errors import printable
 from mirelight.io.gltf import blender
 from mirelight.io.gltf.animation import animated_nodes
 from mirelight.io.gltf.cameras import GltfCamera, read_node_cameras
 from mirelight.io.gltf.deform import joint_matrices, morphed, vertex_matrices
 from mirelight.io.gltf.document import Document, read_document
+from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.geometry import Piece, check_size, read_mesh_pieces, triangle_primitives
 from mirelight.io.gltf.lights import read_node_lights
 from mirelight.io.gltf.materials import TexturedMaterial, read_materials
@@ -100,17 +102,24 @@ def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool) -> P
     surfaces = read_materials(document, used, textures)
     cache: dict[str, list[Piece]] = {}
     placed: list[Piece] = []
+    owners: list[str] = []
     for (node, mesh), poses in zip(carriers, worlds, strict=True):
         if mesh.where not in cache:
             cache[mesh.where] = read_mesh_pieces(document, mesh, surfaces)
         joints = joint_matrices(document, nodes, node)
+        owners += [_name(node, mesh)] * len(cache[mesh.where])
         for piece in cache[mesh.where]:
             shape = morphed(piece, mesh, node)
             if joints is not None:
                 placed.append(_moved(shape, vertex_matrices(shape, joints)))
             else:
                 placed.append(_moved(shape, poses[0]) if len(poses) == 1 else _instanced(shape, poses))
-    return _merged(placed, surfaces) if placed else None
+    return _merged(placed, owners, surfaces) if placed else None
+
+
+def _name(node: Node, mesh: Fields) -> str:
+    """What people call an object: its node's name, else its mesh's, else where it stands in the file."""
+    return printable(node.name) or printable(mesh.text("name", "")) or node.fields.where
 
 
 def _moved(piece: Piece, world: Matrix) -> Piece:
@@ -167,8 +176,9 @@ def _instanced(piece: Piece, worlds: Matrix) -> Piece:
     )
 
 
-def _merged(pieces: list[Piece], surfaces: dict[int, TexturedMaterial]) -> ProxyMesh:
-    """One mesh of all pieces. Attributes that only some have are filled in: white, uv 0, the faces' own normals."""
+def _merged(pieces: list[Piece], owners: list[str], surfaces: dict[int, TexturedMaterial]) -> ProxyMesh:
+    """One mesh of all pieces and their nodes' names. Attributes that only some have are filled in: white, uv 0, the
+    faces' own normals."""
     if any(p.normals is not None for p in pieces):
         pieces = [p if p.normals is not None else _with_flat_normals(p) for p in pieces]
     offsets = np.cumsum([0] + [len(p.positions) for p in pieces])
@@ -176,6 +186,8 @@ def _merged(pieces: list[Piece], surfaces: dict[int, TexturedMaterial]) -> Proxy
     positions = np.concatenate([p.positions for p in pieces])
     normals = _joined([p.normals for p in pieces], pieces, 3, 0.0)
     materials, face_materials = _material_table(pieces, surfaces)
+    names = tuple(dict.fromkeys(owners))
+    of_piece = {name: i for i, name in enumerate(names)}
     return ProxyMesh(
         vertices=positions,
         faces=faces,
@@ -184,6 +196,8 @@ def _merged(pieces: list[Piece], surfaces: dict[int, TexturedMaterial]) -> Proxy
         vertex_colors=_joined([p.colors for p in pieces], pieces, 3, 1.0),
         face_materials=face_materials,
         materials=materials,
+        face_nodes=np.repeat([of_piece[x] for x in owners], [len(p.faces) for p in pieces]).astype(np.int32),
+        nodes=names,
     )
 
 

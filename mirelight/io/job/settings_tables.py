@@ -10,7 +10,7 @@ from mirelight import model
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import Compression, Indirect, RelightMode, Space, ToneCurve, Variant
-from mirelight.model.planes import AOVS, EXACT
+from mirelight.model.planes import EXACT, NAMEABLE
 
 _RENDER = model.RenderSettings()
 _COMPOSITOR = model.CompositorSettings()
@@ -142,8 +142,9 @@ class OutputTable(Table):
     aovs: bool | list[str] | None = Field(
         default=None,
         description="EXR: layers besides the picture and those of lights, all (true), none (false), or by name: "
-        f"{', '.join(AOVS)}. With dwaa, true leaves out what rounding would spoil. Default: as for layers.",
-        json_schema_extra={"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(AOVS)}}]},
+        f"{', '.join(NAMEABLE)}. With dwaa, true leaves out what rounding would spoil; it never means cryptomattes. "
+        "Default: as for layers.",
+        json_schema_extra={"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(NAMEABLE)}}]},
     )
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
     compression: Compression = Field(
@@ -159,9 +160,9 @@ class OutputTable(Table):
         if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
             raise wrong(shown(value), "give true, false, or a list of names")
         for name in value:
-            if name not in AOVS:
-                near = closest(name, list(AOVS))
-                remedy = f'did you mean "{near}"?' if near else f"there are {', '.join(AOVS)}"
+            if name not in NAMEABLE:
+                near = closest(name, list(NAMEABLE))
+                remedy = f'did you mean "{near}"?' if near else f"there are {', '.join(NAMEABLE)}"
                 raise wrong(f"no layer {shown(name)}", remedy)
         return list(dict.fromkeys(value))
 

@@ -144,6 +144,12 @@ def _listed(names: Sequence[str], most: int = 20) -> str:
     return ", ".join(names[:most]) + more
 
 
+def camera_names(cameras: tuple[Camera, ...]) -> tuple[str, ...]:
+    """A name for each camera that is unique and safe as a file name."""
+    names = _unique_names(cameras, (None,))
+    return tuple(names[id(camera), id(None)] for camera in cameras)
+
+
 def _unique_names(cameras: tuple[Camera, ...], lightings: tuple[Lighting | None, ...]) -> dict[tuple[int, int], str]:
     """A file name for each camera and lighting: what files cannot hold becomes "_", doubles get a number."""
     names: dict[tuple[int, int], str] = {}

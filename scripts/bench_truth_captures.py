@@ -27,7 +27,7 @@ from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud
 from mirelight.sh import C0
 
 ROOT = Path(__file__).resolve().parent.parent
-BAKE_SPP = 16
+BAKE_SPP = {"courtyard": 16, "interior": 128}  # for one splat's colour; indoors light is noisy
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -228,7 +228,7 @@ class _Scene:
             facing = np.einsum("nj,nkj->nk", normal, eyes - means[:, None])
             best = np.take_along_axis(facing, np.abs(facing).argmax(axis=1)[:, None], axis=1)
             truth = Truth(self.looks, self._lightings[lighting])
-            light = surfels.bake(form, normal * np.where(best < 0, -1.0, 1.0), truth, BAKE_SPP, seed=3)
+            light = surfels.bake(form, normal * np.where(best < 0, -1.0, 1.0), truth, BAKE_SPP[self._name], seed=3)
             return np.asarray(srgb_encode(np.clip(np.nan_to_num(light), 0, 1)), np.float32)
 
         colour = self._store.array(f"{self._name}.colours.{lighting}", make)

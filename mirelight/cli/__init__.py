@@ -132,9 +132,9 @@ def _run(args: argparse.Namespace) -> int:
 
             return run_verify(args)
         case "inspect":
-            from mirelight.cli.report import run_inspect
+            from mirelight.cli.inspect import run_inspect
 
-            return run_inspect(args.file, args.json)
+            return run_inspect(args)
         case "compare":
             from mirelight.cli.compare import run_compare
 
@@ -242,20 +242,13 @@ def make_parser() -> argparse.ArgumentParser:
     submit.add_argument("-o", "--file", metavar="FILE", help="write the script there, not to stdout")
     _add_order(submit)
 
-    inspect = commands.add_parser(
-        "inspect",
-        help="say what is in a splat, mesh, glTF, image or job file",
-        description="Counts, bounds, lights, cameras, and the memory that a file will take.",
-    )
-    inspect.add_argument("file", metavar="FILE", help="the file")
-    inspect.add_argument("--json", action="store_true", help="as JSON")
-
     from mirelight.cli.bake import add_bake
     from mirelight.cli.compare import add_compare
     from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
     from mirelight.cli.export import add_export
     from mirelight.cli.film import add_film
+    from mirelight.cli.inspect import add_inspect
     from mirelight.cli.match import add_match
     from mirelight.cli.mix import add_mix
     from mirelight.cli.proxy import add_proxy
@@ -264,6 +257,7 @@ def make_parser() -> argparse.ArgumentParser:
     from mirelight.cli.status import add_status
     from mirelight.cli.verify import add_verify
 
+    add_inspect(commands)
     add_status(commands)
     add_verify(commands)
     add_compare(commands)

@@ -1,12 +1,13 @@
-"""`mirelight inspect`: the facts of a file as text or JSON."""
+"""The facts of a file, and what a look at a job found, as text and JSON."""
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from mirelight.cli import say
 from mirelight.errors import printable
 from mirelight.io.facts import (
     Bounds,
@@ -18,22 +19,13 @@ from mirelight.io.facts import (
     MeshFacts,
     PictureFacts,
     SplatFacts,
-    as_json,
 )
-from mirelight.io.inspect import inspect
+
+if TYPE_CHECKING:
+    from mirelight.checking import Check
 
 _UNITS = {"directional": "lux", "sun": "lux", "point": "cd", "spot": "cd", "area": "cd/m²"}
 _MOST = 20  # lights or cameras that are listed
-
-
-def run_inspect(file: str, wants_json: bool) -> int:
-    """The command."""
-    facts = inspect(file)
-    if wants_json:
-        print_json(as_json(facts))
-    else:
-        say.result("\n".join(lines(facts)))
-    return 0
 
 
 def print_json(value: object) -> None:
@@ -57,6 +49,46 @@ def lines(facts: Facts) -> Iterator[str]:
             rows = _job(facts)
     for name, value in rows:
         yield f"  {name:<12} {printable(value)}"
+
+
+def fit_lines(found: Check) -> Iterator[str]:
+    """How the proxy of a job fits its splats, and what is wrong, a line each."""
+    quality = found.quality
+    if quality is not None:
+        looked = quality.views
+        through = f"{looked} of {found.cameras} cameras" if looked < found.cameras else f"its {found.cameras} cameras"
+        yield (
+            f"  fit          through {through if found.cameras > 1 else 'its camera'}: the proxy leaves "
+            f"{quality.uncovered:.1%} of the splats' pixels off (right ones up to 13 %)"
+        )
+        if quality.gap_median == quality.gap_median:
+            share = quality.gap_median / quality.size
+            yield f"               and lies {quality.gap_median:.3g} units from them, median ({share:.2%} of the size)"
+    for finding in found.findings:
+        yield f"  ! {printable(str(finding))}"
+
+
+def fit_json(found: Check) -> dict[str, object]:
+    """The same as JSON values."""
+    quality = found.quality
+    fit = None
+    if quality is not None:
+        fit = {
+            "uncovered": quality.uncovered,
+            "gap": _finite(quality.gap_median),
+            "size": quality.size,
+            "leaks": quality.leaks,
+            "cameras": [
+                {"name": x.camera, "shown": x.shown, "uncovered": x.uncovered, "gap": _finite(x.gap_median)}
+                for x in quality.by_view
+            ],
+        }
+    findings = [{"kind": x.kind, "text": x.text, "remedy": x.remedy} for x in found.findings]
+    return {"fit": fit, "findings": findings}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 Rows = Iterator[tuple[str, str]]
@@ -110,7 +142,8 @@ def _job(facts: JobFacts) -> Rows:
     yield "inputs", _listed(facts.inputs)
     if facts.sh_degree is not None:
         yield "splats", f"{facts.splats:,}, SH degree {facts.sh_degree}"
-    yield "proxy", f"{facts.triangles:,} triangles" if facts.triangles else "none"
+    made = "made from the splats when something is rendered" if facts.proxy_to_make else "none"
+    yield "proxy", f"{facts.triangles:,} triangles" if facts.triangles else made
     yield from _box(facts.bounds)
     for lighting in facts.lightings:
         yield from _lighting("lighting", lighting)

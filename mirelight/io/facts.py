@@ -166,6 +166,7 @@ class JobFacts:
     splats: int
     sh_degree: int | None
     triangles: int
+    proxy_to_make: bool  # from the splats, when something is rendered
     bounds: Bounds | None
     lightings: tuple[LightingFacts, ...]
     captured: LightingFacts | None

@@ -28,7 +28,7 @@ from mirelight.io.facts import (
     rounded,
 )
 from mirelight.io.safety import existing, open_binary, read_bytes
-from mirelight.model import Camera, Lighting, ProxyMesh, SplatCloud
+from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
 
 _GLTF = (".glb", ".gltf")
 _MESHES = (".obj", ".stl")
@@ -173,15 +173,25 @@ def _picture(path: Path) -> PictureFacts:
 def _job(path: Path) -> JobFacts:
     from mirelight.io import job
 
-    work = job.load(path)
+    return of_job(job.load(path), path)
+
+
+def of_job(work: Job, path: str | Path) -> JobFacts:
+    """What a loaded job holds. A proxy that has to be made of the splats is not: its triangles are not known then.
+
+    Raises:
+        InputError: a file that it names cannot be used.
+    """
     splats = work.splats.value if work.splats is not None else None
-    proxy = work.proxy.value if work.proxy is not None else None
+    to_make = work.made_proxy is not None and not work.made_proxy.is_there
+    proxy = work.proxy.value if work.proxy is not None and not to_make else None
     seen = splats.means if splats is not None else proxy.vertices if proxy else None
     return JobFacts(
         path=str(path),
         splats=len(splats) if splats is not None else 0,
         sh_degree=splats.sh_degree if splats is not None else None,
         triangles=len(proxy.faces) if proxy else 0,
+        proxy_to_make=to_make,
         bounds=None if seen is None else bounds_of(seen),
         lightings=tuple(lighting_facts(x) for x in work.lightings),
         captured=lighting_facts(work.captured) if work.captured else None,

@@ -59,6 +59,11 @@ class Deferred(Generic[T]):
             self._value = value
         return value
 
+    @property
+    def is_there(self) -> bool:
+        """Whether the value is known without reading anything."""
+        return self._value is not None
+
     def supply(self, value: T) -> None:
         """Hand it the value that it would read, where it was kept from an earlier time."""
         self._value = value

@@ -17,6 +17,7 @@ from mirelight.proxy.views import turned
 MOST_UNCOVERED = 0.18  # share of splat pixels that a right proxy may leave off (right ones 3-13 %, wrong ones 24 % up)
 MOST_GAP = 0.004  # of the capture's size, as a median: 1 % of error costs relighting 11 dB
 MOST_LEAKS = 0.5  # share of the mesh's pixels past the splats: a right one may have what no camera saw (measured: 28 %)
+UNEXPLAINED = "nothing simple explains it: see the heat map, and try --fit, or a proxy made from the splats"
 _POINTS = 6_000  # on each side of a comparison
 _BETTER = 0.5  # a guess must lower the distance to this share to be worth saying
 _HALF = ((180, 0, 0), (0, 180, 0), (0, 0, 180))
@@ -45,7 +46,7 @@ def advice_on(capture: Capture, mesh: ProxyMesh, uncovered: float, gap: float, l
     better = _explained(capture, mesh)
     if better:
         return (*wrong, better)
-    return (*wrong, "nothing simple explains it: see the heat map, and try --fit, or a proxy made from the splats")
+    return (*wrong, UNEXPLAINED)
 
 
 def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:

@@ -15,7 +15,7 @@ from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, SplatLayer
 from mirelight.proxy.advice import advice_on
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
-from mirelight.proxy.types import ProxyQuality, ProxySettings
+from mirelight.proxy.types import ProxyQuality, ProxySettings, ViewQuality
 from mirelight.proxy.views import around, moved, rays
 
 VIEWS = 12  # looked from, without cameras
@@ -70,6 +70,7 @@ def judged(
     uncovered = 1 - covered / shown if shown else 1.0
     median, high = (float(x) for x in np.quantile(gaps, [0.5, 0.95])) if len(gaps) else (float("nan"), float("nan"))
     leaks = leaked / hit if hit else 0.0
+    views = tuple(x.quality(camera.name, WRONG * size) for x, camera in zip(seen, chosen, strict=True))
     return ProxyQuality(
         uncovered=uncovered,
         gap_median=median,
@@ -77,9 +78,10 @@ def judged(
         leaks=leaks,
         size=size,
         triangles=len(mesh.faces),
-        views=len(chosen),
+        views=len(views),
+        by_view=views,
         advice=advice_on(capture, mesh, uncovered, median, leaks),
-        heat=_sheet([x.picture(WRONG * size) for x in seen]),
+        heat=_sheet([x.heat for x in views]),
     )
 
 
@@ -90,7 +92,7 @@ class _Compared:
     alpha: F32  # (H, W)
     gray: F32  # (H, W) how bright the splats look, display values, premultiplied
     on_mesh: NDArray[np.bool_]  # (H, W)
-    gap: F64  # (H, W) distance between both along the view, NaN where one is not
+    gap: F64  # (H, W) how far behind the mesh the splats' surface lies along the view, NaN where one is not
 
     @property
     def shown(self) -> int:
@@ -110,13 +112,24 @@ class _Compared:
 
     @property
     def gaps(self) -> F64:
-        return self.gap[np.isfinite(self.gap)]
+        return np.abs(self.gap[np.isfinite(self.gap)])
+
+    def quality(self, camera: str, wrong: float) -> ViewQuality:
+        gaps = self.gaps
+        return ViewQuality(
+            camera=camera,
+            shown=self.shown / self.alpha.size,
+            uncovered=1 - self.covered / self.shown if self.shown else 0.0,
+            gap_median=float(np.median(gaps)) if len(gaps) else float("nan"),
+            before=float(np.mean(self.gap[np.isfinite(self.gap)] > 0)) if len(gaps) else 0.0,
+            heat=self.picture(wrong),
+        )
 
     def picture(self, wrong: float) -> NDArray[np.uint8]:
         """(H, W, 3): gray as the splats look; red, blue and yellow over it."""
         gray = np.clip(self.gray, 0, 1)[..., None] * 0.7 + 0.05
         out = np.repeat(gray, 3, axis=2).astype(np.float64)
-        off = np.nan_to_num(np.clip(self.gap / wrong, 0, 1))[..., None]
+        off = np.nan_to_num(np.clip(np.abs(self.gap) / wrong, 0, 1))[..., None]
         out = out * (1 - off) + off * (1.0, 0.85, 0.1)
         opaque = self.alpha > OPAQUE
         out[opaque & ~self.on_mesh] = 0.25 * out[opaque & ~self.on_mesh] + 0.75 * np.array((1.0, 0.1, 0.05))
@@ -133,7 +146,7 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight) -> _Compared:
     both = on_mesh & (view.depth > 0) & (layer.transmittance < 1 - OPAQUE)
     depth = np.where(both, distance.reshape(shape), 0.0)
     long = np.linalg.norm(directions, axis=-1)
-    gap = np.where(both, np.abs(depth - view.depth) * long, np.nan)
+    gap = np.where(both, (view.depth - depth) * long, np.nan)
     return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), on_mesh, gap)
 
 

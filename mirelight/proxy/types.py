@@ -29,6 +29,21 @@ class ProxySettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ViewQuality:
+    """How well a mesh fits splats in one view."""
+
+    camera: str
+    shown: float  # share of the picture with splats (alpha above 0.5), 0..1
+    uncovered: float  # share of those pixels where the mesh is not, 0..1; 0 where nothing is shown
+    gap_median: float  # median distance between splats and mesh along the view, world units; NaN: nothing to compare
+    before: float  # share of the pixels with both where the mesh is the nearer, 0..1
+    heat: NDArray[np.uint8]  # (h, w, 3) as in `ProxyQuality`
+
+    def __post_init__(self) -> None:
+        freeze(self, "heat", (None, None, 3), np.uint8)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProxyQuality:
     """How well a mesh fits splats, over all pixels of some views. Splat pixels are those of alpha above 0.5."""
 
@@ -39,6 +54,7 @@ class ProxyQuality:
     size: float  # what gaps compare with: the diagonal of the box that holds the splats, world units
     triangles: int
     views: int  # how many were looked from
+    by_view: tuple[ViewQuality, ...]  # each of them
     advice: tuple[str, ...]  # sentences: what is wrong, and what to try; empty: it fits
     heat: NDArray[np.uint8]  # (h, w, 3) the views side by side: gray fits, red is uncovered, blue leaks, yellow a gap
 

@@ -29,6 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "viewing": BASE,
     "first": {"*"},
     "advice": BASE | {"colour"},
+    "checking": BASE | {"advice", "lighting", "proxy", "viewing"},
     "engine_lights": BASE | {"colour"},
     "io": BASE | TOOLS | {"extras", "engine_lights", "machine", "proxy", "units"},
     "dataset": BASE | TOOLS | {"io", "kept", "keys", "plan", "relighting", "store", "units"},

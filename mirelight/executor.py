@@ -72,6 +72,16 @@ class Progress(Protocol):
         """All that is left is being made by other processes: so many cameras."""
 
 
+class Preview(Protocol):
+    """Shows frames before they are finished; called from the rendering thread."""
+
+    def first(self, scene: Scene, groups: Sequence[Group]) -> None:
+        """Before the first frame: the groups with something left to make."""
+
+    def so_far(self, task: FrameTask, frame: Callable[[], Frame]) -> None:
+        """A frame is being made; `frame` gives it as far as it is."""
+
+
 class Silent:
     """A `Progress` that says nothing."""
 
@@ -90,7 +100,7 @@ class Silent:
     def waiting(self, cameras: int) -> None: ...
 
 
-def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSummary:
+def run(plan: Plan, store: Store, progress: Progress | None = None, preview: Preview | None = None) -> RenderSummary:
     """Make the frames of a plan that the store does not have, and put each there as soon as it is made.
 
     Whatever is in the store before an error or an interrupt stays; running again goes on after it. The frame that
@@ -108,10 +118,12 @@ def run(plan: Plan, store: Store, progress: Progress | None = None) -> RenderSum
     said = Said(heard)
     left, done = unfinished(plan, store, heard)
     keep_around(plan, scene, store)
+    if preview is not None and left:
+        preview.first(scene, left)
     while left:
         busy: list[Group] = []
         for group in left:
-            made = attempt(scene, group, store, heard, said)
+            made = attempt(scene, group, store, heard, said, preview)
             if made is None:
                 busy.append(group)
             else:
@@ -170,17 +182,21 @@ class Said:
             self._progress.note(f"the like was found {more} more times")
 
 
-def attempt(scene: Scene, group: Group, store: Store, progress: Progress, said: Said) -> RenderSummary | None:
+def attempt(
+    scene: Scene, group: Group, store: Store, progress: Progress, said: Said, preview: Preview | None = None
+) -> RenderSummary | None:
     """Make what is missing of a camera's frames, unless another process is at it: then None, at once.
 
     Raises:
         InputError, OutputError, BackendError: see :func:`run`.
     """
     with store.claim(group.name) as mine:
-        return _make(scene, group, store, progress, said) if mine else None
+        return _make(scene, group, store, progress, said, preview) if mine else None
 
 
-def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: Said) -> RenderSummary:
+def _make(
+    scene: Scene, group: Group, store: Store, progress: Progress, said: Said, preview: Preview | None
+) -> RenderSummary:
     if group.layers:
         return _make_layers(scene, group, store, progress)
     store.refresh()
@@ -193,7 +209,7 @@ def _make(scene: Scene, group: Group, store: Store, progress: Progress, said: Sa
     view = _OneCamera(scene, group, store)
     failed = 0
     for task in missing:
-        made = _tried(view, task, store, progress)
+        made = _tried(view, task, store, progress, preview)
         if isinstance(made, str):
             failed += 1
             store.put_failed(task, made)
@@ -215,12 +231,12 @@ class _OneCamera:
         return _composite(self.scene, self._group, self._store)
 
 
-def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress) -> Frame | str:
+def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None) -> Frame | str:
     """Make a frame, a second time where the first fails; what went wrong where the second does, too."""
     error = ""
     for _ in range(2):
         try:
-            return _make_one(view, task, store, progress)
+            return _make_one(view, task, store, progress, preview)
         except _OF_ALL:
             raise
         except Exception as e:
@@ -230,12 +246,18 @@ def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress) 
     return error
 
 
-def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progress) -> Frame:
+def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None) -> Frame:
     scene, splats = view.scene, view.splats
     began = time.monotonic()
     report: Callable[[int, int], None] = partial(progress.samples, task)
+
+    def show(lit: Callable[[], stages.Lit]) -> None:
+        assert preview is not None
+        preview.so_far(task, lambda: stages.relit(scene, splats, lit(), unfinished=True))
+
+    look = None if preview is None else show
     try:
-        lit = stages.light(scene, task.camera, task.lighting, progress=report) if task.lighting else None
+        lit = stages.light(scene, task.camera, task.lighting, progress=report, look=look) if task.lighting else None
     except stages.Stopped as stopped:
         if stopped.lit is not None:
             store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
@@ -256,6 +278,7 @@ def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -
         stages.trace(scene, group.camera, lightings, progress=report)
         store.add_row(group.name, time.monotonic() - began)
     for task in group.tasks:
+        store.drop_preview(task)
         progress.finished(task, there)
     count = len(group.tasks)
     return RenderSummary(rendered=0 if there else count, skipped=count if there else 0)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Protocol
 
 from mirelight.model import F32, Camera, CellLight, LightingBuffer, ProxyMesh, SurfaceCells
@@ -46,6 +48,74 @@ class Kept(Protocol):
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
         """Whether work of that name is this process's own until the block ends."""
+
+
+class KeptInMemory:
+    """Keeps traced light in memory, the newest of it; everything else where `beneath` keeps it.
+
+    Args:
+        beneath: another place.
+        most: bytes of light.
+    """
+
+    def __init__(self, beneath: Kept, most: int = 2**30) -> None:
+        self._beneath, self._most = beneath, most
+        self._light: OrderedDict[str, LightingBuffer] = OrderedDict()
+
+    def array(self, key: str) -> F32 | None:
+        """See :class:`Kept`."""
+        return self._beneath.array(key)
+
+    def has_array(self, key: str) -> bool:
+        """See :class:`Kept`."""
+        return self._beneath.has_array(key)
+
+    def keep_array(self, key: str, values: F32) -> None:
+        """See :class:`Kept`."""
+        self._beneath.keep_array(key, values)
+
+    def mesh(self, key: str) -> ProxyMesh | None:
+        """See :class:`Kept`."""
+        return self._beneath.mesh(key)
+
+    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
+        """See :class:`Kept`."""
+        self._beneath.keep_mesh(key, mesh)
+
+    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
+        """Buffers of one key are of one view, whatever its camera is called."""
+        found = self._light.get(key)
+        if found is None:
+            return None
+        self._light.move_to_end(key)
+        return replace(found, camera=camera)
+
+    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
+        """The oldest goes where there is more than may be kept."""
+        self._light[key] = buffer
+        self._light.move_to_end(key)
+        while len(self._light) > 1 and sum(x.nbytes for x in self._light.values()) > self._most:
+            self._light.popitem(last=False)
+
+    def cells(self, key: str) -> SurfaceCells | None:
+        """See :class:`Kept`."""
+        return self._beneath.cells(key)
+
+    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
+        """See :class:`Kept`."""
+        self._beneath.keep_cells(key, cells)
+
+    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
+        """See :class:`Kept`."""
+        return self._beneath.cell_lights(key, count)
+
+    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
+        """See :class:`Kept`."""
+        self._beneath.keep_cell_lights(key, lights, count)
+
+    def claim(self, name: str) -> AbstractContextManager[bool]:
+        """See :class:`Kept`."""
+        return self._beneath.claim(name)
 
 
 class KeptNowhere:

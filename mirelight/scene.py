@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
     Camera,
+    Deferred,
     EstimatedSky,
     Job,
     Lighting,
@@ -37,13 +38,16 @@ if TYPE_CHECKING:
     from mirelight.lighting.mattes import Mattes
 
 
-def prepare(job: Job, kept: Kept | None = None, report: Callable[[str], None] | None = None) -> Scene:
+def prepare(
+    job: Job, kept: Kept | None = None, report: Callable[[str], None] | None = None, like: Scene | None = None
+) -> Scene:
     """The job made ready for its frames. Returns at once: files are read, and artefacts made, when they are needed.
 
     Args:
         job: from `mirelight.load`.
         kept: where artefacts are found and kept; None: nowhere.
         report: called with a line before and after something that takes long is made.
+        like: a scene whose parts are taken over where this job would make the same, as of the job before an edit.
 
     Raises:
         InputError: the job cannot be rendered: nothing in it, lights without a proxy, a mode without what it needs.
@@ -51,7 +55,10 @@ def prepare(job: Job, kept: Kept | None = None, report: Callable[[str], None] | 
     if not isinstance(job, Job):
         raise TypeError(f"prepare() takes a job as mirelight.load gives it, not {type(job).__name__}")
     check(job)
-    return Scene(job, kept or KeptNowhere(), report)
+    made = Scene(job, kept or KeptNowhere(), report)
+    if like is not None:
+        made.take_over(like)
+    return made
 
 
 def check(job: Job) -> None:
@@ -72,6 +79,10 @@ def check(job: Job) -> None:
         )
 
 
+def _digest(part: Deferred[Any] | None) -> str:
+    return "" if part is None else part.digest
+
+
 class Scene:
     """What all frames of a job share. Made by :func:`prepare`; not to be sent to another process (send the job)."""
 
@@ -87,6 +98,35 @@ class Scene:
     def __repr__(self) -> str:
         ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
         return f"Scene({self.job.source.name}; ready: {', '.join(ready) or 'nothing yet'})"
+
+    def take_over(self, other: Scene) -> None:
+        """Whatever another scene has ready and this one would make the same: told by keys, nothing is compared."""
+        job, theirs, ready, mine = self.job, other.job, vars(other), vars(self)
+        self._estimates |= other._estimates
+        same_splats = _digest(job.splats) == _digest(theirs.splats)
+        if same_splats:
+            mine.update({name: ready[name] for name in ("splats",) if name in ready})
+        same_machine = (job.render.variant, job.render.threads) == (theirs.render.variant, theirs.render.threads)
+        if same_splats and same_machine and job.compositor == theirs.compositor:
+            mine.update({name: ready[name] for name in ("compositor",) if name in ready})
+        if job.proxy is None or theirs.proxy is None or self.keys.proxy != other.keys.proxy:
+            return
+        if job.render.profile == theirs.render.profile:
+            mine.update({name: ready[name] for name in ("mesh", "proxy", "glows") if name in ready})
+        if keys.compares(job) and keys.compares(theirs) and self.keys.captured_level == other.keys.captured_level:
+            mine.update({name: ready[name] for name in ("captured_level",) if name in ready})
+        if same_machine and "tracer" in ready:
+            self._take_tracer(other)
+
+    def _take_tracer(self, other: Scene) -> None:
+        from mirelight.lighting import Tracer
+
+        job, theirs, tracer = self.job, other.job, other.tracer
+        apart, aovs = keys.keeps_lights_apart(job), keys.wants_aovs(job)
+        if (job.render, apart, aovs) == (theirs.render, keys.keeps_lights_apart(theirs), keys.wants_aovs(theirs)):
+            vars(self)["tracer"] = tracer
+        elif isinstance(tracer, Tracer) and not keys.follows_engine(job):
+            vars(self)["tracer"] = tracer.tuned(job.render, layers=apart, aovs=aovs)
 
     @cached_property
     def splats(self) -> SplatCloud | None:

@@ -12,7 +12,7 @@ These are mirelight's public calls, and the body of every render::
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from mirelight import keys, provenance, relighting
@@ -32,6 +32,9 @@ class Lit:
 
     def __repr__(self) -> str:
         return f"Lit({self.camera.name} under {self.lighting.name}: {self.new!r})"
+
+
+Look = Callable[[Callable[[], Lit]], None]  # may ask for the light of a view as far as it is traced
 
 
 class Stopped(KeyboardInterrupt):
@@ -61,7 +64,9 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
 # --- light -----------------------------------------------------------------------------------------------------------
 
 
-def light(scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progress | None = None) -> Lit:
+def light(
+    scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progress | None = None, look: Look | None = None
+) -> Lit:
     """The light of a view: unit lights are traced, or found where they were kept, and mixed.
 
     Args:
@@ -69,6 +74,7 @@ def light(scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progres
         camera: one of the job's, or any other.
         lighting: one of the job's, or any other.
         progress: called with (samples done, samples in all) while something is traced.
+        look: called while the lighting is traced, with what gives its light so far (noisy, and not denoised).
 
     Raises:
         Stopped: Ctrl-C; holds what there was.
@@ -77,21 +83,24 @@ def light(scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progres
     """
     _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
-    wanted = [lighting]
-    if job.splats is not None and keys.compares(job) and job.captured is not None:
-        wanted.insert(0, job.captured)
+    compared = job.captured if job.splats is not None and keys.compares(job) else None
     view = scene.view_light(seen)
-    view.expect(wanted, progress)
-    mixed: list[LightingBuffer] = []
+    view.expect([lighting] if compared is None else [compared, lighting], progress)
+    captured: LightingBuffer | None = None
+
+    def lit(buffer: LightingBuffer) -> Lit:
+        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured)
+
+    def offer(so_far: Callable[[], LightingBuffer]) -> None:
+        assert look is not None
+        look(lambda: lit(so_far()))
+
     try:
-        mixed += [view.mixed(x) for x in wanted]
+        captured = None if compared is None else view.mixed(compared)
+        return lit(view.mixed(lighting, None if look is None else offer))
     except ViewStopped:
-        so_far = view.mixed_so_far(lighting) if len(mixed) == len(wanted) - 1 else None
-        captured = mixed[0] if mixed else None
-        lit = None if so_far is None else Lit(camera=camera, lighting=lighting, new=so_far, captured=captured)
-        raise Stopped(lit) from None
-    captured = mixed[0] if len(mixed) > 1 else None
-    return Lit(camera=camera, lighting=lighting, new=mixed[-1], captured=captured)
+        so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None
+        raise Stopped(None if so_far is None else lit(so_far)) from None
 
 
 def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progress: Progress | None = None) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mirelight.lighting import EngineTracer, Tracer
 
 Progress = Callable[[int, int], None]  # (samples done, samples in all)
+Look = Callable[[Callable[[], LightingBuffer]], None]  # may ask for a lighting as far as it is traced
 
 
 _MOST_BYTES = 2**30  # of buffers that one view keeps in memory
@@ -94,8 +95,8 @@ class ViewLight:
         if sum(x.nbytes for x in self._there.values()) > _MOST_BYTES:
             self._there = {name: x for name, x in self._there.items() if name in needed}
 
-    def mixed(self, lighting: Lighting) -> LightingBuffer:
-        """A lighting of the view, whatever must be traced for it traced.
+    def mixed(self, lighting: Lighting, look: Look | None = None) -> LightingBuffer:
+        """A lighting of the view, whatever must be traced for it traced; `look` sees it now and then on the way.
 
         Raises:
             ViewStopped: Ctrl-C.
@@ -106,7 +107,7 @@ class ViewLight:
         mixture = self._scene.mixture(lighting)
         for one in self._sets(mixture):
             if one.digest not in self._there:
-                self._there[one.digest] = self._traced(one)
+                self._there[one.digest] = self._traced(one, look and partial(self._looked, look, mixture, one))
         finished = self._finished(mixture)
         if is_captured:
             self._captured = finished
@@ -129,18 +130,22 @@ class ViewLight:
         mixture = self._scene.mixture(lighting)
         return self._finished(mixture) if any(s.digest in self._there for s in mixture.sets) else None
 
+    def _looked(self, look: Look, mixture: Mixture, one: LightSet, so_far: Callable[[], LightingBuffer]) -> None:
+        """Offer a mixture with a set that is being traced; sets that come after it are dark; nothing is denoised."""
+        look(lambda: self._mixed(mixture, {**self._there, one.digest: so_far()}))
+
     def _sets(self, mixture: Mixture) -> list[LightSet]:
         """The mixture's sets; surfaces that glow are one more, unless a set is traced as a whole."""
         mixed = all(s.whole is None for s in mixture.sets)
         return [*mixture.sets, *([GLOW] if mixed and self._scene.glows else [])]
 
-    def _traced(self, one: LightSet) -> LightingBuffer:
+    def _traced(self, one: LightSet, look: Look | None = None) -> LightingBuffer:
         from mirelight.lighting import Interrupted
 
         scene = self._scene
         report = partial(self._report, self._due.index(one.digest)) if self._progress else None
         try:
-            buffer = self._buffer(one, report)
+            buffer = self._buffer(one, report, look)
         except Interrupted as stopped:
             if stopped.buffer is not None:
                 self._there[one.digest] = stopped.buffer
@@ -149,7 +154,7 @@ class ViewLight:
         scene.kept.keep_light(scene.keys.light(one, self._seen), buffer)
         return buffer
 
-    def _buffer(self, one: LightSet, report: Progress | None) -> LightingBuffer:
+    def _buffer(self, one: LightSet, report: Progress | None, look: Look | None) -> LightingBuffer:
         """A set traced for this view; where the job keeps reflected light on the surface, gathered there first."""
         from mirelight.lighting import Tracer
 
@@ -162,22 +167,26 @@ class ViewLight:
         except KeyboardInterrupt:
             self.is_broken = True
             raise ViewStopped from None
-        return scene.tracer.trace(lighting, self._seen, emission=emission, cache=cache, progress=report)
+        return scene.tracer.trace(lighting, self._seen, emission=emission, cache=cache, progress=report, look=look)
 
     def _report(self, index: int, done: int, total: int) -> None:
         assert self._progress is not None
         self._progress(index * total + done, len(self._due) * total)
 
+    def _mixed(self, mixture: Mixture, traced: Mapping[str, LightingBuffer]) -> LightingBuffer:
+        job = self._scene.job
+        variance = job.render.denoise or job.output.wants("variance", "noise")
+        wanted = Wanted(layers=job.output.wants_layers, variance=variance)
+        return mix(mixture, traced, self._seen, _sun_strengths(self._scene, mixture), wanted)
+
     def _finished(self, mixture: Mixture) -> LightingBuffer:
         job = self._scene.job
-        denoised = job.render.denoise
-        wanted = Wanted(layers=job.output.wants_layers, variance=denoised or job.output.wants("variance", "noise"))
-        buffer = mix(mixture, self._there, self._seen, _sun_strengths(self._scene, mixture), wanted)
-        if not denoised or keys.follows_engine(job):
+        buffer = self._mixed(mixture, self._there)
+        if not job.render.denoise or keys.follows_engine(job):
             return buffer
         from mirelight.lighting.denoise import denoise
 
-        return denoise(buffer, layers=wanted.layers)
+        return denoise(buffer, layers=job.output.wants_layers)
 
 
 def _waiting(report: Progress, done: int, total: int) -> None:

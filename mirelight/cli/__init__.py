@@ -227,6 +227,7 @@ def make_parser() -> argparse.ArgumentParser:
     render.add_argument("--scheduler", metavar="ADDRESS", help="render with the workers of a Dask scheduler")
     render.add_argument("--shard", metavar="I/N", help="only the I-th of N parts of the cameras")
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    render.add_argument("--preview", action="store_true", help="show every frame as NAME.preview.png until it is there")
     render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")
 
     submit = commands.add_parser(

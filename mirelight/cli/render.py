@@ -15,6 +15,7 @@ from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
 from mirelight.plan import light_keys, warnings
 from mirelight.scene import check
+from mirelight.showing.preview import Previews
 from mirelight.store import Store
 
 
@@ -29,6 +30,9 @@ def run_render(args: argparse.Namespace) -> int:
         if workers is not None:
             raise InputError("--workers", "given together with --scheduler", "a scheduler's workers are started apart")
         scheduler.require()
+    if args.preview and (workers is not None or args.scheduler is not None):
+        other = "--workers" if workers is not None else "--scheduler"
+        raise InputError("--preview", f"given together with {other}", "leave one of them out")
     try:
         with tally:
             work = _load(args, order, tally)
@@ -51,7 +55,7 @@ def run_render(args: argparse.Namespace) -> int:
                 elif workers is not None:
                     crew.run(order, frames, store, workers, watched)
                 else:
-                    executor.run(frames, store, watched)
+                    executor.run(frames, store, watched, Previews(store, watched) if args.preview else None)
             store.tidy(light_keys(whole))
     except BaseException as e:
         code = stop.exit_code(e)

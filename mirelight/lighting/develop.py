@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import chain
 from typing import Any
 
@@ -27,6 +27,11 @@ class Sums:
     surface: F32  # H * W * SURFACE
     parts: F32 | None = None  # K * 2: radiance over batches 0, 2, 4 … and over 1, 5, 9 …; None: not kept
     doubt: F32 | None = None  # K: half the difference of two fills of what was read; None: nothing was
+
+    def copied(self) -> Sums:
+        """The same in memory of its own."""
+        own: dict[str, F32 | None] = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{name: x.copy() for name, x in own.items() if x is not None})
 
 
 def develop(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirelight.lighting import grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
-from mirelight.lighting.develop import develop
+from mirelight.lighting.develop import Sums, develop
 from mirelight.lighting.layers import Layers, sun_shares
 from mirelight.machine import uninterrupted
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
@@ -123,12 +123,19 @@ class FrameInProgress:
         shape = self.camera.height, self.camera.width
         return Estimate.of(sums, squares, hits, self.samples, self._batch, shape)
 
+    def so_far(self) -> LightingBuffer:
+        """The means of the samples so far, of a copy: more may be added after it."""
+        return self._developed(self._film.sums().copied())
+
     def develop(self) -> LightingBuffer:
         """The means. The film is used up; ask once, at the end."""
+        return self._developed(self._film.sums())
+
+    def _developed(self, sums: Sums) -> LightingBuffer:
         return develop(
             self.camera,
             self.layers,
-            self._film.sums(),
+            sums,
             self.samples,
             self._batch,
             sun=self._film.aovs and self._sun,

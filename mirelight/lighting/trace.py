@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -28,6 +29,7 @@ from mirelight.model import (
     RenderSettings,
     SurfaceCache,
     SurfaceCells,
+    digest,
 )
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 CELL_SAMPLES = 256  # of each cell of a surface cache
 
 Progress: TypeAlias = Callable[[int, int], None]
+Look: TypeAlias = Callable[[Callable[[], LightingBuffer]], None]  # may ask for the light so far
 
 
 class Interrupted(KeyboardInterrupt):
@@ -81,6 +84,7 @@ class Tracer:
         emission: bool = True,
         cache: SurfaceCache | None = None,
         progress: Progress | None = None,
+        look: Look | None = None,
     ) -> LightingBuffer:
         """Trace one frame. What a pixel's samples see of the surface does not depend on the lights.
 
@@ -95,6 +99,7 @@ class Tracer:
                 unless that is "traced" or paths end at their first hit. None: everything is traced.
             progress: called with (paths done, paths in all) after every launch; under a noise target the second number
                 is a forecast.
+            look: called after every launch, too, once each pixel has a sample; what it is given makes the light so far.
 
         Returns:
             A layer for each group of lights and each light without one, the environment, and emission where the proxy
@@ -134,7 +139,7 @@ class Tracer:
             cells=self._cells(cache, lighting, layers, emission),
         )
         try:
-            _sample(frame, settings, progress or _ignore)
+            _sample(frame, settings, _looking(frame, progress or _ignore, look))
         except KeyboardInterrupt:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
         return frame.develop()
@@ -299,6 +304,12 @@ class Tracer:
 
         return nearest_along(self._on_device(), origins, directions, reach)
 
+    def tuned(self, settings: RenderSettings, *, layers: bool, aovs: bool) -> Tracer:
+        """A tracer of the same proxy by other settings, variant and threads alike; both share what is on the device."""
+        out = copy(self)
+        out.settings, out._layers, out._aovs = settings, layers, aovs
+        return out
+
     def recolor(self, vertex_colors: F32) -> None:
         """Other vertex colours (V, 3) for a proxy that had some when it was made ready.
 
@@ -316,13 +327,28 @@ class Tracer:
         """The environment on the device, prepared when it changes."""
         from mirelight.lighting.kernel.sky import Sky
 
-        if self._sky is None or self._sky[0] is not environment:
+        if self._sky is None or not (self._sky[0] is environment or _digest(self._sky[0]) == _digest(environment)):
             self._sky = environment, Sky(environment)
         return self._sky[1]
 
 
+def _digest(environment: Environment | None) -> str:
+    return "" if environment is None else digest(replace(environment, name=""))
+
+
 def _ignore(done: int, total: int) -> None:
     """No progress wanted."""
+
+
+def _looking(frame: FrameInProgress, progress: Progress, look: Look | None) -> Progress:
+    """Progress that offers the light so far, once each pixel has a sample."""
+
+    def report(done: int, total: int) -> None:
+        progress(done, total)
+        if look is not None and done < total and frame.samples.all():
+            look(frame.so_far)
+
+    return report
 
 
 def _with_pilot(settings: RenderSettings) -> RenderSettings:

@@ -130,7 +130,7 @@ class Store:
 
     def put(self, task: FrameTask, frame: Frame, seconds: float = 0.0) -> None:
         """Write those of the frame's files that are not there, each whole or not at all, then its row; remove those of
-        an interrupted try.
+        an interrupted try and its preview.
 
         Raises:
             OutputError: a file cannot be written.
@@ -150,6 +150,7 @@ class Store:
         for path in self._partial_paths(task):
             if path.exists() and image.read_fingerprint(path) is None:
                 path.unlink()
+        self.drop_preview(task)
 
     def put_failed(self, task: FrameTask, error: str) -> None:
         """Record that a frame could not be made. Where not even that can be written, it is just missing."""
@@ -172,6 +173,19 @@ class Store:
 
     def _partial_paths(self, task: FrameTask) -> list[Path]:
         return [self.folder / f"{task.name}.partial{suffix}" for suffix in task.files]
+
+    def preview_path(self, task: FrameTask) -> Path:
+        """Where a frame is shown while it is not finished; never taken for the frame."""
+        return self.folder / f"{task.name}.preview.png"
+
+    def put_preview(self, task: FrameTask, frame: Frame) -> None:
+        """Show a frame that is not finished, in place of what was shown of it before."""
+        image.write(_stamped(frame, ""), self.preview_path(task), self._display, self._output)
+
+    def drop_preview(self, task: FrameTask) -> None:
+        """Show it no more: the frame is there."""
+        with suppress(OSError):
+            self.preview_path(task).unlink(missing_ok=True)
 
     # --- what frames are made from ---
 

@@ -81,6 +81,9 @@ class Preview(Protocol):
     def so_far(self, task: FrameTask, frame: Callable[[], Frame]) -> None:
         """A frame is being made; `frame` gives it as far as it is."""
 
+    def made(self, task: FrameTask, frame: Frame) -> None:
+        """A frame is made; its files follow."""
+
 
 class Silent:
     """A `Progress` that says nothing."""
@@ -100,12 +103,18 @@ class Silent:
     def waiting(self, cameras: int) -> None: ...
 
 
-def run(plan: Plan, store: Store, progress: Progress | None = None, preview: Preview | None = None) -> RenderSummary:
+def run(
+    plan: Plan,
+    store: Store,
+    progress: Progress | None = None,
+    preview: Preview | None = None,
+    scene: Scene | None = None,
+) -> RenderSummary:
     """Make the frames of a plan that the store does not have, and put each there as soon as it is made.
 
     Whatever is in the store before an error or an interrupt stays; running again goes on after it. The frame that
     Ctrl-C stops while it is lit is kept as far as it got, apart from the finished ones. A frame that fails twice is
-    recorded as failed, and the rest goes on; the next run tries it again.
+    recorded as failed, and the rest goes on; the next run tries it again. `scene`: the plan's job, prepared already.
 
     Raises:
         InputError: a file that the job names cannot be used.
@@ -114,7 +123,7 @@ def run(plan: Plan, store: Store, progress: Progress | None = None, preview: Pre
     """
     heard = progress or Silent()
     heard.started(plan.tasks)
-    scene = prepare(plan.job, store, heard.note)
+    scene = scene or prepare(plan.job, store, heard.note)
     said = Said(heard)
     left, done = unfinished(plan, store, heard)
     keep_around(plan, scene, store)
@@ -263,6 +272,8 @@ def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progres
             store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
         raise
     frame = stages.relight(scene, splats, lit)
+    if preview is not None:
+        preview.made(task, frame)
     store.put(task, frame, seconds=time.monotonic() - began)
     return frame
 

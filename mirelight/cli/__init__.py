@@ -171,6 +171,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.film import run_film
 
             return run_film(args)
+        case "watch":
+            from mirelight.cli.watch import run_watch
+
+            return run_watch(args)
         case "bake":
             from mirelight.cli.bake import run_bake
 
@@ -229,6 +233,15 @@ def make_parser() -> argparse.ArgumentParser:
     render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     render.add_argument("--preview", action="store_true", help="show every frame as NAME.preview.png until it is there")
     render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")
+
+    watch = commands.add_parser(
+        "watch",
+        help="render a job again whenever it is saved",
+        description="Show what a saved change of the job or of its files touches by quick pictures, then render it; "
+        "until Ctrl-C.",
+    )
+    watch.add_argument("job", metavar="JOB", help="job file (TOML)")
+    _add_order(watch, "--out")
 
     submit = commands.add_parser(
         "submit",

@@ -49,6 +49,26 @@ def quick_scene(scene: Scene, kept: Kept | None = None) -> Scene:
     return prepare(quick_job(scene.job), kept or KeptInMemory(scene.kept, _MEMORY), like=scene)
 
 
+class Pace:
+    """When a running frame is to be shown: not before a second, and for a twentieth of the time."""
+
+    def __init__(self) -> None:
+        self._task: FrameTask | None = None
+        self._due = self._began = 0.0
+
+    def is_due(self, task: FrameTask) -> bool:
+        """Whether now."""
+        self._began = time.monotonic()
+        if self._task is not task:
+            self._task, self._due = task, self._began + _EVERY
+        return self._began >= self._due
+
+    def done(self) -> None:
+        """It was shown."""
+        ended = time.monotonic()
+        self._due = ended + max(_EVERY, _SHARE * (ended - self._began))
+
+
 class Previews:
     """A `mirelight.executor.Preview` that writes pictures into the store's folder.
 
@@ -59,8 +79,7 @@ class Previews:
 
     def __init__(self, store: Store, progress: Progress) -> None:
         self._store, self._progress = store, progress
-        self._due = 0.0
-        self._task: FrameTask | None = None
+        self._pace = Pace()
 
     def first(self, scene: Scene, groups: Sequence[Group]) -> None:
         """A quick picture of every frame that is missing."""
@@ -83,14 +102,12 @@ class Previews:
 
     def so_far(self, task: FrameTask, frame: Callable[[], Frame]) -> None:
         """Shows it, so seldom that it costs little."""
-        now = time.monotonic()
-        if self._task is not task:
-            self._task, self._due = task, now + _EVERY
-        if now < self._due:
-            return
-        self._store.put_preview(task, frame())
-        ended = time.monotonic()
-        self._due = ended + max(_EVERY, _SHARE * (ended - now))
+        if self._pace.is_due(task):
+            self._store.put_preview(task, frame())
+            self._pace.done()
+
+    def made(self, task: FrameTask, frame: Frame) -> None:
+        """Its own files follow."""
 
 
 def quick_frame(quick: Scene, task: FrameTask) -> Frame:

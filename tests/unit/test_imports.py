@@ -71,6 +71,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "realtime": {"*"},
     "mixing": {"*"},
     "showing": {"*"},
+    "watching": {"*"},
     "baking": {"colour", "mixing", "model", "scene", "sh"},
     "doctor": {"*"},
     "cli": {"*"},

@@ -1,0 +1,252 @@
+"""`mirelight watch`: saved changes are shown and rendered, mistakes are a line, Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mirelight.errors import InputError
+from mirelight.executor import Silent
+from mirelight.farm.order import Order
+from mirelight.plan import FrameTask
+from mirelight.watching.files import Files, files_of
+from mirelight.watching.session import Session
+
+from .conftest import COMMAND, Run
+
+JOB = """\
+splats = "splats.ply"
+proxy = "proxy.glb"
+resolution = [64, 48]
+
+[[cameras]]
+name = "front"
+position = [0, 1, 6]
+target = [0, 0, 0]
+
+[[lightings]]
+name = "night"
+
+[[lightings.lights]]
+type = "point"
+name = "lamp"
+position = [1, 3, 1]
+intensity = 20
+
+[render]
+spp = 64
+"""
+
+
+def saved(job: Path, text: str) -> None:
+    """As editors save: another file takes the name."""
+    other = job.with_suffix(".tmp")
+    other.write_text(text, encoding="utf-8")
+    other.replace(job)
+
+
+def picture(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image).astype(int)
+
+
+# --- the session ---
+
+
+class Watched:
+    """A session, and what its last update has shown."""
+
+    def __init__(self, folder: Path) -> None:
+        self.job, self.out = folder / "job.toml", folder / "out"
+        self.session = Session(Order(job=str(self.job), out=str(self.out)))
+
+    def update(self, text: str) -> list[tuple[str, tuple[int, ...]]]:
+        saved(self.job, text)
+        shown: list[tuple[str, tuple[int, ...]]] = []
+
+        def note(task: FrameTask, what: str) -> None:
+            shown.append((what, picture(self.live).shape))
+
+        self.session.update(Silent(), note)
+        return [x for x in shown if x[0] != "so far"]
+
+    @property
+    def live(self) -> Path:
+        return self.out / "watch" / "front.night.png"
+
+
+@pytest.fixture
+def watched(folder: Path) -> Iterator[Watched]:
+    made = Watched(folder)
+    yield made
+    made.session.close()
+
+
+def test_an_edit_makes_again_what_it_touches(watched: Watched, folder: Path, run: Run) -> None:
+    large = JOB.replace("[64, 48]", "[320, 240]")
+    full, quick = (240, 320, 3), (120, 160, 3)
+    assert watched.update(large) == [("quick", quick), ("done", full)]
+    first = watched.session._scene
+    assert first is not None
+    parts = first.compositor, first.splats, first.proxy
+
+    assert watched.update(large) == []  # saved without a change
+
+    brighter = large.replace("intensity = 20", "intensity = 30")
+    assert watched.update(brighter) == [("full", full), ("done", full)]
+    second = watched.session._scene
+    assert second is not None and second is not first
+    assert (second.compositor, second.splats, second.proxy) == parts  # the very same
+    assert second.tracer is first.tracer
+
+    moved = brighter.replace("position = [1, 3, 1]", "position = [-1, 3, 1]")
+    before = picture(watched.live)
+    assert watched.update(moved) == [("quick", quick), ("done", full)]
+    assert np.abs(picture(watched.live) - before).max() > 8
+    third = watched.session._scene
+    assert third is not None and third.compositor is parts[0] and third.tracer is first.tracer
+
+    fewer = moved.replace("spp = 64", "spp = 32")
+    assert watched.update(fewer) == [("quick", quick), ("done", full)]
+    watched.session.close()
+    assert not watched.live.exists()
+
+    there = run("render", "job.toml", "-o", "out")
+    assert "1 of them already there" in there.stdout
+    fresh = run("render", "job.toml", "-o", "fresh")
+    assert fresh.returncode == 0, fresh.stderr
+    for name in ("front.night.png", "front.night.exr"):
+        assert (folder / "out" / name).read_bytes() == (folder / "fresh" / name).read_bytes()
+
+
+def test_a_mistake_leaves_everything_ready(watched: Watched) -> None:
+    watched.update(JOB)
+    with pytest.raises(InputError, match=r"job\.toml:.*not TOML"):
+        watched.update(JOB + "intensity = = 3\n")
+    with pytest.raises(InputError, match=r"no file 'other.ply'"):
+        watched.update(JOB.replace("splats.ply", "other.ply"))
+    assert [x for x, _ in watched.update(JOB.replace("intensity = 20", "intensity = 5"))] == ["full", "done"]
+    assert [x for x, _ in watched.update(JOB.replace("front", "side").replace('side"\n', 'front"\n'))]
+
+
+def test_what_is_in_progress_is_given_up_for_a_change(watched: Watched) -> None:
+    class Changed(BaseException):
+        pass
+
+    class Stops(Silent):
+        def samples(self, task: FrameTask, done: int, total: int) -> None:
+            if 0 < done < total:
+                raise Changed
+
+    saved(watched.job, JOB)
+    with pytest.raises(Changed):
+        watched.session.update(Stops(), lambda task, what: None)
+    assert not list(watched.out.glob("*.partial.*"))
+    assert [x for x, _ in watched.update(JOB)] == ["quick", "done"]
+
+
+# --- the files ---
+
+
+def test_files_that_are_written_replaced_removed_or_made(tmp_path: Path) -> None:
+    job, texture = tmp_path / "job.toml", tmp_path / "sky.hdr"
+    job.write_text('splats = "cloud.ply"\nsky = { path = "sky.hdr" }\n')
+    texture.write_bytes(b"one")
+    files = Files(job)
+    files.follow(files_of(job))
+    assert len(files) == 2 and not files.changed()
+    texture.write_bytes(b"others")
+    assert files.changed()
+    files.settle()
+    assert not files.changed()
+    saved(job, job.read_text())
+    assert files.changed()
+    files.settle()
+    (tmp_path / "cloud.ply").write_bytes(b"there now")
+    assert files.changed()
+    files.settle()
+    texture.unlink()
+    assert files.changed()
+
+
+def test_a_file_that_is_away_for_a_moment_is_waited_for(tmp_path: Path) -> None:
+    job = tmp_path / "job.toml"
+    job.write_text("a = 1\n")
+    files = Files(job)
+    job.unlink()
+    assert files.changed()
+    threading.Timer(0.2, lambda: job.write_text("a = 2\n")).start()
+    files.settle()
+    assert job.read_text() == "a = 2\n" and not files.changed()
+
+
+def test_what_a_file_names_is_watched_and_mistakes_are_no_hindrance(folder: Path) -> None:
+    job = folder / "own.toml"
+    (folder / "mesh.obj").write_text("mtllib mesh.mtl\nv 0 0 0\n")
+    (folder / "mesh.mtl").write_text("newmtl a\n")
+    job.write_text('proxy = "mesh.obj"\nsplats = "' + "x" * 5000 + '"\nname = "a\\u0000b"\nup = ".."\n')
+    found = files_of(job)
+    assert {job, folder / "mesh.obj", folder / "mesh.mtl"} <= found
+    job.write_text("proxy = = \n")
+    assert files_of(job, ["mesh.obj"]) == {job, folder / "mesh.obj", folder / "mesh.mtl"}
+
+
+# --- the command ---
+
+
+def test_a_process_follows_edits_until_ctrl_c(folder: Path) -> None:
+    job = folder / "job.toml"
+    job.write_text(JOB)
+    process = subprocess.Popen([*COMMAND, "watch", "job.toml"], cwd=folder, stderr=subprocess.PIPE, text=True)
+    said: list[str] = []
+
+    def read() -> None:
+        assert process.stderr is not None
+        said.extend(line.rstrip("\n") for line in process.stderr)
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+
+    def wait(text: str, count: int) -> None:
+        end = time.monotonic() + 240
+        while sum(text in line for line in said) < count:
+            assert process.poll() is None and time.monotonic() < end, said
+            time.sleep(0.05)
+
+    try:
+        wait("front.night: done", 1)
+        assert (folder / "out" / "watch" / "front.night.png").is_file()
+        saved(job, JOB.replace("intensity = 20", "intensity = 'bright'"))
+        wait("job.toml:", 1)
+        assert "lights[0].intensity" in next(x for x in said if "job.toml:" in x)
+        lines = len(said)
+        time.sleep(0.5)
+        assert len(said) == lines  # it stays the last thing on the screen
+        saved(job, JOB.replace("intensity = 20", "intensity = 40"))
+        wait("front.night: shown in full", 1)
+        wait("front.night: done", 2)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=120) == 0
+        reader.join(timeout=10)
+    finally:
+        process.kill()
+    assert not any("Traceback" in line for line in said), said
+    assert not (folder / "out" / "watch").exists()
+    assert not list((folder / "out").glob(".front*"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"), [(["nothing.toml"], "nothing.toml: no such file"), (["splats.ply"], "splats.ply")]
+)
+def test_wrong_use_is_one_line(folder: Path, run: Run, arguments: list[str], found: str) -> None:
+    done = run("watch", *arguments)
+    assert done.returncode == 2
+    assert found in done.stderr and done.stderr.count("\n") == 1

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
 from mirelight.cli import say
 from mirelight.errors import printable
+from mirelight.farm.pace import Pace
 from mirelight.plan import FrameTask
 
 
@@ -24,7 +26,7 @@ class Tally:
         self.samples_done = 0  # of the frame in progress that was last heard of
         self.samples_total = 0
         self._begun: dict[str, float] = {}  # by frame in progress how much of it is done
-        self._ended: list[float] = []  # when frames were made, seconds since the beginning
+        self._pace = Pace({}, 0.0)
         self._workers = 1  # frames in progress at once, at most so far
         self._began = time.monotonic()
 
@@ -40,25 +42,29 @@ class Tally:
         """Before the first frame."""
         self.total = len(tasks)
         self._began = time.monotonic()
+        self._pace = Pace(Counter(id(task.camera) for task in tasks), 0.0)
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """Samples of the frame in progress."""
         self.samples_done, self.samples_total = done, total
         self._begun[task.name] = done / total if total else 0.0
+        self._pace.part(id(task.camera), self._begun[task.name], self.elapsed)
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """A frame is there."""
         self._over(task)
         if skipped:
             self.skipped += 1
+            self._pace.found(id(task.camera))
         else:
             self.rendered += 1
-            self._ended.append(self.elapsed)
+            self._pace.made(id(task.camera), self.elapsed)
 
     def failed(self, task: FrameTask, error: str) -> None:
         """A frame could not be made; said at once."""
         self._over(task)
         self.failures.append((task.name, error))
+        self._pace.found(id(task.camera))
         self.note(f"mirelight: {task.name}: failed twice: {last_line(error)}")
 
     def _over(self, task: FrameTask) -> None:
@@ -95,12 +101,8 @@ class Tally:
 
     @property
     def left(self) -> float | None:
-        """Seconds that the rest will take at the pace so far; None while there is no pace."""
-        left = self.total - self.skipped - len(self.failures) - self.rendered - self.begun
-        warm = self._workers if len(self._ended) >= 3 * self._workers else 0  # frames that met cold kernels
-        since = self._ended[warm - 1] if warm else 0.0
-        made = self.rendered + self.begun - warm
-        return (self.elapsed - since) / made * left if made > 0 else None
+        """Seconds that the rest will take, see `mirelight.farm.pace`; None while nothing is known."""
+        return self._pace.left(self._workers, self.elapsed)
 
 
 class Lines(Tally):

@@ -1,37 +1,50 @@
 """How long the rest of a run will take, from what has been made.
 
-A camera's first frame traces its light, the others mix it, so their costs are kept apart; and the first frame of each
-process compiles kernels, so it does not count once others have been made.
+A camera's first frame composites and traces, a later one may only mix what has been traced, so costs are kept by place
+among a camera's frames; and the first camera of each process compiles kernels, so its first frame does not count once
+others have been made.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 
 from mirelight.store import Row
 from mirelight.store.planned import PlannedFrame
 
-_LEAST = 0.3  # of a camera's first frame that must be made by warm processes before it counts
+_LEAST = 1.0  # first frames of cameras that warm processes must have made before they count
 _SPAN = 0.2  # share of a frame's samples from which its speed is told
 
 
 @dataclass(frozen=True, slots=True)
 class Costs:
-    """Seconds of one process."""
+    """Seconds that one process takes for a camera's frames, by place among them; the last one for all that follow."""
 
-    first: float  # of a camera's first frame
-    later: float  # of each other frame of it
+    places: tuple[float, ...]
 
-    def left(self, frames: Iterable[tuple[int, bool]], processes: int) -> float:
+    @staticmethod
+    def mean(seen: Mapping[int, list[float]], first: float) -> Costs:
+        """From what frames took, by place; of places between that were not seen the mean of all later ones."""
+        later = [x for place, values in seen.items() if place for x in values]
+        usual = _mean(later) if later else first
+        last = max(seen, default=0)
+        places = [_mean(seen[k]) if seen.get(k) else usual for k in range(1, last + 1)]
+        return Costs((first, *places, usual))
+
+    def at(self, place: int) -> float:
+        """Of the frame at a place."""
+        return self.places[min(place, len(self.places) - 1)]
+
+    def left(self, cameras: Iterable[tuple[int, int]], processes: int) -> float:
         """Seconds until all is made.
 
         Args:
-            frames: of each camera how many frames are left, and whether its first has been made.
+            cameras: of each, how many frames it has and how many of them have been made.
             processes: that work at once, each on one camera.
         """
-        each = [count * self.later + (0 if begun else self.first - self.later) for count, begun in frames if count]
+        each = [sum(self.at(k) for k in range(made, count)) for count, made in cameras]
         return max(sum(each) / processes, max(each, default=0.0))
 
     @staticmethod
@@ -41,24 +54,19 @@ class Costs:
         Frames of which not all files were written do not count.
         """
         cold: list[float] = []
-        firsts: list[float] = []
-        laters: list[float] = []
+        seen: dict[int, list[float]] = defaultdict(list)
         for rows in made:
-            groups: set[str] = set()
+            groups: dict[str, int] = defaultdict(int)
             for row in rows:
                 frame = wanted.get(row.frame)
                 if frame is None or row.error or {s: x.key for s, x in row.files.items()} != frame.files:
                     continue
-                if frame.group in groups:
-                    laters.append(row.seconds)
-                else:
-                    (firsts if groups else cold).append(row.seconds)
-                groups.add(frame.group)
-        firsts = firsts or cold
-        if not firsts:
+                place = groups[frame.group]
+                (cold if place == 0 and len(groups) == 1 else seen[place]).append(row.seconds)
+                groups[frame.group] += 1
+        if not cold:
             return None
-        first = _mean(firsts)
-        return Costs(first, _mean(laters) if laters else first)
+        return Costs.mean(seen, _mean(seen[0] or cold))
 
 
 class Pace:
@@ -69,73 +77,72 @@ class Pace:
         now: when the run begins.
     """
 
-    def __init__(self, frames: Mapping[str, int], now: float) -> None:
-        self._left = dict(frames)
+    def __init__(self, frames: Mapping[Hashable, int], now: float) -> None:
+        self._count = dict(frames)
+        self._made: dict[Hashable, int] = defaultdict(int)
         self._began = now
-        self._last: dict[str, float] = {}  # by camera that has a frame, when its last one was made
+        self._last: dict[Hashable, float] = {}  # by camera that has a frame, when its last one was made
         self._first: list[float] = []  # when cameras' first frames were made
-        self._later = 0.0
-        self._laters = 0
-        self._parts: dict[str, float] = defaultdict(float)  # by camera, how much of its first frame is done
-        self._heard: dict[str, tuple[float, float]] = {}  # by camera, when its samples were first heard of, how many
-        self._traced: list[float] = []  # seconds that all samples of a frame take, from those parts
+        self._later: dict[int, list[float]] = defaultdict(list)  # by place, what other frames took
+        self._parts: dict[Hashable, float] = {}  # by camera, how much of its first frame is done
+        self._heard: dict[Hashable, tuple[float, float]] = {}  # when its samples were first heard of, how many
+        self._traced: float | None = None  # seconds that all samples of a cold process's frame take
 
-    def part(self, camera: str, share: float, now: float) -> None:
+    def part(self, camera: Hashable, share: float, now: float) -> None:
         """So much of a frame of a camera is done, 0 to 1."""
         if camera in self._last:
             return
         self._parts[camera] = share
         began, before = self._heard.setdefault(camera, (now, share))
         if share - before >= _SPAN and not self._first:
-            self._traced = [(now - began) / (share - before)]
+            self._traced = (now - began) / (share - before)
 
-    def made(self, camera: str, now: float) -> None:
+    def made(self, camera: Hashable, now: float) -> None:
         """A frame of a camera was made."""
         self._parts.pop(camera, None)
-        self.found(camera)
         if camera in self._last:
-            self._later += now - self._last[camera]
-            self._laters += 1
+            self._later[self._made[camera]].append(now - self._last[camera])
         else:
             self._first.append(now)
+        self._made[camera] += 1
         self._last[camera] = now
 
-    def found(self, camera: str) -> None:
+    def found(self, camera: Hashable) -> None:
         """A frame of a camera need not be made, or cannot."""
-        self._left[camera] = max(0, self._left.get(camera, 0) - 1)
+        self._count[camera] = self._count.get(camera, 0) - 1
 
     def left(self, processes: int, now: float) -> float | None:
         """Seconds until all is made by so many processes; None while nothing is known."""
         costs = self._costs(processes, now)
         if costs is None:
             return None
-        frames = [(count, camera in self._last) for camera, count in self._left.items() if count > 0]
-        busy = sum(share * costs.first for share in self._parts.values())
-        for camera, at in self._last.items():
-            if self._left[camera] > 0:
-                busy += min(now - at, costs.later)
-        return max(0.0, costs.left(frames, processes) - busy / processes)
+        cameras = [(count, self._made[camera]) for camera, count in self._count.items() if count > self._made[camera]]
+        busy = sum(share * costs.at(0) for share in self._parts.values()) + self._underway(costs, now)
+        return max(0.0, costs.left(cameras, processes) - busy / processes)
+
+    def _underway(self, costs: Costs, now: float) -> float:
+        """Seconds of work in later frames that are in progress."""
+        return sum(
+            min(now - at, costs.at(self._made[camera]))
+            for camera, at in self._last.items()
+            if self._count[camera] > self._made[camera]
+        )
 
     def _costs(self, processes: int, now: float) -> Costs | None:
         cold = self._first[:processes]
-        begun = sum(self._parts.values())
-        warm = len(self._first) - len(cold) + (begun if len(cold) == processes else 0.0)
-        later = self._later / self._laters if self._laters else None
-        if warm >= _LEAST:
-            underway = [at for camera, at in self._last.items() if self._left[camera] > 0]
-            others = self._later + sum(min(now - at, later or 0.0) for at in underway)
-            first = max(sum(now - at for at in cold) - others, 0.0) / warm
+        begun = sum(self._parts.values()) if len(cold) == processes else 0.0
+        warm = len(self._first) - len(cold) + begun
+        if warm >= _LEAST:  # all the time of processes that had made a frame, but for what they spent on others
+            spent = sum(now - at for at in cold) - sum(sum(x) for x in self._later.values())
+            first = max(spent - self._underway(Costs.mean(self._later, spent / warm), now), 0.0) / warm
         elif cold:
             first = _mean([at - self._began for at in cold])
-            if self._traced:
-                first = min(first, self._traced[0])
-        elif begun > 0:
-            first = (now - self._began) * processes / begun
-            if self._traced:
-                first = min(first, self._traced[0])
+            first = first if self._traced is None else min(first, self._traced)
+        elif self._traced is not None:
+            first = self._traced
         else:
             return None
-        return Costs(first, min(later, first) if later is not None else first)
+        return Costs.mean(self._later, first)
 
 
 def _mean(values: list[float]) -> float:

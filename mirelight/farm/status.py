@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -69,11 +69,9 @@ def status(path: str | Path) -> Status:
         remedy = "frames are counted once mirelight render has been started there"
         raise InputError(path, "no record of what is to be made", remedy)
     left: dict[str, list[PlannedFrame]] = defaultdict(list)
-    there: set[str] = set()  # groups of which some frame is
+    count: Counter[str] = Counter(frame.group for frame in folder.planned)
     for frame in folder.planned:
-        if folder.has(frame):
-            there.add(frame.group)
-        else:
+        if not folder.has(frame):
             left[frame.group].append(frame)
     errors = _errors(folder)
     failed = {
@@ -99,7 +97,8 @@ def status(path: str | Path) -> Status:
     costs = Costs.of(folder.rows, _by_row(folder))
     seconds = None
     if costs is not None:
-        seconds = costs.left(((len(x), group in there) for group, x in left.items()), max(1, len(in_flight)))
+        pieces = ((1, 0) if g in folder.layers else (count[g], count[g] - len(x)) for g, x in left.items())
+        seconds = costs.left(pieces, max(1, len(in_flight)))
     newest = folder.runs[-1]
     return Status(
         folder=folder.path,

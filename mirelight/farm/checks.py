@@ -83,7 +83,7 @@ class _Sum:
 class Sums:
     """Whether the frames of one camera add up: a lighting's light is that of its lights, each alone, within noise.
 
-    Light is compared, not pictures, as those need not be linear in it. Files without layers of lights are passed over.
+    Light is compared, not pictures, as those need not be linear in it.
 
     Args:
         lightings: those of the camera's frames.
@@ -110,30 +110,33 @@ class Sums:
         """Names of the lightings of one light, which are to be added before the others are asked for."""
         return frozenset(name for one in self._sums for name in one.parts)
 
-    def add(self, lighting: str, frame: Frame) -> None:
-        """The frame of a lighting."""
-        if frame.lighting is not None:
-            for one in self._sums:
-                if lighting in one.parts:
-                    one.add(lighting, frame.lighting)
+    def wants(self, lighting: str) -> bool:
+        """Whether a lighting is one of those."""
+        return any(lighting == one.lighting.name or lighting in one.parts for one in self._sums)
 
-    def difference(self, lighting: str, frame: Frame) -> str:
-        """How far a frame's light is from that of its lights, in words; empty where it is theirs, or not known."""
+    def add(self, lighting: str, light: LightingBuffer) -> None:
+        """What was traced for a lighting."""
+        for one in self._sums:
+            if lighting in one.parts:
+                one.add(lighting, light)
+
+    def difference(self, lighting: str, light: LightingBuffer) -> str:
+        """How far a lighting's light is from that of its lights, in words; empty where it is theirs, or not known."""
         one = next((x for x in self._sums if x.lighting.name == lighting), None)
-        if one is None or frame.lighting is None or one.heard != set(one.parts):
+        if one is None or one.heard != set(one.parts):
             return ""
-        layers = [_layer(frame.lighting, term.layer) for terms_ in one.parts.values() for _, term in terms_]
+        layers = [_layer(light, term.layer) for pairs in one.parts.values() for _, term in pairs]
         own = [layer for layer in layers if layer is not None]
         if len(own) < len(layers) or not one.light or one.light[0].shape != own[0].direct.shape:
             return ""
-        light = np.sum([x.direct + x.indirect for x in own], axis=0, dtype=np.float64)
-        total = float(np.abs(light).sum())
+        whole = np.sum([x.direct + x.indirect for x in own], axis=0, dtype=np.float64)
+        total = float(np.abs(whole).sum())
         variances = [x for x in (*(layer.variance for layer in own), one.variance[0]) if x is not None]
         if len(variances) == len(own) + 1:
-            off = float(np.abs(light - one.light[0]).sum())
+            off = float(np.abs(whole - one.light[0]).sum())
             allowed = _NOISE * float(np.sqrt(np.sum(variances, axis=0)).sum())
         else:  # over the whole picture noise cancels out
-            off = float(np.abs((light - one.light[0]).sum(axis=(0, 1))).sum())
+            off = float(np.abs((whole - one.light[0]).sum(axis=(0, 1))).sum())
             allowed = _UNKNOWN * total
         if off <= allowed + _ROUNDING * total:
             return ""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight import mix, relighting
 from mirelight.errors import InputError, MirelightError
 from mirelight.farm import checks
 from mirelight.farm.checks import Finding, Kind, Sums
@@ -18,7 +19,8 @@ from mirelight.farm.order import Order
 from mirelight.io import image
 from mirelight.io.exr import read_exr
 from mirelight.io.safety import open_file
-from mirelight.model import DisplaySettings, Job, Lighting
+from mirelight.keys import Keys
+from mirelight.model import DisplaySettings, Frame, Job, Lighting, LightingBuffer
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
 from mirelight.store.index import digest_of, is_one_of
@@ -75,6 +77,7 @@ class _Look:
         self._counts: dict[str, int] = defaultdict(int)
         self._errors = {row.frame: row for rows in folder.rows for row in rows if row.error}
         self._job: Job | None = None
+        self._keys: Keys | None = None
 
     def all(self, step: Step) -> Verified:
         groups = self._groups()
@@ -83,6 +86,7 @@ class _Look:
         if not total and not self.folder.kept:
             raise InputError(self.folder.path, "no frames", "give the folder that mirelight render wrote to")
         self._job = self._loaded()
+        self._keys = None if self._job is None else Keys(self._job)
         done = in_flight = 0
         for name, frames in groups.items():
             if name in busy:
@@ -236,12 +240,29 @@ class _Look:
         display = self._job.display if self._job is not None else DisplaySettings()
         for found in checks.picture(shown, display, off):
             self._tell("picture", frame.name, found.text, found.remedy)
-        if lighting is not None:
-            difference = sums.difference(lighting.name, shown)
+        light = self._light(shown, lighting) if lighting is not None and sums.wants(lighting.name) else None
+        if lighting is not None and light is not None:
+            difference = sums.difference(lighting.name, light)
             if difference:
-                remedy = "one of these frames is not the job's; remove their files and render again"
+                remedy = "one of these is not the job's; remove their files and .mirelight/light, and render again"
                 self._tell("sum", frame.name, difference, remedy)
-            sums.add(lighting.name, shown)
+            sums.add(lighting.name, light)
+
+    def _light(self, frame: Frame, lighting: Lighting) -> LightingBuffer | None:
+        """A frame's light apart by lights: as its file holds it, else put together from what is kept; None where
+        neither does."""
+        own = frame.lighting
+        if own is not None and {term.layer for term in terms(lighting)} <= {x.name for x in own.noisy or own.layers}:
+            return own
+        if self._job is None or self._keys is None:
+            return None
+        seen = relighting.lighting_camera(frame.camera, self._job.relight)
+        mixture = self._keys.mixture(lighting)
+        found = {s.digest: self.folder.light.light(self._keys.light(s, seen), seen) for s in mixture.sets}
+        kept = {digest: buffer for digest, buffer in found.items() if buffer is not None}
+        if len(kept) < len(found):
+            return None
+        return mix.mix(mixture, kept, seen, {}, mix.Wanted(layers=True, variance=True))
 
     def _path(self, frame: PlannedFrame, suffix: str) -> Path:
         return self.folder.path / f"{frame.name}{suffix}"

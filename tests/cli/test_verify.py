@@ -19,6 +19,7 @@ from mirelight.farm.verify import Verified, verify
 from mirelight.io import image, splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.store.arrays import read_arrays, write_arrays
 from mirelight.store.journal import Journal, Row
 
 from .conftest import COMMAND, Run
@@ -45,6 +46,10 @@ one_at_a_time = true
 
 [render]
 spp = 4
+
+[output]
+layers = true
+aovs = true
 """
 
 
@@ -189,6 +194,23 @@ def test_what_files_show_is_looked_at(out: Path, change: str, kind: Kind, text: 
     _, _, lines = look(out)
     assert [x.kind for x in lines] == [kind] and text in str(lines[0]), lines
     assert lines[0].what.startswith("front.all") and lines[0].remedy
+
+
+def test_kept_light_adds_up_where_files_hold_pictures_alone(made: Path, tmp_path: Path, run: Run) -> None:
+    """Lightings that are traced as they are, each with noise of its own."""
+    less = [x for key in ("output.layers=false", "output.aovs=false", "render.noise=0.5") for x in ("--set", key)]
+    done = run("render", str(made / "job.toml"), "--out", "out", *less)
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    heard, found, _ = look(out)
+    assert heard == [] and found.notes == ()
+    for path in (out / ".mirelight" / "light").glob("*.light"):
+        file = read_arrays(path)
+        if file.about.get("layers") == ["left", "right"]:
+            brighter = {name: x * np.float32(2) if "direct" in name else x for name, x in file.arrays.items()}
+            write_arrays(path, brighter, file.about)
+    heard, _, lines = look(out)
+    assert heard == [("sum", "front.all")] and "off the sum of all-" in str(lines[0])
 
 
 def test_a_picture_of_another_size_is_found(out: Path) -> None:

@@ -66,7 +66,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "forecast": {"keys", "model", "plan", "relighting", "scene", "stages", "store"},
     "executor": {"advice", "dataset", "errors", "model", "plan", "scene", "stages", "store", "units"},
     "matching": BASE | {"colour", "io", "relighting", "units", "scene", "stages"},
-    "farm": BASE | {"advice", "io", "plan", "scene", "store", "executor", "machine", "units"},
+    "farm": BASE
+    | {"advice", "io", "keys", "mix", "plan", "relighting", "scene", "store", "executor", "machine", "units"},
     "compare": {"*"},
     "realtime": {"*"},
     "mixing": {"*"},

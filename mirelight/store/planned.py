@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import read_file
+from mirelight.keys import FILE_SUFFIXES
 from mirelight.plan import Plan
 
 _RECORDS = "[!.]*.json"  # what another process is writing begins with a dot
@@ -93,10 +94,25 @@ def _read(path: Path) -> Planned | None:
     try:
         entry = json.loads(read_file(path))
         frames = tuple(
-            PlannedFrame(str(name), str(camera), str(lighting), {str(k): str(v) for k, v in files.items()}, str(group))
-            for name, camera, lighting, files, group in entry["frames"]
+            PlannedFrame(
+                _plain(name), str(camera), str(lighting), {_suffix(k): str(v) for k, v in x.items()}, str(group)
+            )
+            for name, camera, lighting, x, group in entry["frames"]
         )
         layers = {str(group): tuple(map(str, keys)) for group, keys in entry["layers"].items()}
         return Planned(str(entry["job"]), tuple(map(str, entry["settings"])), bool(entry["whole"]), frames, layers)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _plain(name: object) -> str:
+    """A frame's name; one that would lead out of the folder is none."""
+    if not isinstance(name, str) or not name or Path(name).name != name or "\0" in name:
+        raise ValueError
+    return name
+
+
+def _suffix(suffix: object) -> str:
+    if suffix not in FILE_SUFFIXES:
+        raise ValueError
+    return str(suffix)

@@ -196,6 +196,15 @@ def test_what_files_show_is_looked_at(out: Path, change: str, kind: Kind, text: 
     assert lines[0].what.startswith("front.all") and lines[0].remedy
 
 
+def test_a_record_that_leads_elsewhere_is_none(out: Path) -> None:
+    """A folder from somebody else must not have files beside it removed."""
+    (out.parent / "mine.exr").write_bytes(b"not a frame")
+    (plan,) = (out / ".mirelight" / "plans").iterdir()
+    plan.write_text(plan.read_text().replace('"front.all"', '"../mine"'))
+    assert look(out, rebuild=True)[1].notes == ("no record of what was to be made: what is missing cannot be told",)
+    assert (out.parent / "mine.exr").exists()
+
+
 def test_kept_light_adds_up_where_files_hold_pictures_alone(made: Path, tmp_path: Path, run: Run) -> None:
     """Lightings that are traced as they are, each with noise of its own."""
     less = [x for key in ("output.layers=false", "output.aovs=false", "render.noise=0.5") for x in ("--set", key)]

@@ -1,7 +1,7 @@
 """The frames that a folder or a list of files holds, in order, each to be looked at when it is asked for.
 
-A folder is known by what its runs were to make (`.mirelight/plans`), else by what its files say of themselves, else
-every picture in it counts. Where layers alone are kept, frames are mixed from them.
+A folder is known by what its runs were to make (`.mirelight/plans`), else by what its files say of themselves. Where
+layers alone are kept, frames are mixed from them; in any other folder every picture counts.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def find(paths: Sequence[Path]) -> list[Shot]:
 
 
 def of_folder(folder: Path) -> list[Shot]:
-    """The frames of a folder: files as its runs planned them, else mixed from layers, else whatever pictures it has.
+    """The frames of a folder: files as its runs planned them or as they say, else mixed from layers, else any pictures.
 
     Raises:
         InputError: none.
@@ -69,12 +69,12 @@ def of_folder(folder: Path) -> list[Shot]:
     there = [(x, files[x.name]) for x in planned if x.name in files]
     if there:
         return [Shot(x.name, x.camera, x.lighting, partial(read_display, path)) for x, path in there]
-    if (folder / LAYERS).is_file():
-        return _mixed(dataset.open(folder))
     said = {name: _said(path) for name, path in files.items()}
     own = {name: x for name, x in said.items() if x is not None}
     if own:
         return [Shot(name, *x, partial(read_display, files[name])) for name, x in own.items()]
+    if (folder / LAYERS).is_file():
+        return _mixed(dataset.open(folder))
     if not files:
         raise InputError(folder, "no frames there", "render the job first, or name picture files")
     return [Shot(name, "", "", partial(read_display, path)) for name, path in files.items()]

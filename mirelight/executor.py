@@ -16,10 +16,10 @@ from typing import Protocol
 
 import numpy as np
 
-from mirelight import advice, stages
+from mirelight import advice, stages, viewing
 from mirelight.dataset import describe, index
 from mirelight.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
-from mirelight.model import Frame, SplatLayer
+from mirelight.model import Frame, ProxyMesh, SplatLayer
 from mirelight.plan import FrameTask, Group, Plan
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
@@ -127,6 +127,8 @@ def run(
     said = Said(heard)
     left, done = unfinished(plan, store, heard)
     keep_around(plan, scene, store)
+    if plan.job.proxy is not None and plan.job.lightings and left:
+        look(left, scene.mesh, heard)
     if preview is not None and left:
         preview.first(scene, left)
     while left:
@@ -167,6 +169,14 @@ def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
     """Keep the maps and suns of the job's environments and skies beside the layers, unless they are there."""
     if plan.job.output.store != "frames":
         describe.keep_around(plan, store, scene.resolved)
+
+
+def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -> None:
+    """Say before any work which cameras and lights are of no use: inside the mesh, or before nothing."""
+    lightings = {id(task.lighting): task.lighting for group in groups for task in group.tasks if task.lighting}
+    if proxy is not None and lightings:
+        for line in viewing.remarks([group.camera for group in groups], list(lightings.values()), proxy):
+            progress.note(line)
 
 
 class Said:

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mirelight import keys, relighting, stages
+from mirelight import keys, relighting, stages, viewing
 from mirelight.model import Camera, Job
 from mirelight.plan import FrameTask, Group, Plan
 from mirelight.scene import Scene, prepare
@@ -29,6 +29,7 @@ class Forecast:
     traces: int  # of sets of unit lights, over all cameras, that are not kept yet
     seconds: float  # measured on a small frame and scaled by pixels and samples: no more than a guide
     bytes: int  # of new files
+    remarks: tuple[str, ...] = ()  # cameras and lights of no use, see `mirelight.viewing.remarks`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +72,16 @@ def forecast(plan: Plan) -> Forecast:
         traces=traces,
         seconds=seconds,
         bytes=round(size),
+        remarks=_remarks(plan),
     )
+
+
+def _remarks(plan: Plan) -> tuple[str, ...]:
+    job = plan.job
+    if job.proxy is None or job.made_proxy is not None or not job.lightings:
+        return ()
+    lightings = {id(t.lighting): t.lighting for g in plan.groups for t in g.tasks if t.lighting is not None}
+    return viewing.remarks([g.camera for g in plan.groups], list(lightings.values()), job.proxy.value)
 
 
 def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) -> tuple[int, int]:

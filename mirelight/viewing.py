@@ -1,4 +1,4 @@
-"""What cameras see, found out before anything is rendered: inside the proxy, looking at nothing, how near.
+"""What cameras see and where lamps stand, found out before anything is rendered: inside the proxy, or before nothing.
 
 A quick look at points of the proxy's surface and at the splats' centres; where it finds a camera that may be of no use,
 rays against every triangle decide.
@@ -7,23 +7,26 @@ rays against every triangle decide.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from mirelight.model import F64, Camera, ProxyMesh, SplatCloud
+from mirelight.model import F64, AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
 
-_POINTS = 50_000  # spread evenly over the proxy, on its triangles in turn, and of the splats
-_CELLS = 24  # along the picture's longer side
+_POINTS = 12_000  # spread evenly over the proxy, on its triangles in turn, and of the splats
+_CELLS = 12  # along the picture's longer side
 _SIDE = 8  # cells along each edge of the cube of directions
 _RAYS = 8  # along each side of the picture, where rays decide
 _BALL = 32  # rays all around, where rays decide
 _ENCLOSED = 0.75  # share of all directions that end on a back face, above which a camera is inside
 _SUSPECT = 0.05  # share of the picture below which rays decide
-_LITTLE = 0.01  # share of the picture that is hardly a picture
-_TRIANGLES = 1 << 14  # looked at together
+_LITTLE = 0.02  # share of the picture that is hardly a picture
 _NEAREST = 64  # points whose triangles are measured
+_SEVERAL = 4  # places that tell a room from a solid
+_MOST = 100  # cameras, and places of lamps, that are looked at before a render
+_NAMED = 5  # of those with a problem, said by name
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +65,107 @@ def views(
     return tuple(_view(camera, surface, means) for camera in cameras)
 
 
+def is_room(inside: Sequence[bool]) -> bool:
+    """Whether places are enclosed because the mesh is a room whose faces look outwards, not because they lie in
+    something solid: most of several are."""
+    return len(inside) >= _SEVERAL and sum(inside) > len(inside) / 2
+
+
+def remarks(cameras: Sequence[Camera], lightings: Sequence[Lighting], proxy: ProxyMesh) -> tuple[str, ...]:
+    """A line for each kind of problem, with how many have it and who the first are; none where all is well.
+
+    Args:
+        cameras: that are to be rendered. Of more than a hundred, a hundred are looked at, spread evenly.
+        lightings: whose lamps are looked at, each place once, in the same way.
+        proxy: what cameras see and lamps light.
+    """
+    if not len(proxy.faces):
+        return ()
+    judge = Judge(proxy)
+    chosen, places = _spread(cameras), _spread(_places(lightings))
+    inside = [judge.inside(camera) for camera in chosen]
+    judge.room = is_room(inside)
+    seen = [1.0 if there and not judge.room else judge.sees(x) for x, there in zip(chosen, inside, strict=True)]
+    found = {
+        "inside the proxy": [] if judge.room else [x.name for x, there in zip(chosen, inside, strict=True) if there],
+        "where nothing of the proxy is in view": [x.name for x, s in zip(chosen, seen, strict=True) if s == 0],
+        "where hardly anything of the proxy is in view": [
+            x.name for x, s in zip(chosen, seen, strict=True) if 0 < s < _LITTLE
+        ],
+    }
+    out = [line for where, names in found.items() for line in _counted(names, "camera", len(chosen), where)]
+    held = [judge.holds(place) for _, place in places]
+    if not judge.room and not is_room(held):
+        lamps = [name for (name, _), there in zip(places, held, strict=True) if there]
+        out += _counted(lamps, "light", len(places), "inside the proxy")
+    return tuple(out)
+
+
+def _places(lightings: Sequence[Lighting]) -> list[tuple[str, F64]]:
+    """Where lamps stand, each place once, under the name of a lamp and of the first lighting that has one there."""
+    known: dict[bytes, tuple[str, F64]] = {}
+    for lighting in lightings:
+        for light in lighting.lights:
+            match light:
+                case PointLight() | SpotLight():
+                    place = light.position
+                case AreaLight():
+                    place = light.world_from_light[:3, 3]
+                case _:
+                    continue
+            known.setdefault(place.tobytes(), (f"{light.name} of {lighting.name}", place))
+    return list(known.values())
+
+
+Item = TypeVar("Item")
+
+
+def _spread(every: Sequence[Item]) -> Sequence[Item]:
+    return every[:: max(1, math.ceil(len(every) / _MOST))]
+
+
+def _counted(names: Sequence[str], kind: str, of: int, where: str) -> list[str]:
+    if not names:
+        return []
+    listed = ", ".join(names[:_NAMED]) + (", …" if len(names) > _NAMED else "")
+    return [
+        f"{kind} {listed} stands {where}"
+        if len(names) == 1
+        else f"{len(names):,} of {of:,} {kind}s stand {where}: {listed}"
+    ]
+
+
+class Judge:
+    """Says of one camera after the other whether it is of use before a mesh."""
+
+    def __init__(self, proxy: ProxyMesh) -> None:
+        self._surface = _Surface.of(proxy)
+        self.room = False  # the mesh is a room whose faces look outwards, so that being inside is no fault
+
+    def inside(self, camera: Camera) -> bool:
+        """Whether back faces enclose it."""
+        return self.holds(camera.position)
+
+    def holds(self, position: F64) -> bool:
+        """Whether back faces enclose a place (3,)."""
+        return self._surface.holds(position)
+
+    def sees(self, camera: Camera) -> float:
+        """The share of its picture in which the mesh is."""
+        return _seen(camera, self._surface, self._surface.points)
+
+    def approves(self, camera: Camera) -> bool:
+        """Whether it stands in the open and sees more than hardly anything."""
+        return (self.room or not self.inside(camera)) and self.sees(camera) >= _LITTLE
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Surface:
     """A mesh and points on it: half spread evenly, half on its triangles in turn, so that small ones have some."""
 
     triangles: F64  # (F, 3, 3)
+    middles: F64  # (F, 3) of the triangles
+    reach: F64  # (F,) squared distance from there to the farthest corner
     points: F64  # (N, 3)
     faces: np.ndarray  # (N,) the triangle of each
     normals: F64  # (N, 3) by the winding, of any length
@@ -87,30 +186,42 @@ class _Surface:
         folded = u + v > 1
         u, v = np.where(folded, 1 - u, u)[:, None], np.where(folded, 1 - v, v)[:, None]
         points = a[faces] + u * (b - a)[faces] + v * (c - a)[faces]
-        return _Surface(triangles, points, faces, normals[faces])
+        middles = triangles.mean(axis=1)
+        reach = np.square(triangles - middles[:, None]).sum(axis=2).max(axis=1)
+        return _Surface(triangles, middles, reach, points, faces, normals[faces])
+
+    def holds(self, position: F64) -> bool:
+        """Whether back faces enclose a place: rays decide, where a look at the points does not rule it out."""
+        away = self.points - position
+        distances = np.linalg.norm(away, axis=1)
+        nearest = int(np.argmin(distances))
+        if away[nearest] @ self.normals[nearest] <= 0 and _back_share(away, distances, self.normals) <= _ENCLOSED / 2:
+            return False
+        outwards = 0  # rays that meet a front, or nothing
+        for side in _hits(self, np.broadcast_to(position, (_BALL, 3)), _ball(), 0.0, math.inf):
+            outwards += side >= 0
+            if outwards >= (1 - _ENCLOSED) * _BALL:
+                return False
+        return True
 
 
 def _view(camera: Camera, surface: _Surface | None, means: F64) -> View:
     points = means if surface is None else np.concatenate([surface.points, means])
-    away = points - camera.position
-    distances = np.linalg.norm(away, axis=1)
+    distances = np.linalg.norm(points - camera.position, axis=1)
     nearest = float(distances.min()) if len(distances) else math.inf
-    seen = _share(camera, points)
-    enclosed = 0.0
     if surface is not None:
-        on_surface = distances[: len(surface.points)]
-        distance, is_back = _nearest(surface, camera.position, on_surface)
-        nearest = min(nearest, distance)
-        enclosed = _back_share(away[: len(on_surface)], on_surface, surface.normals)
-        if seen < _SUSPECT:
-            seen = max(
-                seen, float(np.mean(_hits(surface.triangles, *_picture_rays(camera), camera.near, camera.far) != 0))
-            )
-        if is_back or enclosed > _ENCLOSED / 2:
-            ball = _ball()
-            sides = _hits(surface.triangles, np.broadcast_to(camera.position, ball.shape), ball, 0.0, math.inf)
-            enclosed = float(np.mean(sides < 0))
-    return View(camera.name, seen, nearest, enclosed > _ENCLOSED)
+        nearest = min(nearest, _nearest(surface, camera.position, distances[: len(surface.points)]))
+    inside = surface is not None and surface.holds(camera.position)
+    return View(camera.name, _seen(camera, surface, points), nearest, inside)
+
+
+def _seen(camera: Camera, surface: _Surface | None, points: F64) -> float:
+    """Share of the picture in which there is something."""
+    seen = _share(camera, points)
+    if surface is None or seen >= _SUSPECT:
+        return seen
+    sides = list(_hits(surface, *_picture_rays(camera), camera.near, camera.far))
+    return max(seen, sum(side != 0 for side in sides) / len(sides))
 
 
 def _share(camera: Camera, points: F64) -> float:
@@ -145,17 +256,14 @@ def _back_share(away: F64, distances: F64, normals: F64) -> float:
     return len(np.unique(cell[front][back])) / len(first)
 
 
-def _nearest(surface: _Surface, position: F64, distances: F64) -> tuple[float, bool]:
-    """Distance to the nearest of the triangles around the nearest points, and whether its back is seen."""
+def _nearest(surface: _Surface, position: F64, distances: F64) -> float:
+    """Distance to the nearest of the triangles around the nearest points."""
     from trimesh.triangles import closest_point
 
     count = min(_NEAREST, len(distances))
     faces = np.unique(surface.faces[np.argpartition(distances, count - 1)[:count]])
     found = closest_point(surface.triangles[faces], np.broadcast_to(position, (len(faces), 3)))
-    away = np.linalg.norm(found - position, axis=1)
-    nearest = int(np.argmin(away))
-    a, b, c = surface.triangles[faces[nearest]]
-    return float(away[nearest]), bool(np.cross(b - a, c - a) @ (a - position) > 0)
+    return float(np.linalg.norm(found - position, axis=1).min())
 
 
 def _picture_rays(camera: Camera) -> tuple[F64, F64]:
@@ -177,26 +285,32 @@ def _ball() -> F64:
     return np.stack([flat * np.sin(turn), y, flat * np.cos(turn)], axis=1)
 
 
-def _hits(triangles: F64, origins: F64, directions: F64, near: float, far: float) -> F64:
-    """What each ray meets first: 1 a front, -1 a back, 0 nothing (R,). Möller and Trumbore (1997), by brute force."""
-    first = np.full(len(origins), np.inf)
-    side = np.zeros(len(origins))
-    for start in range(0, len(triangles), _TRIANGLES):
-        a, b, c = np.moveaxis(triangles[start : start + _TRIANGLES], 1, 0)
-        e1, e2 = b - a, c - a
-        normals = np.cross(e1, e2)
-        for i, (o, d) in enumerate(zip(origins, directions, strict=True)):
-            p = np.cross(d, e2)
-            det = np.einsum("ni,ni->n", e1, p)
-            s = o - a
-            q = np.cross(s, e1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                u = np.einsum("ni,ni->n", s, p) / det
-                v = q @ d / det
-                t = np.einsum("ni,ni->n", e2, q) / det
-                met = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > near) & (t < min(far, first[i]))
-            if met.any():
-                nearest = int(np.argmin(np.where(met, t, np.inf)))
-                first[i] = t[nearest]
-                side[i] = 1.0 if normals[nearest] @ d < 0 else -1.0
-    return side
+def _hits(surface: _Surface, origins: F64, directions: F64, near: float, far: float) -> Iterator[float]:
+    """What each ray meets first: 1 a front, -1 a back, 0 nothing. Möller and Trumbore (1997), on the triangles whose
+    sphere it meets."""
+    last: F64 | None = None
+    for o, d in zip(origins, directions, strict=True):
+        if last is None or not np.array_equal(o, last):
+            away = surface.middles - o
+            outside = np.einsum("ni,ni->n", away, away) - surface.reach * (1 + 1e-9)
+            last = o
+        met = np.flatnonzero((away @ (d / np.linalg.norm(d))) ** 2 >= outside)
+        yield _first(surface.triangles[met], o, d, near, far)
+
+
+def _first(triangles: F64, o: F64, d: F64, near: float, far: float) -> float:
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    e1, e2 = b - a, c - a
+    p = np.cross(d, e2)
+    det = np.einsum("ni,ni->n", e1, p)
+    s = o - a
+    q = np.cross(s, e1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.einsum("ni,ni->n", s, p) / det
+        v = q @ d / det
+        t = np.einsum("ni,ni->n", e2, q) / det
+        there = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > near) & (t < far)
+    if not there.any():
+        return 0.0
+    nearest = int(np.argmin(np.where(there, t, np.inf)))
+    return 1.0 if np.cross(e1[nearest], e2[nearest]) @ d < 0 else -1.0

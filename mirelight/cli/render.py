@@ -82,6 +82,8 @@ def _say_forecast(found: Forecast) -> None:
     say.result(f"{_frames(found.frames)} ({views}), {found.there} of them there")
     say.result(f"{traces}; about {progress.duration(found.seconds)} on this machine as it is now")
     say.result(f"about {found.bytes / 1e6:,.1f} MB of new files")
+    for line in found.remarks:
+        say.result(line)
 
 
 def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight.model import Camera, ProxyMesh, SplatCloud
-from mirelight.viewing import View, views
+from mirelight.model import AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SunLight
+from mirelight.viewing import View, remarks, views
 
 
 def mesh(shape: Any, flipped: bool = False) -> ProxyMesh:
@@ -81,7 +81,7 @@ def test_share_of_the_picture() -> None:
     camera = look((0, 0, 5), (0, 0, 0), yfov=60)
     found = one(camera, mesh(BALL))
     height = 2 * math.tan(math.radians(30))
-    radius, cell = math.tan(math.asin(0.2)), height / 18 * math.sqrt(2)  # every cell counts that the disc touches
+    radius, cell = math.tan(math.asin(0.2)), height / 9 * math.sqrt(2)  # every cell counts that the disc touches
     least, most = (math.pi * r**2 / (height * height * 160 / 120) for r in (radius, radius + cell))
     assert least < found.seen < most
     assert one(look((0, 0, 5), (0, 0, 9)), mesh(BALL)).problem == "sees nothing"
@@ -110,7 +110,7 @@ def test_splats_alone() -> None:
     assert one(look((0, 0, 12), (0, 0, 0), yfov=20), splats=cloud(points)).seen > 0.5
     assert one(look((0, 0, 12), (0, 0, 24)), splats=cloud(points)).problem == "sees nothing"
     little = one(look((0, 0, 300), (0, 0, 0)), splats=cloud(points))
-    assert 0 < little.seen < 0.01 and little.problem.startswith("sees hardly anything (0.")
+    assert 0 < little.seen < 0.02 and little.problem.startswith("sees hardly anything (1.")
 
 
 def test_orthographic() -> None:
@@ -121,7 +121,7 @@ def test_orthographic() -> None:
             world_from_camera=pose, width=100, height=100, fx=25, fy=25, cx=50, cy=50, projection="orthographic"
         )
 
-    assert one(flat(3), mesh(BOX)).seen == pytest.approx(0.25, abs=0.05)  # whole cells
+    assert one(flat(3), mesh(BOX)).seen == pytest.approx(0.25, abs=0.1)  # whole cells
     assert one(flat(-3), mesh(BOX)).seen == 0
 
 
@@ -130,3 +130,45 @@ def test_degenerate_triangles_and_empty_meshes() -> None:
     assert one(look((0, 0, 2), (0, 0, 0)), flat).nearest == pytest.approx(2)
     none = ProxyMesh(vertices=np.zeros((0, 3), dtype=np.float32), faces=np.zeros((0, 3), dtype=np.int32))
     assert one(look((0, 0, 2), (0, 0, 0)), none).problem == "sees nothing"
+
+
+def lit(*places: tuple[float, float, float]) -> list[Lighting]:
+    return [
+        Lighting(name=f"l{i}", lights=(PointLight(name="key", position=np.array(x)),)) for i, x in enumerate(places)
+    ]
+
+
+def test_remarks_name_and_count_what_is_of_no_use() -> None:
+    """A box on a ground: cameras in it and away from it, lamps in it."""
+    box = BOX.copy()
+    box.apply_translation([0, 1, 0])
+    both = ProxyMesh(
+        vertices=np.concatenate([GROUND.vertices, box.vertices.astype(np.float32)]),
+        faces=np.concatenate([GROUND.faces, box.faces.astype(np.int32) + 4]),
+    )
+    good = [look((6, 2, z), (0, 1, 0), name=f"good{z}") for z in range(6)]
+    assert remarks(good, lit((0, 5, 0), (3, 1, 0)), both) == ()
+    bad = [look((0, 1, 0), (9, 1, 0), name="in"), look((6, 2, 0), (9, 90, 0), name="up")]
+    assert remarks([*good, *bad], lit((0, 5, 0), (0.5, 1, 0), (9, 2, 2)), both) == (
+        "camera in stands inside the proxy",
+        "camera up stands where nothing of the proxy is in view",
+        "light key of l1 stands inside the proxy",
+    )
+    many = [look((0, 1, z / 100), (9, 1, 0), name=f"in{z}") for z in range(6)]
+    (line,) = remarks([*good, look((7, 2, 0), (0, 1, 0)), *many], [], both)
+    assert line == "6 of 13 cameras stand inside the proxy: in0, in1, in2, in3, in4, …"
+
+
+def test_a_room_that_is_wound_outwards_holds_its_cameras_and_lamps() -> None:
+    inside = [look((0.3, 0.1, z / 10), (5, 0, 0), name=f"c{z}") for z in range(5)]
+    assert remarks(inside, lit((0, 0, 0)), mesh(BOX)) == ()
+    assert remarks(inside[:1], [], mesh(BOX)) == ("camera c0 stands inside the proxy",)
+
+
+def test_a_lamp_in_many_lightings_is_said_once() -> None:
+    camera = look((0, 0, 4), (0, 0, 0))
+    assert remarks([camera], lit((0, 0, 0), (0, 0, 0)), mesh(BALL)) == ("light key of l0 stands inside the proxy",)
+    area = AreaLight(name="panel", shape="sphere", world_from_light=np.eye(4), size=(0.1, 0.1))
+    sun = SunLight(name="sun", direction=np.array([0.0, -1.0, 0.0]))
+    (line,) = remarks([camera], [Lighting(name="a", lights=(sun, area))], mesh(BALL))
+    assert line == "light panel of a stands inside the proxy"

@@ -130,7 +130,7 @@ def build(source: Source, table: JobTable) -> Job:
     made = _made_of_splats(source, table, splats)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
     captured = captured or _estimated(table, splats, proxy)
-    found = cameras.of_job(table, assets, cameras.Extent(splats, proxy), wrong)
+    found = cameras.of_job(table, assets, cameras.Extent(splats, proxy, there=made is None), wrong)
     source.refuse(wrong)
     return Job(
         source=source.path,

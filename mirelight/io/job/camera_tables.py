@@ -189,7 +189,8 @@ class DomeTable(_Sampled):
 
 
 class RandomTable(_Sampled):
-    """Cameras at random places of a box, each drawn by seed and number alone: more of them change none."""
+    """Cameras at random places of a box, each drawn by seed and number alone: more of them change none. One inside the
+    proxy, or that sees nothing of it, is drawn again."""
 
     type: Literal["random"]
     bounds: Bounds | None = Field(

@@ -36,19 +36,36 @@ from mirelight.io.job.sampling import Stand
 from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.tables import JobTable
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
+from mirelight.viewing import Judge, is_room
 
 __all__ = ["CameraFiles", "Extent", "of_job"]
 
 _VIEW = (0.45, 0.35, 1.0)  # where the camera that sees all stands, from the middle of the scene
 _STRAYS = 1.0  # percent of splats at each end of each axis that do not count for the scene's size
 _MOST_SAMPLES = 500_000  # splats looked at for that
+_FIRST = 8  # random cameras that tell whether the mesh is a room
+_MOST_DRAWS = 20  # of one random camera
 
 
 class Extent:
-    """The sphere that holds what is to be seen; strays among the splats do not count. Reads files when it is asked."""
+    """The sphere that holds what is to be seen; strays among the splats do not count. Reads files when it is asked.
 
-    def __init__(self, splats: Deferred[SplatCloud] | None, proxy: Deferred[ProxyMesh] | None) -> None:
-        self._splats, self._proxy = splats, proxy
+    Args:
+        splats: the job's.
+        proxy: the job's.
+        there: the proxy is a file, so that cameras may be held against it.
+    """
+
+    def __init__(
+        self, splats: Deferred[SplatCloud] | None, proxy: Deferred[ProxyMesh] | None, there: bool = True
+    ) -> None:
+        self._splats, self._proxy, self._there = splats, proxy, there
+
+    @cached_property
+    def judge(self) -> Judge | None:
+        """Says whether cameras are of use; None without a mesh."""
+        mesh = self._proxy.value if self._proxy is not None and self._there else None
+        return Judge(mesh) if mesh is not None and len(mesh.faces) else None
 
     @cached_property
     def _corners(self) -> tuple[Matrix, Matrix]:
@@ -130,6 +147,8 @@ def _inline(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent,
                 out.append(_camera(table, name, size))
             case AroundTable():
                 out += _standing(table, name, size, around.stands(table, ("cameras", i)))
+            case RandomTable():
+                out += _scattered(table, name, size, scene)
             case _:
                 out += _standing(table, name, size, _stands(table, size, scene))
     return out
@@ -175,7 +194,7 @@ def _far(table: CameraTable) -> float:
 
 
 def _stands(
-    table: TurntableTable | OrbitTable | SphereTable | DomeTable | RandomTable, size: tuple[int, int], scene: Extent
+    table: TurntableTable | OrbitTable | SphereTable | DomeTable, size: tuple[int, int], scene: Extent
 ) -> Iterable[Stand]:
     target = scene.center if table.target is None else np.asarray(table.target)
     away = scene.distance(_yfov(table, size), *size)
@@ -191,9 +210,27 @@ def _stands(
         case DomeTable():
             low, high = table.elevation
             return sampling.band(target, table.radius or away, low, high, table.seed, table.count)
-        case RandomTable():
-            bounds = table.bounds or (scene.low, scene.high)
-            return sampling.scattered(bounds, table.target_bounds or (target, target), table.seed, table.count)
+
+
+def _scattered(table: RandomTable, name: str, size: tuple[int, int], scene: Extent) -> list[Camera]:
+    """Random cameras, each drawn until it stands outside the mesh and sees some of it. Where no draw does, the first
+    one stays, for the render to say so."""
+    target = scene.center if table.target is None and table.target_bounds is None else np.asarray(table.target)
+    bounds, targets = table.bounds or (scene.low, scene.high), table.target_bounds or (target, target)
+
+    def drawn(number: int, again: int = 0) -> Camera:
+        stand = sampling.scattered(bounds, targets, table.seed, number, again)
+        return _standing(table, name, size, [stand], number + 1)[0]
+
+    judge = scene.judge
+    if judge is None:
+        return [drawn(number) for number in range(table.count)]
+    judge.room = is_room([judge.inside(drawn(number)) for number in range(_FIRST)])  # whatever the count is
+    out = []
+    for number in range(table.count):
+        draws = (drawn(number, again) for again in range(_MOST_DRAWS))
+        out.append(next((camera for camera in draws if judge.approves(camera)), None) or drawn(number))
+    return out
 
 
 def _yfov(table: LensTable, size: tuple[int, int]) -> float:
@@ -201,9 +238,11 @@ def _yfov(table: LensTable, size: tuple[int, int]) -> float:
     return 2 * math.degrees(math.atan(size[1] / 2 / table.focal(*size)))
 
 
-def _standing(table: LensTable, name: str, size: tuple[int, int], stands: Iterable[Stand]) -> list[Camera]:
+def _standing(
+    table: LensTable, name: str, size: tuple[int, int], stands: Iterable[Stand], first: int = 1
+) -> list[Camera]:
     out = []
-    for number, stand in enumerate(stands, start=1):
+    for number, stand in enumerate(stands, start=first):
         f = table.focal(*size, *([stand.yfov] if stand.yfov else []))
         out.append(
             Camera(

@@ -53,16 +53,21 @@ def band(target: Matrix, radius: float, low: float, high: float, seed: int, coun
         yield Stand(target + radius * direction(math.asin(height), offset + _GOLDEN * i), target)
 
 
-def scattered(bounds: ArrayLike, targets: ArrayLike, seed: int, count: int) -> Iterator[Stand]:
-    """Places at random in one box, that look at places at random in another; each box (2, 3), lowest corner first."""
+def scattered(bounds: ArrayLike, targets: ArrayLike, seed: int, number: int, again: int = 0) -> Stand:
+    """A place at random in one box, that looks at a place at random in another; each box (2, 3), lowest corner first.
+
+    Args:
+        bounds, targets: the boxes.
+        seed, number: same ones, same place.
+        again: how often a place of this number was drawn and refused before.
+    """
     (low, high), (near, far) = np.asarray(bounds, dtype=np.float64), np.asarray(targets, dtype=np.float64)
-    for i in range(count):
-        draws = _draws(seed, i, 6)
-        target = near + (far - near) * draws[3:]
-        position = low + (high - low) * draws[:3]
-        if np.linalg.norm(position - target) < 1e-9:
-            position = position + np.array([0, 0, 1e-3])  # a box without size around the target
-        yield Stand(position, target)
+    draws = _draws(seed, number, 6, again)
+    target = near + (far - near) * draws[3:]
+    position = low + (high - low) * draws[:3]
+    if np.linalg.norm(position - target) < 1e-9:
+        position = position + np.array([0, 0, 1e-3])  # a box without size around the target
+    return Stand(position, target)
 
 
 def around(captured: Sequence[Camera], target: Matrix, seed: int, count: int) -> Iterator[Stand]:
@@ -105,7 +110,7 @@ def focus(captured: Sequence[Camera]) -> Matrix | None:
     return np.asarray(point) if np.mean(ahead > 0) > 0.5 else None
 
 
-def _draws(seed: int, number: int, count: int) -> Matrix:
+def _draws(seed: int, number: int, count: int, again: int = 0) -> Matrix:
     """Numbers (count,) in [0, 1) of one camera."""
-    generator = random.Random(f"camera {seed} {number}")
+    generator = random.Random(f"camera {seed} {number} {again}" if again else f"camera {seed} {number}")
     return np.array([generator.random() for _ in range(count)])

@@ -12,8 +12,9 @@ import pytest
 from mirelight import conventions
 from mirelight.errors import InputError
 from mirelight.io import job
+from mirelight.io.gltf.write import write_glb
 from mirelight.io.job.sampling import focus
-from mirelight.model import Camera
+from mirelight.model import Camera, ProxyMesh
 
 from ..cameras.views import POINTS, View, colmap_text, pixels_of, views, write_json, write_ssproj
 from .conftest import WriteJob
@@ -276,6 +277,34 @@ def test_random_draws_are_these(write_job: WriteJob) -> None:
     drawn = [0.8215055955152496, 0.2859845235723102, 0.0528644112842499]
     again = [0.536578066773772, 0.8985413624803077, 0.02754240084785431]
     np.testing.assert_array_equal([c.position for c in found], [drawn, again])
+
+
+def solid(folder: Path) -> None:
+    """A proxy of a ground and a closed box over it."""
+    import trimesh
+
+    box = trimesh.creation.box((1.8, 1.8, 1.8))
+    ground = np.array([[-9, -1, -9], [9, -1, -9], [9, -1, 9], [-9, -1, 9]])
+    faces = np.concatenate([[[0, 2, 1], [0, 3, 2]], box.faces + 4])
+    vertices = np.concatenate([ground, box.vertices]).astype(np.float32)
+    (folder / "proxy.glb").unlink()
+    write_glb(folder / "proxy.glb", ProxyMesh(vertices=vertices, faces=faces.astype(np.int32)))
+
+
+def test_random_cameras_are_drawn_again_until_they_are_of_use(write_job: WriteJob, tmp_path: Path) -> None:
+    """Nearly half of the box of eyes is solid, and most of what is looked at lies in the sky."""
+    text = SCENE + '[[cameras]]\ntype = "random"\nbounds = [[-3, -0.9, -1], [1, 0.9, 1]]\nseed = 4\ncount = '
+    targets = "\ntarget_bounds = [[-9, -9, 0], [9, 30, 0]]\n"
+    before = cameras(write_job(f"{text}16{targets}"))
+    solid(tmp_path)
+    few, more = (cameras(write_job(f"{text}{count}{targets}")) for count in (16, 20))
+    inside = [np.abs(camera.position).max() < 0.9 for camera in before]
+    assert sum(inside) >= 2
+    assert not any(np.abs(camera.position).max() < 0.9 for camera in more)
+    kept = [np.array_equal(a.world_from_camera, b.world_from_camera) for a, b in zip(before, few, strict=True)]
+    assert any(kept) and not any(k and i for k, i in zip(kept, inside, strict=True))
+    assert all(np.array_equal(a.world_from_camera, b.world_from_camera) for a, b in zip(few, more, strict=False))
+    assert [x.name for x in more] == [f"camera.{i + 1:04d}" for i in range(20)]
 
 
 def test_random_targets(write_job: WriteJob) -> None:

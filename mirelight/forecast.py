@@ -119,7 +119,7 @@ def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
     lit = None
     if task.lighting is not None:
         lit = stages.light(scene, camera, task.lighting)
-        compared = job.splats is not None and keys.compares(job) and job.captured is not None
+        compared = job.splats is not None and keys.compares_in(job, task.lighting) and job.captured is not None
         lightings = [task.lighting, *([job.captured] if compared and job.captured is not None else [])]
         sets = len({s.digest for x in lightings for s in scene.mixture(x).sets})
     traced = time.perf_counter()

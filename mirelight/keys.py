@@ -12,7 +12,16 @@ from dataclasses import fields
 from functools import cached_property
 
 from mirelight import provenance, relighting
-from mirelight.model import Camera, CompositorSettings, EstimatedSky, Job, Lighting, OutputSettings, digest
+from mirelight.model import (
+    Camera,
+    CompositorSettings,
+    EstimatedSky,
+    Job,
+    Lighting,
+    OutputSettings,
+    RelightSettings,
+    digest,
+)
 from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of
 from mirelight.units import GLOW, LightSet, LightSets, Mixture, Rules, terms
@@ -27,6 +36,7 @@ class Keys:
         self.job = job
         self._eyes: dict[int, tuple[Camera, str, str]] = {}
         self._seen: dict[tuple[str, str], str] = {}
+        self._relights: dict[RelightSettings, str] = {}
         self._named: dict[int, tuple[Lighting, str]] = {}
 
     # --- made once a scene ---
@@ -160,8 +170,8 @@ class Keys:
         if lighting is None:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
-        parts = [composite, *self._lit(lighting, seen), self._relit]
-        if job.splats is not None and compares(job) and job.captured is not None:
+        parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
+        if job.splats is not None and compares_in(job, lighting) and job.captured is not None:
             parts += [*self._lit(job.captured, seen), self.captured_level]
         return _joined("frame", *parts)
 
@@ -182,18 +192,21 @@ class Keys:
         """How a lighting is made of sets."""
         return self.sets.mixture(lighting)
 
-    @cached_property
-    def _relit(self) -> str:
-        job = self.job
-        denoised = (True, self._versions("pyoidn")) if job.render.denoise else (False,)
-        return digest(
-            "relit",
-            _read(job.relight, relighting.reads(job.relight)),
-            denoised,
-            self._versions("numpy"),
-            job.splats is None,
-            wants_noise(job),
-        )
+    def _relit(self, settings: RelightSettings) -> str:
+        """How light meets splats; that of one kind of settings is kept."""
+        found = self._relights.get(settings)
+        if found is None:
+            job = self.job
+            denoised = (True, self._versions("pyoidn")) if job.render.denoise else (False,)
+            found = self._relights[settings] = digest(
+                "relit",
+                _read(settings, relighting.reads(settings)),
+                denoised,
+                self._versions("numpy"),
+                job.splats is None,
+                wants_noise(job),
+            )
+        return found
 
     # --- files ---
 
@@ -234,8 +247,14 @@ class Keys:
 
 
 def compares(job: Job) -> bool:
-    """True where the relight mode divides by the light that the capture was made under."""
-    return relighting.mode_of(job.relight).needs_captured
+    """True where the relight mode of the job, or of any of its lightings, divides by the light that the capture was
+    made under."""
+    return any(compares_in(job, x) for x in (None, *(x for x in job.lightings if x.relight is not None)))
+
+
+def compares_in(job: Job, lighting: Lighting | None) -> bool:
+    """The same of one lighting; None: of lightings that say nothing of it."""
+    return relighting.mode_of(job.relight_of(lighting)).needs_captured
 
 
 def follows_engine(job: Job) -> bool:

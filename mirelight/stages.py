@@ -83,7 +83,7 @@ def light(
     """
     _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
-    compared = job.captured if job.splats is not None and keys.compares(job) else None
+    compared = job.captured if job.splats is not None and keys.compares_in(job, lighting) else None
     view = scene.view_light(seen)
     view.expect([lighting] if compared is None else [compared, lighting], progress)
     captured: LightingBuffer | None = None
@@ -124,7 +124,7 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
 
 
 def relight(scene: Scene, splats: SplatLayer | None, lit: Lit | None) -> Frame:
-    """One frame, as the job's relight settings say.
+    """One frame, as the relight settings of the job, or of its lighting, say.
 
     Args:
         scene: a prepared job.
@@ -146,11 +146,12 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     camera = lit.camera if lit is not None else splats.camera if splats is not None else None
     assert camera is not None
     key = "" if unfinished else scene.keys.frame(camera, lit.lighting if lit else None)
-    made_by = provenance.of_frame(job, lit.lighting.name if lit else "", key)
+    settings = job.relight_of(lit.lighting if lit else None)
+    made_by = provenance.of_frame(replace(job, relight=settings), lit.lighting.name if lit else "", key)
     made = relighting.apply(
         splats,
         lit.new if lit else None,
-        job.relight,
+        settings,
         captured=lit.captured if lit else None,
         captured_level=scene.captured_level if lit and lit.captured else None,
         made_by=replace(made_by, partial=unfinished),

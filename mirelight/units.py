@@ -168,7 +168,7 @@ class LightSets:
     def _mixture(self, lighting: Lighting) -> Mixture:
         wanted = tuple(terms(lighting))
         if not self._is_linear(wanted):
-            return Mixture(lighting, (LightSet(whole=lighting),))
+            return Mixture(lighting, (LightSet(whole=replace(lighting, relight=None)),))
         self._trace_together(self._new(wanted))
         sets = {self._home[t.unit.digest].digest: self._home[t.unit.digest] for t in wanted}
         return Mixture(lighting, tuple(sets.values()) or (LightSet(),), wanted)

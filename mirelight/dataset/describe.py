@@ -82,7 +82,7 @@ class _Units:
         first = mixture.sets[0]
         if first.whole is not None:
             place = self._place(first.digest, lighting.name, "whole", groups[first.digest], "", first.whole)
-            return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),))
+            return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),), lighting.relight)
         places: list[int] = []
         for term in mixture.terms:
             home = next(s for s in mixture.sets if s.layer_of(term.unit) is not None)
@@ -91,7 +91,7 @@ class _Units:
                 self._place(term.unit.digest, term.layer, _kind(term.unit), groups[home.digest], layer, term.unit)
             )
         weights = tuple((float(t.weight[0]), float(t.weight[1]), float(t.weight[2])) for t in mixture.terms)
-        return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights)
+        return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights, lighting.relight)
 
     def _place(self, digest: str, name: str, kind: str, group: int, layer: str, of: Unit | Lighting) -> int:
         if digest not in self._places:
@@ -124,9 +124,8 @@ def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]
         kept: where to.
         resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.scene.Scene`.
     """
-    made = keys.Keys(plan.job)
     for lighting in plan.job.lightings:
-        mixture = made.mixture(lighting)
+        mixture = plan.keys.mixture(lighting)
         whole = mixture.sets[0].whole
         for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:
             for around, source in _around(of):

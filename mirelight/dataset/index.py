@@ -64,6 +64,7 @@ class Weighted:
     groups: tuple[int, ...]  # the sets that it is made of, at least one
     units: tuple[int, ...]
     weights: tuple[tuple[float, float, float], ...]  # linear: colour times intensity
+    relight: RelightSettings | None = None  # how it meets the splats; None: as the job says
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,4 +213,6 @@ def _light(data: dict[str, Any]) -> Light:
 
 def _weighted(data: dict[str, Any]) -> Weighted:
     weights = tuple((float(r), float(g), float(b)) for r, g, b in data["weights"])
-    return Weighted(data["name"], tuple(data["groups"]), tuple(data["units"]), weights)
+    relight = data.get("relight")
+    settings = None if relight is None else RelightSettings(**relight)
+    return Weighted(data["name"], tuple(data["groups"]), tuple(data["units"]), weights, settings)

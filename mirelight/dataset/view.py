@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -21,10 +21,20 @@ from mirelight.dataset import index as indexing
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.dataset.surroundings import Map, Sun, Surroundings
 from mirelight.errors import InputError
-from mirelight.model import F32, Camera, DirectionalLight, LightingBuffer, Profile, SplatLayer, SunLight
+from mirelight.model import (
+    F32,
+    Camera,
+    DirectionalLight,
+    LightingBuffer,
+    Profile,
+    RelightSettings,
+    SplatLayer,
+    SunLight,
+)
 from mirelight.store.artefacts import Artefacts
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
+_MOST_RELIGHTS = 4  # ways of relighting that are kept ready for a camera
 
 
 class Sample(NamedTuple):
@@ -44,10 +54,10 @@ class _Ready:
     constant: F32 | None  # (3, h w) of surfaces that glow
     whole: NDArray[np.bool_]  # (L,) units that hold the glow already
     size: tuple[int, int]  # h, w
-    relit: Callable[[F32], F32]
+    relit: Callable[[F32, RelightSettings | None], F32]
 
-    def frame(self, weights: F32) -> F32:
-        """(H, W, 4) under lights of these weights (L, 3)."""
+    def frame(self, weights: F32, relight: RelightSettings | None = None) -> F32:
+        """(H, W, 4) under lights of these weights (L, 3); `relight`: None: as the job says."""
         beauty = np.empty((*self.size, 3), dtype=np.float32)
         used = np.flatnonzero(weights.any(axis=1))
         glow = self.constant is not None and not self.whole[used].any()
@@ -63,7 +73,7 @@ class _Ready:
             if glow:
                 mixed += self.constant[channel]  # type: ignore[index]
             beauty[..., channel] = mixed.reshape(self.size)
-        return self.relit(beauty)
+        return self.relit(beauty, relight)
 
 
 class DataSet:
@@ -221,8 +231,9 @@ class DataSet:
         if not -len(self) <= i < len(self):
             raise IndexError(f"frame {i} of {len(self)}")
         camera, lighting = divmod(i % len(self), len(self._index.lightings))
-        weights = self._weights(self._index.lightings[lighting])
-        return Sample(self._view(camera).frame(weights), weights, camera, lighting)
+        one = self._index.lightings[lighting]
+        weights = self._weights(one)
+        return Sample(self._view(camera).frame(weights, one.relight), weights, camera, lighting)
 
     def __iter__(self) -> Iterator[Sample]:
         return (self[i] for i in range(len(self)))
@@ -243,7 +254,8 @@ class DataSet:
         """
         place = self._at(camera, [x.name for x in self.cameras], "camera")
         if isinstance(lighting, int | str):
-            return self._view(place).frame(self.weights(lighting))
+            one = self._index.lightings[self._at(lighting, self.lightings, "lighting")]
+            return self._view(place).frame(self._weights(one), one.relight)
         weights = np.asarray(lighting, dtype=np.float32)
         weights = np.repeat(weights[:, None], 3, axis=1) if weights.ndim == 1 else weights
         if weights.shape != (len(self.lights), 3) or not (weights >= 0).all():
@@ -286,19 +298,19 @@ class DataSet:
         first = buffers[index.lightings[0].groups[0] if index.lightings else 0]
         captured: relighting.Lit | None = None
         if index.captured is not None:
-            own = _Ready(planes, constant, whole, size, lambda beauty: beauty)
+            own = _Ready(planes, constant, whole, size, lambda beauty, _: beauty)
             surface = relighting.Lit.of(buffers[index.captured.groups[0]])
             beauty = own.frame(self._weights(index.captured))
             captured = relighting.Lit(beauty=beauty, coverage=surface.coverage, albedo=surface.albedo)
         level = None if index.captured_level is None else self._scene.array(index.captured_level)
-        relit = relighting.relighter(
-            splats,
-            relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo),
-            index.relight,
-            captured=captured,
-            captured_level=None if level is None else float(level[0]),
-        )
-        return _Ready(planes, constant, whole, size, relit)
+        surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
+
+        @lru_cache(_MOST_RELIGHTS)
+        def relighter(settings: RelightSettings) -> Callable[[F32], F32]:
+            known = None if level is None else float(level[0])
+            return relighting.relighter(splats, surface, settings, captured=captured, captured_level=known)
+
+        return _Ready(planes, constant, whole, size, lambda beauty, own: relighter(own or index.relight)(beauty))
 
     def _light_camera(self, view: indexing.KeptView) -> Camera:
         rows, columns = view.light_size

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cones import ConeLaw
 from mirelight.model.deferred import Deferred
+
+if TYPE_CHECKING:
+    from mirelight.model.settings import RelightSettings
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
 
@@ -198,6 +201,7 @@ class Lighting:
     # Instead of an environment; a prepared scene makes a sun and a map of it (`lighting.sunsky.resolved` of a model).
     sky: SkyModel | EstimatedSky | None = None
     mix: tuple[LayerFactor, ...] = ()  # multiply light as given above; of layers that are not named: 1
+    relight: RelightSettings | None = None  # how it meets the splats; None: as the job says
 
     def __repr__(self) -> str:
         named = shown.names([x.name for x in self.lights])

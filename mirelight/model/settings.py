@@ -150,6 +150,10 @@ class Job:
     inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex
     notes: tuple[str, ...] = ()  # what to know about files that were read, a line each; counts for no picture
 
+    def relight_of(self, lighting: Lighting | None) -> RelightSettings:
+        """How a lighting meets the splats."""
+        return self.relight if lighting is None or lighting.relight is None else lighting.relight
+
     def __repr__(self) -> str:
         there = [name for name in ("splats", "proxy", "captured") if getattr(self, name) is not None]
         views = f"{len(self.cameras)} cameras x {len(self.lightings)} lightings"

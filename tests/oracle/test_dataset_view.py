@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mirelight
 from mirelight import cli, dataset
 from mirelight.dataset import index as indexing
 from mirelight.dataset.draws import Draws, split
@@ -125,6 +126,44 @@ def test_in_other_modes_too(tmp_path: Path, changed: tuple[str, ...]) -> None:
     make_scene(tmp_path, glow=0.2 if "glow" in changed else 0.0)
     out = render(tmp_path, JOB, *(x for c in changed if c != "glow" for x in ("--set", c)))
     assert_equal_to_files(dataset.open(out), out)
+
+
+SWEPT = """
+[relight]
+blend = 0.75
+
+[sweep]
+lightings = ["lamps", "dim"]
+
+[[sweep.axes]]
+field = "relight.mode"
+values = ["tint", "ratio"]
+
+[[sweep.axes]]
+field = "relight.blend"
+values = [0, 0.5]
+"""
+
+
+def test_swept_relight_settings_are_those_of_single_jobs(tmp_path: Path) -> None:
+    """Each way of relighting: the frame of a job that asks for it alone, and mixed the same; nothing is traced anew."""
+    make_scene(tmp_path)
+    out = render(tmp_path, JOB + SWEPT)
+    view = dataset.open(out)
+    assert view.lightings[:2] == ("day", "lamps-mode-tint-blend0") and len(view.lightings) == 9
+    assert_equal_to_files(view, out)
+    assert len(list((out / ".mirelight" / "light").glob("*.light"))) == 2 * 2  # a composite and one set a camera
+    for i, (mode, blend) in enumerate([("tint", 0), ("tint", 0.5), ("ratio", 0), ("ratio", 0.5)]):
+        settings = f"relight.mode={mode}", f"relight.blend={blend}", "output.directory=alone", "output.aovs=false"
+        job = mirelight.load(tmp_path / "job.toml", [*settings, "sweep.axes=[]", "sweep.one_at_a_time=true"])
+        scene = mirelight.prepare(job)
+        camera, lighting = job.cameras[0], next(x for x in job.lightings if x.name == "lamps")
+        lit = mirelight.light(scene, camera, lighting)
+        alone = mirelight.relight(scene, mirelight.composite(scene, camera), lit).rgba
+        swept = view.frame("front", view.lightings[1 + i])
+        assert np.abs(alone - swept).max() <= 1e-5 * np.abs(alone).max(), (mode, blend)
+    unlike = [view.frame("front", name) for name in view.lightings[1:5]]
+    assert np.array_equal(unlike[0], unlike[2]) and not np.allclose(unlike[1], unlike[3], rtol=0.01)
 
 
 def test_a_proxy_without_splats(tmp_path: Path) -> None:

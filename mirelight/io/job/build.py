@@ -18,6 +18,7 @@ from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.light_tables import LightUnit
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
+from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud
@@ -124,7 +125,8 @@ def build(source: Source, table: JobTable) -> Job:
     lightings = _lightings(table, assets, wrong)
     captured = _captured(table, lightings, assets, wrong)
     if table.sweep is not None and not wrong:
-        lightings = sweep.swept(table, lightings, assets, source.folder, wrong)
+        relit = partial(relight_settings, table)
+        lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
     mixed = mixing.mixed(lightings, table.mix, wrong)
     splats = assets.splats(table.splats) if table.splats else None
     made = _made_of_splats(source, table, splats)
@@ -207,10 +209,10 @@ def _panorama(path: Path, sha256: str) -> F32:
     return read_environment(path)
 
 
-def relight_settings(table: JobTable) -> model.RelightSettings:
-    """The relight settings, with what depends on other tables filled in."""
+def relight_settings(table: JobTable, own: RelightTable | None = None) -> model.RelightSettings:
+    """The relight settings, with what depends on other tables filled in; `own`: those of one lighting."""
     rules = model.rules_of(table.profile)
-    chosen = _settings(table.relight)
+    chosen = _settings(own or table.relight)
     chosen["mode"] = chosen["mode"] or rules.default_mode(table.captured is not None)
     chosen["space"] = chosen["space"] or rules.default_space(table.compositor.linear)
     return model.RelightSettings(profile=table.profile, **chosen)

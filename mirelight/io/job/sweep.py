@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -17,21 +17,29 @@ from mirelight.io.job import overrides
 from mirelight.io.job.light_tables import LightingTable
 from mirelight.io.job.lighting import FreeNames, LightFiles, lighting
 from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.sweep_tables import MOST, SweepTable
 from mirelight.io.job.sweep_values import Value, plain, values
 from mirelight.io.job.tables import JobTable
 from mirelight.io.job.words import closest, shown
-from mirelight.model import Light, Lighting
+from mirelight.model import Light, Lighting, RelightSettings
 
 _AT = ("sweep",)
+_RELIGHT = "relight."  # fields of the relight settings begin so
 
 
 def swept(
-    table: JobTable, base: tuple[Lighting, ...], files: LightFiles, folder: Path, wrong: list[Mistake]
+    table: JobTable,
+    base: tuple[Lighting, ...],
+    files: LightFiles,
+    folder: Path,
+    settings: Callable[[RelightTable], RelightSettings],
+    wrong: list[Mistake],
 ) -> tuple[Lighting, ...]:
     """The job's lightings, those that are swept replaced by their variants; what is wrong is added to `wrong`.
 
     Names: the lighting's and a word for each axis, without dots; with lights one by one, the light's name after that.
+    `settings` makes the job's relight settings of a table.
     """
     sweep = table.sweep
     assert sweep is not None
@@ -43,6 +51,7 @@ def swept(
             wrong.append(Mistake((*_AT, "lightings", i), f"no lighting is named {shown(name)}", remedy))
     axes = [values(axis, sweep.seed, folder) for axis in sweep.axes]
     wrong += _counts(sweep, axes, len(base), folder)
+    wrong += _shared(table)
     if not base:
         wrong.append(Mistake(_AT, "a sweep without a lighting", "add lights or an environment", at_key=True))
     if wrong:
@@ -54,7 +63,7 @@ def swept(
         if one.name not in chosen:
             out.append(one)
             continue
-        for variant in _variants(table, i, one, axes, files, folder, wrong):
+        for variant in _variants(table, i, one, axes, files, folder, settings, wrong):
             named = replace(variant, name=free.take(variant.name))
             out.append(named)
             if sweep.one_at_a_time:
@@ -71,12 +80,14 @@ def one_by_one(whole: Lighting) -> Iterator[Lighting]:
     layers: dict[str, list[Light]] = {}
     for light in whole.lights:
         layers.setdefault(light.group or light.name, []).append(light)
+    how = whole.relight
     for name, lights in layers.items():
-        yield Lighting(name=f"{whole.name}-{plain(name)}", lights=tuple(lights))
+        yield Lighting(name=f"{whole.name}-{plain(name)}", lights=tuple(lights), relight=how)
     if whole.environment is not None:
-        yield Lighting(name=f"{whole.name}-{plain(whole.environment.name)}", environment=whole.environment)
+        name = f"{whole.name}-{plain(whole.environment.name)}"
+        yield Lighting(name=name, environment=whole.environment, relight=how)
     if whole.sky is not None:
-        yield Lighting(name=f"{whole.name}-sky", sky=whole.sky)
+        yield Lighting(name=f"{whole.name}-sky", sky=whole.sky, relight=how)
 
 
 def _counts(sweep: SweepTable, axes: list[list[Value]], lightings: int, folder: Path) -> Iterator[Mistake]:
@@ -93,6 +104,19 @@ def _counts(sweep: SweepTable, axes: list[list[Value]], lightings: int, folder: 
         yield Mistake((*_AT, "axes"), many, f"a job has at most {MOST:,}; take fewer values, or draws that are paired")
 
 
+def _shared(table: JobTable) -> Iterator[Mistake]:
+    """Relight settings that lightings of one job cannot have each for itself."""
+    sweep = table.sweep
+    assert sweep is not None
+    for i, axis in enumerate(sweep.axes):
+        if axis.field == "relight.texture_scale":
+            found = "texture_scale, which decides what is traced"
+            yield Mistake((*_AT, "axes", i, "field"), found, "render a job for each value")
+        if axis.field == "relight.mode" and table.proxy is not None and table.proxy.albedo == "splats":
+            found = 'modes that share a proxy with albedo = "splats", which is for ratio alone'
+            yield Mistake((*_AT, "axes", i, "field"), found, "give the proxy another albedo")
+
+
 def _variants(
     table: JobTable,
     index: int,
@@ -100,6 +124,7 @@ def _variants(
     axes: list[list[Value]],
     files: LightFiles,
     folder: Path,
+    settings: Callable[[RelightTable], RelightSettings],
     wrong: list[Mistake],
 ) -> Iterator[Lighting]:
     sweep = table.sweep
@@ -109,9 +134,12 @@ def _variants(
         return
     whole: LightingTable | JobTable = table.lightings[index] if table.lightings else table
     written = whole.model_dump(exclude_unset=True, include={"lights", "lights_from", "environment"})
+    how = table.relight.model_dump(exclude_unset=True)
+    of_light = any(not axis.field.startswith(_RELIGHT) for axis in sweep.axes)
+    of_relight = any(axis.field.startswith(_RELIGHT) for axis in sweep.axes)
     together = itertools.product(*axes) if sweep.how == "crossed" else zip(*axes, strict=True)
     for combination in together:
-        data = deepcopy(written)
+        data = {**deepcopy(written), "relight": dict(how)}
         for i, (axis, value) in enumerate(zip(sweep.axes, combination, strict=True)):
             problem = _set(data, axis.field, value.value, one.name)
             if problem is not None:
@@ -122,11 +150,15 @@ def _variants(
             words = list(dict.fromkeys(words))
         name = "-".join([plain(one.name), *words])
         try:
-            checked = LightingTable.model_validate({"name": name[:100], **data}, context={"base": folder})
+            relight = RelightTable.model_validate(data.pop("relight"))
+            made = replace(one, name=name)
+            if of_light:  # from the tables again; without, lights may be those of the proxy's file
+                checked = LightingTable.model_validate({"name": name[:100], **data}, context={"base": folder})
+                made = lighting(name, checked, _AT, files, wrong)
         except ValidationError as e:
             wrong.append(_refused(e, name, len(axes)))
             return
-        yield lighting(name, checked, _AT, files, wrong)
+        yield replace(made, relight=settings(relight)) if of_relight else made
 
 
 def _set(data: dict[str, Any], field: str, value: Any, name: str) -> Mistake | None:

@@ -28,7 +28,7 @@ class AxisTable(Table):
         min_length=1,
         max_length=1000,
         description='A key of a lighting, as in overrides: "lights[0].position", or by name "lights.key.intensity", '
-        '"environment.rotation", "environment.sky.time".',
+        '"environment.rotation", "environment.sky.time"; or of the relight settings: "relight.blend".',
     )
     name: str | None = Field(
         default=None, min_length=1, max_length=40, description="In the lightings' names. Default: the field's last key."

@@ -225,3 +225,58 @@ def test_frames_of_a_sweep_hold_the_picture_alone(
     assert (output.layers, output.aovs) == (layers, aovs)
     plain = job.load(write_job(f"{HEAD}{LAMP}[output]\n")).output
     assert plain.layers is True and plain.aovs is True
+
+
+CAPTURED = "captured = { environment = { radiance = 1.0 } }\n"
+
+
+def test_relight_settings_are_swept_and_trace_nothing_more(write_job: WriteJob) -> None:
+    axes = '[[sweep.axes]]\nfield = "relight.blend"\nvalues = [0.25, 1]\n'
+    axes += '[[sweep.axes]]\nfield = "relight.max_ratio"\nrange = [4, 16]\nlog = true\nsteps = 3\n'
+    work = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\n{axes}"))
+    assert [x.name for x in work.lightings] == [
+        f"lighting-blend{a}-max_ratio{b}" for a in ("0p25", "1") for b in (4, 8, 16)
+    ]
+    found = [work.relight_of(x) for x in work.lightings]
+    assert [(x.blend, round(x.max_ratio, 9)) for x in found] == [(a, b) for a in (0.25, 1) for b in (4, 8, 16)]
+    assert all(x.mode == "ratio" and x.delta == 0.01 for x in found)
+    made, camera = keys.Keys(work), work.cameras[0]
+    assert len({s.digest for x in work.lightings for s in made.mixture(x).sets}) == 1
+    assert len({made.frame(camera, x) for x in work.lightings}) == 6
+    alone = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\nblend = 0.25\nmax_ratio = 8\n"))
+    whole = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\n{axes}[output]\naovs = true\n"))
+    assert keys.Keys(alone).frame(camera, alone.lightings[0]) == keys.Keys(whole).frame(camera, whole.lightings[1])
+
+
+def test_modes_are_swept_beside_lights_of_the_proxys_file(write_job: WriteJob) -> None:
+    """The job's lights are those of the proxy's file, which no axis names."""
+    axis = '[[sweep.axes]]\nfield = "relight.mode"\nvalues = ["tint", "ratio"]\n'
+    work = job.load(write_job(f"{HEAD}{CAPTURED}[sweep]\none_at_a_time = true\n{axis}"))
+    assert [x.name for x in work.lightings] == [
+        f"lighting-mode-{mode}{light}" for mode in ("tint", "ratio") for light in ("", "-lamp", "-moon")
+    ]
+    assert [work.relight_of(x).mode for x in work.lightings] == ["tint"] * 3 + ["ratio"] * 3
+    assert [keys.compares_in(work, x) for x in work.lightings] == [False] * 3 + [True] * 3 and keys.compares(work)
+    assert len(work.lightings[0].lights) == 2 and len(work.lightings[4].lights) == 1
+
+
+RELIGHT_MISTAKES = {
+    'field = "relight.texture_scale"\nvalues = [0.5]': "texture_scale, which decides what is traced",
+    'field = "relight.blend"\nvalues = [2]': "less than or equal to 1",
+    'field = "relight.blent"\nvalues = [0.5]': "blent",
+    'field = "relight.mode"\nvalues = ["mix"]': "'tint' or 'ratio'",
+}
+
+
+@pytest.mark.parametrize("axis", RELIGHT_MISTAKES)
+def test_mistakes_of_relight_settings(write_job: WriteJob, axis: str) -> None:
+    path = write_job(f"{HEAD}{CAPTURED}{LAMP}[[sweep.axes]]\n{axis}\n")
+    with pytest.raises(InputError) as raised:
+        job.load(path)
+    assert RELIGHT_MISTAKES[axis] in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_modes_of_one_sweep_share_the_proxys_albedo(write_job: WriteJob) -> None:
+    text = f'splats = "splats.ply"\nproxy = {{ path = "proxy.glb", albedo = "splats" }}\n{CAPTURED}{LAMP}'
+    with pytest.raises(InputError, match="modes that share a proxy"):
+        job.load(write_job(f'{text}[[sweep.axes]]\nfield = "relight.mode"\nvalues = ["tint", "ratio"]\n'))

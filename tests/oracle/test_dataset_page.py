@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -71,6 +72,21 @@ def test_one_light_at_a_time_and_training_on_it(
     (code,) = blocks("Train on it in PyTorch", "python")
     exec(code, {})
     assert capsys.readouterr().out.splitlines() == ["(4, 8, 12, 4) (4, 2, 3)"] * 2
+
+
+def test_a_turntable_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import av
+
+    render(tmp_path, "A turntable film", "cameras[0].frames=6")
+    (command,) = re.findall(r"^    mirelight (film .*)$", PAGE, flags=re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(command.split()) == 0
+    with av.open(str(tmp_path / "turn.mp4")) as film:
+        stream = film.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24").astype(np.float64) for frame in film.decode(stream)]
+        assert stream.average_rate == 24
+    assert len(pictures) == 6 and pictures[0].shape == (8, 12, 3)
+    assert all(np.abs(a - b).mean() > 1 for a, b in pairwise(pictures))
 
 
 def test_a_day_in_24_frames(tmp_path: Path) -> None:

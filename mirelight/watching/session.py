@@ -59,10 +59,11 @@ class Session:
         store = self._opened(job)
         every = self._order.cameras is None and self._order.lightings is None
         store.planned.keep(work, self._order.arguments()[1:], whole=every)
+        assert self._live is not None
+        if self._scene is None:
+            progress.note(f"frames: {len(work.tasks)}; the newest picture of each is in {self._live}")
         scene = prepare(job, store, progress.note, like=self._scene)
         self._scene = scene
-        assert self._live is not None
-        progress.note(f"{len(work.tasks)} frames; the newest picture of each is in {self._live}")
         live = _Live(self, store, self._live, progress, shown)
         live.copy([task for task in work.tasks if store.has(task)])
         made = executor.run(work, store, progress, live, scene)

@@ -235,7 +235,7 @@ def _file(one: beside.Lights, named: _Names) -> Iterator[str]:
         yield f"environment = {{ path = {named(one.path)}, intensity = {one.intensity:.3g} }}"
     else:
         yield "# The intensity brings its lights to the capture's exposure."
-        yield f"lights_from = {{ path = {named(one.path)}, intensity = {one.intensity:.3g} }}"
+        yield f'lights_from = {{ path = {named(one.path)}, unit = "khr", intensity = {one.intensity:.3g} }}'
         yield "environment = { radiance = 0.08 } # cd/m²"
 
 

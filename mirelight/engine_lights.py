@@ -172,6 +172,8 @@ def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, warnings: list[
             cast_shadows=shadows and (isinstance(light, SunLight) or light.shadows),
             penumbra=math.radians(light.angular_diameter) if isinstance(light, SunLight) else 0.0,
         )
+    if isinstance(light, PointLight) and light.profile is not None:
+        warnings.append(f"{light.name}: the engine has no IES profile; it shines as its brightest direction all around")
     if light.radius > 0:
         warnings.append(f"{light.name}: the engine has no radius for this light; its shadow edges differ")
     if light.falloff == "linear":

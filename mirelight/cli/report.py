@@ -187,6 +187,8 @@ def _light(facts: LightFacts) -> str:
     if facts.outer_cone_angle is not None:
         law = "" if facts.cone is None else f" ({facts.cone})"
         parts.append(f"cone {facts.inner_cone_angle:g}° to {facts.outer_cone_angle:g}°{law}")
+    if facts.ies is not None:
+        parts.append(f"measured, {facts.ies:.4g} lm")
     if facts.angular_diameter is not None:
         parts.append(f"{facts.angular_diameter:g}° wide")
     parts += [f"{name} {value:g}" for name, value in (("range", facts.range), ("radius", facts.radius)) if value]

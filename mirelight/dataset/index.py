@@ -22,6 +22,7 @@ from mirelight.model import (
     Camera,
     DirectionalLight,
     DisplaySettings,
+    IesProfile,
     Light,
     PointLight,
     RelightSettings,
@@ -151,6 +152,8 @@ def _packed(value: Any) -> Any:
             return asdict(value)
         case Mapping():
             return {key: _packed(x) for key, x in value.items()}
+        case IesProfile():
+            return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
         case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
             own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
             return {"type": type(value).__name__, **own}
@@ -208,6 +211,8 @@ def _light(data: dict[str, Any]) -> Light:
         own["range"] = math.inf
     if "size" in own:
         own["size"] = tuple(data["size"])
+    if own.get("profile") is not None:
+        own["profile"] = IesProfile(**{k: np.array(v) for k, v in own["profile"].items()})
     return kind(**own)
 
 

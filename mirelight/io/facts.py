@@ -51,6 +51,7 @@ class LightFacts:
     outer_cone_angle: float | None = None
     cone: str | None = None
     radius: float | None = None
+    ies: float | None = None  # lumens of a measured light
     angular_diameter: float | None = None
     shape: str | None = None
     size: Numbers | None = None
@@ -244,6 +245,7 @@ def light_facts(light: Light) -> LightFacts:
             facts["angular_diameter"] = rounded(light.angular_diameter)
             return LightFacts(type="sun", direction=numbers(light.direction), **facts)
         case PointLight():
+            facts["ies"] = None if light.profile is None else rounded(light.intensity * light.profile.solid_angle)
             return LightFacts(type="point", position=numbers(light.position), **_reach(light), **facts)
         case SpotLight():
             return LightFacts(

@@ -99,7 +99,7 @@ def _brightest_first(
     items: NDArray[np.uint32],
 ) -> NDArray[np.uint32]:
     """Each list by how bright its lights may be at about the middle of the cell; only noise depends on the order."""
-    table = pack(lights)
+    table = pack(lights)[: max(len(lights), 2)]
     strength = table[:, 8:11].mean(axis=1)
     area = np.isin(table[:, 3], (Kind.RECTANGLE, Kind.DISK))
     strength = np.where(area, strength * 4 * table[:, 15] * table[:, 19], strength)

@@ -93,8 +93,11 @@ def _pack(light: Light) -> NDArray[np.float64]:
                 kind,
                 position=light.position,
                 strength=light.color * light.intensity,
+                axis=None if light.profile is None else light.profile.nadir,
                 radius=light.radius,
                 reach=light.range,
+                x=None if light.profile is None else (light.profile.zero, 0.0),
+                y=None if light.profile is None else (light.profile.quarter, 0.0),
             )
         case SpotLight():
             return _row(
@@ -131,14 +134,26 @@ def _pack_area(light: AreaLight) -> NDArray[np.float64]:
 
 
 def pack(lights: tuple[Light, ...]) -> F32:
-    """The light table, (max(n, 2), ROW) float32: unused rows are dark directional lights.
+    """The light table, (max(n, 2) or more, ROW) float32: unused rows are dark directional lights.
 
-    At least two rows, because Dr.Jit treats a single one as a constant and would compile it in.
+    At least two rows, because Dr.Jit treats a single one as a constant and would compile it in. Behind them stand the
+    profiles of lights that have one, each once; the last float of a light's row is where its own begins, 0 for none.
     """
     rows = [_pack(light) for light in lights]
     while len(rows) < 2:
         rows.append(_row(Kind.DIRECTIONAL, position=np.array([0.0, 1.0, 0.0]), strength=np.zeros(3)))
-    return np.asarray(rows, dtype=np.float32)
+    places: dict[str, int] = {}
+    profiles: list[NDArray[np.float64]] = []
+    for row, light in zip(rows, lights, strict=False):
+        profile = light.profile if isinstance(light, PointLight) else None
+        if profile is not None:
+            known = digest(profile.share)
+            if known not in places:
+                places[known] = len(rows) + sum(len(x) for x in profiles)
+                flat = profile.share.ravel().astype(np.float64)
+                profiles.append(np.append(flat, np.zeros(-len(flat) % ROW)).reshape(-1, ROW))
+            row[-1] = places[known]
+    return np.concatenate([np.asarray(rows), *profiles]).astype(np.float32)
 
 
 def seeds(lights: tuple[Light, ...]) -> NDArray[np.uint32]:

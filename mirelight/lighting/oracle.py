@@ -20,6 +20,7 @@ from mirelight.model import (
     Camera,
     DirectionalLight,
     Environment,
+    IesProfile,
     Light,
     Lighting,
     Material,
@@ -29,6 +30,7 @@ from mirelight.model import (
     SunLight,
     Wraps,
 )
+from mirelight.model.ies import AROUND, DOWN
 
 
 def _rgb(mi: Any, value: Any) -> dict[str, Any]:
@@ -52,6 +54,9 @@ def _khr_class(mi: Any) -> Any:
             self.strength = mi.ScalarColor3f(props["strength"])
             self.scale, self.offset, self.smooth = (props[f"cone_{x}"] for x in ("scale", "offset", "smooth"))
             self.inverse_range = props["inverse_range"]
+            self.table = props.get("table", None)
+            if self.table is not None:
+                self.frame = [mi.ScalarVector3f(props[x]) for x in ("nadir", "zero", "quarter")]
 
         def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
             ds = mi.DirectionSample3f()
@@ -63,9 +68,20 @@ def _khr_class(mi: Any) -> Any:
             cosine = -dr.dot(ds.d, mi.Vector3f(self.axis))
             t = dr.clip(cosine * self.scale + self.offset, 0, 1)
             cone = t * t * (3 - 2 * t) if self.smooth else t * t
+            if self.table is not None:
+                cone = cone * self._measured(-ds.d)
             fourth = (ds.dist * self.inverse_range) ** 4
             window = dr.clip(1 - fourth, 0, 1) / (ds.dist * ds.dist)
             return ds, mi.Color3f(self.strength) * (cone * window)
+
+        def _measured(self, way: Any) -> Any:
+            """The profile in a direction, by Mitsuba's own bitmap, whose texels' centres lie half a texel inside."""
+            nadir, zero, quarter = (mi.Vector3f(x) for x in self.frame)
+            around = dr.atan2(dr.dot(way, quarter), dr.dot(way, zero)) / dr.two_pi
+            down = dr.acos(dr.clip(dr.dot(way, nadir), -1, 1)) / dr.pi
+            si = dr.zeros(mi.SurfaceInteraction3f)
+            si.uv = mi.Point2f((down * (DOWN - 1) + 0.5) / DOWN, around + 0.5 / AROUND)
+            return self.table.eval_1(si)
 
         def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
             return mi.Float(0)
@@ -77,6 +93,14 @@ def _khr_class(mi: Any) -> Any:
             return mi.ScalarBoundingBox3f(self.position)
 
     return KhrPunctual
+
+
+def _profile(mi: Any, profile: IesProfile) -> dict[str, Any]:
+    """Properties of a lamp whose light was measured."""
+    pixels = mi.Bitmap(profile.share[..., None].copy())  # not of a read-only array
+    table = {"type": "bitmap", "bitmap": pixels, "raw": True, "filter_type": "bilinear", "wrap_mode": "repeat"}
+    frame = {name: getattr(profile, name).tolist() for name in ("nadir", "zero", "quarter")}
+    return {"table": table, **frame}
 
 
 def _sun_class(mi: Any) -> Any:
@@ -175,7 +199,8 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
             }
         case PointLight() | SpotLight() if light.radius == 0:
             spot = isinstance(light, SpotLight)
-            if not spot and np.isinf(light.range):
+            measured = None if isinstance(light, SpotLight) else light.profile
+            if not spot and np.isinf(light.range) and measured is None:
                 return {"type": "point", "position": light.position.tolist(), "intensity": _rgb(mi, strength)}
             scale, offset, smooth = 0.0, 1.0, 0.0
             axis = np.array([0.0, 0.0, 1.0])
@@ -191,15 +216,18 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
                 "cone_offset": offset,
                 "cone_smooth": smooth > 0,
                 "inverse_range": 1.0 / light.range,
+                **({} if measured is None else _profile(mi, measured)),
             }
-        case PointLight() if np.isinf(light.range):
+        case PointLight() if np.isinf(light.range) and light.profile is None:
             matrix = np.eye(4)
             matrix[:3, 3] = light.position
             return _glowing(mi, "sphere", matrix, (light.radius, light.radius), strength / (np.pi * light.radius**2))
         case AreaLight():
             return _glowing(mi, light.shape, light.world_from_light, (light.size[0] / 2, light.size[1] / 2), strength)
         case _:
-            raise RenderError(f"light {light.name!r}: Mitsuba has no lamp with both a radius and a cone or range")
+            raise RenderError(
+                f"light {light.name!r}: Mitsuba has no lamp with both a radius and a cone, range or profile"
+            )
 
 
 def _glowing(

@@ -10,6 +10,7 @@ from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.digests import digest
+from mirelight.model.ies import IesProfile
 from mirelight.model.lights import (
     AreaLight,
     DirectionalLight,
@@ -58,6 +59,7 @@ __all__ = [
     "EstimatedSky",
     "Falloff",
     "Frame",
+    "IesProfile",
     "Indirect",
     "Job",
     "LayerFactor",

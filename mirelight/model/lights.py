@@ -12,6 +12,7 @@ from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cones import ConeLaw
 from mirelight.model.deferred import Deferred
+from mirelight.model.ies import IesProfile
 
 if TYPE_CHECKING:
     from mirelight.model.settings import RelightSettings
@@ -46,6 +47,7 @@ class PointLight(ArrayHolder):
     intensity: float = 1.0  # candela
     range: float = float("inf")  # world units; KHR window max(min(1 - (d/range)^4, 1), 0); inf: none
     radius: float = 0.0  # world units; 0: a point with hard shadows
+    profile: IesProfile | None = None  # by direction, times the candela; None: the same all around
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
     group: str | None = None  # names the layer that it shares; None: one of its own

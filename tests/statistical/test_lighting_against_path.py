@@ -14,6 +14,7 @@ from mirelight.model import (
     Camera,
     DirectionalLight,
     Environment,
+    IesProfile,
     Light,
     Lighting,
     Material,
@@ -24,6 +25,7 @@ from mirelight.model import (
     SunLight,
     Wrap,
 )
+from mirelight.model.ies import AROUND, DOWN
 
 from .ztest import Array, worst_and_allowed
 
@@ -122,6 +124,14 @@ def same(proxy: ProxyMesh, lighting: Lighting, max_depth: int, *, hide_lights: b
     assert ours.mean() == pytest.approx(theirs.mean(), rel=0.01)
 
 
+MEASURED = IesProfile(  # lopsided, and slanted
+    share=(
+        (0.5 + 0.5 * np.cos(np.linspace(0, np.pi, DOWN)) ** 2)
+        * (0.6 + 0.4 * np.cos(np.arange(AROUND) * (2 * np.pi / AROUND) - 0.7))[:, None]
+    ).astype(np.float32),
+    nadir=np.array([-0.6, -0.8, 0.0]),
+    zero=np.array([0.0, 0.0, 1.0]),
+)
 SPOT = SpotLight(
     name="s",
     position=np.array([1.0, 2, 2]),
@@ -135,6 +145,7 @@ LIGHTS: dict[str, tuple[Light, int]] = {
     "directional": (DirectionalLight(name="d", direction=np.array([-0.5, -1, -0.4]), intensity=2.0), 4),
     "point": (KEY, 4),
     "point with range": (replace(KEY, range=3.5), 4),
+    "measured point": (replace(KEY, profile=MEASURED), 4),
     "spot": (SPOT, 4),
     "spot with the engine's cone": (replace(SPOT, cone="playcanvas"), 4),
     "sun": (SunLight(name="u", direction=np.array([-0.5, -1, -0.4]), intensity=2.0, angular_diameter=12.0), 4),

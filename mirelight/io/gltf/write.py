@@ -142,6 +142,8 @@ class _Builder:
         if not isinstance(light, (DirectionalLight, PointLight, SpotLight)):
             kind = type(light).__name__
             raise OutputError(f"{self.path}: {_LIGHTS} has no {kind} ({light.name!r}); nothing was written")
+        if isinstance(light, PointLight) and light.profile is not None:
+            raise OutputError(f"{self.path}: {_LIGHTS} has no IES profile ({light.name!r}); nothing was written")
         entry: dict[str, Any] = {"name": light.name, "color": light.color.tolist(), "intensity": light.intensity}
         pose = np.eye(4)
         if not isinstance(light, PointLight):

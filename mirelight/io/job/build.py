@@ -26,6 +26,7 @@ from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, P
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
     from mirelight.io.gltf.cameras import GltfCamera
+    from mirelight.io.ies import IesFile
 
 
 @dataclass(slots=True)
@@ -99,6 +100,12 @@ class Assets:
             named = {os.path.relpath(file, self.folder): file for file in found.files}
             self.digests |= {name: file_digest(file) for name, file in named.items()}
         return found
+
+    def ies(self, path: str) -> IesFile:
+        """See :class:`lighting.LightFiles`."""
+        from mirelight.io.ies import read_ies
+
+        return read_ies(self.path(path))
 
     def panorama(self, path: str) -> Deferred[F32]:
         """See :class:`lighting.LightFiles`."""

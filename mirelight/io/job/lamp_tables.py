@@ -11,7 +11,9 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from mirelight.colour import blackbody
 from mirelight.engine_lights import DEFAULT_RANGE
 from mirelight.io.job.fields import (
+    AssetPath,
     Color,
+    Degrees,
     Direction,
     DisplayColor,
     Kelvin,
@@ -118,16 +120,39 @@ class PointTable(ColouredTable):
     unit: LampUnit = Field(default="candela", description=_LAMP_UNIT)
     range: Positive | None = Field(default=None, description=_RANGE)
     radius: NotNegative = Field(default=0.0, description=_RADIUS)
+    ies: AssetPath | None = Field(
+        default=None,
+        description="A luminaire's measured light by direction (.ies, LM-63 type C); intensity, where it is given, is "
+        "that of the brightest direction.",
+    )
+    direction: Direction | None = Field(
+        default=None, description="[x, y, z], with ies: where its nadir points. Default: down."
+    )
+    turn: Degrees = Field(
+        default=0.0,
+        description="With ies, in degrees: turns it about that, counter-clockwise seen from behind the lamp.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> PointTable:
-        _ = self.candela
+        if self.ies is None:
+            for key in ("direction", "turn"):
+                if key in self.model_fields_set:
+                    raise wrong(f"{key} of a light that is the same all around", "leave it out, or add ies", at=key)
+        elif self.unit == "watt":
+            raise wrong("watt of a measured light", "give candela or lumen, or neither", at="unit")
+        if self.ies is None:
+            _ = self.candela
         return self
 
     @property
     def candela(self) -> float:
-        """The intensity in candela."""
+        """The intensity in candela, of a light that is the same all around."""
         return candela(self.intensity, self.unit)
+
+    def brightest(self, peak: float, solid_angle: float) -> float:
+        """Candela of the brightest direction of an IES file that says `peak`; `solid_angle` (sr): lumens by them."""
+        return candela(self.intensity, self.unit, solid_angle) if "intensity" in self.model_fields_set else peak
 
 
 class KhrConeTable(Table):

@@ -12,6 +12,7 @@ import numpy as np
 from mirelight import conventions
 from mirelight.conventions import Matrix
 from mirelight.engine_lights import EngineLight, physical_light
+from mirelight.io.ies import IesFile
 from mirelight.io.job.lamp_tables import (
     AnyLight,
     AreaTable,
@@ -35,6 +36,7 @@ from mirelight.model import (
     Deferred,
     DirectionalLight,
     Environment,
+    IesProfile,
     Light,
     Lighting,
     PointLight,
@@ -58,10 +60,13 @@ class LightFiles(Protocol):
     def panorama(self, path: str) -> Deferred[F32]:
         """An environment picture (h, w, 3), linear."""
 
+    def ies(self, path: str) -> IesFile:
+        """A luminaire's measured light."""
+
 
 def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mistake]) -> Lighting:
     """The lighting of a table that stands `at` a path of the job; what is wrong is added to `wrong`."""
-    lights = [_light(light) for light in table.lights]
+    lights = [_light(light, files) for light in table.lights]
     for i, one in enumerate(table.lights_from):
         lights += _from_file(one, (*at, "lights_from", i), files, wrong)
     around = table.environment
@@ -136,7 +141,7 @@ def _with_cone(light: Light, cone: ConeName) -> Light:
     return replace(light, inner_cone_angle=inner, cone="playcanvas")
 
 
-def _light(table: AnyLight) -> Light:
+def _light(table: AnyLight, files: LightFiles) -> Light:
     if isinstance(table, PlayCanvasTable):
         return _engine_light(table)
     name, color = table.name or table.type, table.rgb
@@ -159,14 +164,16 @@ def _light(table: AnyLight) -> Light:
                 angular_diameter=table.angular_diameter,
             )
         case PointTable():
+            candela, profile = (table.candela, None) if table.ies is None else _measured(table, table.ies, files)
             return PointLight(
                 name=name,
                 group=table.group,
                 color=color,
-                intensity=table.candela,
+                intensity=candela,
                 position=np.asarray(table.position),
                 range=table.range or math.inf,
                 radius=table.radius,
+                profile=profile,
             )
         case SpotTable():
             return SpotLight(
@@ -197,6 +204,18 @@ def _light(table: AnyLight) -> Light:
                 world_from_light=pose,
                 size=(width, height),
             )
+
+
+def _measured(table: PointTable, path: str, files: LightFiles) -> tuple[float, IesProfile]:
+    """Candela of the brightest direction, and the profile: plane 0 along +X where the nadir points down."""
+    nadir = conventions.unit(table.direction or (0, -1, 0))
+    across = np.array([1.0, 0.0, 0.0]) if abs(nadir[0]) < 0.99 else np.array([0.0, 0.0, 1.0])
+    zero = conventions.unit(across - (across @ nadir) * nadir)
+    turn = math.radians(table.turn)
+    zero = zero * math.cos(turn) + np.cross(-nadir, zero) * math.sin(turn)
+    found = files.ies(path)
+    profile = IesProfile(share=found.share, nadir=nadir, zero=zero)
+    return table.brightest(found.peak, profile.solid_angle), profile
 
 
 def _engine_light(table: PlayCanvasTable) -> Light:

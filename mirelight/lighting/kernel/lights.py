@@ -12,8 +12,9 @@ from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.rays import vector
 from mirelight.lighting.kernel.samples import pair
 from mirelight.lighting.kernel.types import Bool, Float, LightSample, Point2f, Point3f, UInt32, Vector3f
-from mirelight.lighting.lights import Kind
+from mirelight.lighting.lights import ROW, Kind
 from mirelight.model import F32
+from mirelight.model.ies import AROUND, DOWN
 
 SHADOW_END = (
     1.0 - 2.0**-10
@@ -73,7 +74,7 @@ def _punctual(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vec
     """(way to the light's centre, its distance, irradiance on a facing surface) by KHR_lights_punctual."""
     axis, _ = _group(table, row, 1)
     strength, inverse_range = _group(table, row, 2)
-    cone, _ = _group(table, row, 5)
+    cone, profile = _group(table, row, 5)
     far = (kind == float(Kind.DIRECTIONAL)) | (kind == float(Kind.SUN))
     to_light = dr.select(far, position, position - p)
     d2 = dr.squared_norm(to_light)
@@ -83,8 +84,30 @@ def _punctual(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vec
     window = dr.clip(1 - dr.square(dr.square(distance * inverse_range)), 0, 1)
     t = dr.clip(dr.fma(dr.dot(axis, wi), -cone.x, cone.y), 0, 1)
     angular = dr.square(t) * dr.fma(cone.z, 2 - 2 * t, 1)  # t², or the smoothstep where cone.z is 1 (model.cones)
+    angular = angular * _measured(table, row, profile, axis, wi)
     falloff = dr.select(far, 1, window * angular * dr.square(inverse))
     return wi, distance, strength * falloff
+
+
+@dr.syntax
+def _measured(table: Float, row: UInt32, profile: Float, nadir: Vector3f, wi: Vector3f) -> Float:
+    """What a light's profile leaves of it in the direction -wi (`model.ies`); 1 without one."""
+    share = mi.Float(1)
+    if profile > 0:
+        zero, _ = _group(table, row, 3)
+        quarter, _ = _group(table, row, 4)
+        x = dr.atan2(-dr.dot(quarter, wi), -dr.dot(zero, wi)) * (AROUND / (2 * dr.pi))
+        x = dr.select(x < 0, x + AROUND, x)
+        y = dr.safe_acos(-dr.dot(nadir, wi)) * ((DOWN - 1) / dr.pi)
+        i, j = mi.UInt32(x), dr.minimum(mi.UInt32(y), DOWN - 2)
+        fx, fy = x - mi.Float(i), y - mi.Float(j)
+        first = mi.UInt32(profile) * ROW + j
+        near = first + dr.select(i >= AROUND, 0, i) * DOWN
+        far = first + dr.select(i + 1 >= AROUND, i + 1 - AROUND, i + 1) * DOWN
+        low = dr.lerp(dr.gather(mi.Float, table, near), dr.gather(mi.Float, table, near + 1), fy)
+        high = dr.lerp(dr.gather(mi.Float, table, far), dr.gather(mi.Float, table, far + 1), fy)
+        share = dr.lerp(low, high, fx)
+    return share
 
 
 def _cone_sample(table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vector3f, u: Point2f) -> LightSample:

@@ -45,7 +45,7 @@ from mirelight.model import (
 
 T = TypeVar("T")
 Surface = Literal[
-    "exact", "48,000 triangles", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own"
+    "exact", "without bars", "solid", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own"
 ]
 Known = Literal["known", "estimated"]
 
@@ -55,8 +55,8 @@ SPP = 64
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 SURFACES: tuple[Surface, ...] = ("exact", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own")
 FEW: tuple[Surface, ...] = ("exact", "own")  # of a scene's second capture; and with the light estimated
-ORDER: tuple[Surface, ...] = ("exact", "48,000 triangles", *SURFACES[1:])
-PLAIN: Surface = "48,000 triangles"  # on which ways are compared, as on a proxy that people have
+ORDER: tuple[Surface, ...] = ("exact", "without bars", "solid", *SURFACES[1:])
+PLAIN: Surface = "solid"  # on which ways are compared, as the nearest to a proxy that people have
 WAYS: tuple[tuple[Indirect, int], ...] = tuple((way, spp) for way in ("traced", "surface", "near") for spp in (16, 64))
 
 
@@ -72,6 +72,7 @@ class Row:
     spp: int
     denoised: bool
     score: Score  # mean over the capture's lightings
+    by_lighting: tuple[tuple[str, float], ...]  # light alone
     trace: float  # CPU seconds a frame, new and captured light, median; NaN where nothing is traced
     fill: float  # CPU seconds of all lightings' caches, once for all cameras
     clean: float  # CPU seconds a frame of denoising
@@ -120,12 +121,15 @@ class Bench:
         match surface:
             case "exact":
                 return exact
-            case "48,000 triangles":
-                return self.capture.simplified(48_000)
+            case "without bars":
+                assert self.capture.without_bars is not None
+                return self.capture.without_bars
+            case "solid":
+                return self.capture.solid
             case "decimated 10x":
-                return self.capture.simplified(len(exact.faces) // 10)
+                return self.capture.simplified(len(self.capture.solid.faces) // 10)
             case "decimated 50x":
-                return self.capture.simplified(len(exact.faces) // 50)
+                return self.capture.simplified(len(self.capture.solid.faces) // 50)
             case "moved 1 %":
                 return self._moved
             case "moved 1 %, fitted":
@@ -138,7 +142,8 @@ class Bench:
         yield from self._without_light()
         if self.capture.first:
             yield from self._ways(quick)
-        for surface in SURFACES if self.capture.first and not quick else FEW:
+        bars: tuple[Surface, ...] = ("without bars",) if self.capture.without_bars is not None else ()
+        for surface in (*bars, *SURFACES) if self.capture.first and not quick else FEW:
             mesh = self.mesh(surface)
             yield from self._traced(surface, mesh, "known", self.capture.light)
             if surface in FEW:
@@ -240,7 +245,8 @@ class Bench:
             f"{made.light:.1f} dB light alone, {made.psnr:.1f} dB"
         )
         nan = math.nan
-        return Row(capture.name, mode, surface, known, indirect, spp, denoised, made, nan, 0.0, 0.0, triangles)
+        own = tuple((x.name, y.light) for x, y in zip(capture.lightings, scores, strict=True))
+        return Row(capture.name, mode, surface, known, indirect, spp, denoised, made, own, nan, 0.0, 0.0, triangles)
 
 
 def _there(factor: F32 | None) -> F32:

@@ -10,12 +10,12 @@ import hashlib
 import importlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scenegen import surfels
-from scenegen.proxy import proxy_of
 from scenegen.recipe import Recipe
 from scenegen.skies import Sky, sky, towards
 from scenegen.truth import Looks, Truth
@@ -26,6 +26,7 @@ from mirelight.io import splats as splat_files
 from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
 from mirelight.sh import C0
 
+METALS = ("iron", "brass")
 ROOT = Path(__file__).resolve().parent.parent
 BAKE_SPP = {"courtyard": 16, "interior": 128}  # for one splat's colour; indoors light is noisy
 
@@ -59,7 +60,9 @@ class Captured:
     light: Lighting  # under which they were captured
     lightings: tuple[Lighting, ...]  # new ones
     exact: ProxyMesh  # the true surface, leaves and bars and all
-    simplified: Callable[[int], ProxyMesh]  # what is solid of it in about so many triangles
+    without_bars: ProxyMesh | None  # the exact one without thin metal (lantern cages); None: there is none
+    solid: ProxyMesh  # what a reconstruction has of it: no leaves, no thin bars
+    simplified: Callable[[int], ProxyMesh]  # that, in about so many triangles
     truth: Mapping[str, tuple[F32, F32]]  # by lighting: two pictures (H, W, 3), linear on black
 
 
@@ -136,14 +139,11 @@ class _Scene:
         self._lightings = own | ({"hard sun": _hard_sun()} if name == "courtyard" else {})
         eye, target, yfov = APART[name]
         self._camera = size.seen(Camera.look_at(eye, target, 960, 540, yfov=yfov, name="apart"))
-        self._looks: Looks | None = None
 
-    @property
+    @cached_property
     def looks(self) -> Looks:
         """The true surface; building it takes seconds, so only where it is needed."""
-        if self._looks is None:
-            self._looks = self.recipe.looks()
-        return self._looks
+        return self.recipe.looks()
 
     def captured(self, plan: _Plan) -> Captured:
         new = plan.new[: self._size.most]
@@ -156,6 +156,8 @@ class _Scene:
             light=self._lightings[plan.captured],
             lightings=tuple(self._lightings[x] for x in new),
             exact=self._exact(),
+            without_bars=self._without_bars(),
+            solid=self._solid(),
             simplified=self._simplified,
             truth={x: self._truth(x) for x in (plan.captured, *new)},
         )
@@ -176,10 +178,20 @@ class _Scene:
     def _exact(self) -> ProxyMesh:
         return self._store.mesh(f"{self._name}.exact", lambda: _welded(self.looks))
 
+    def _solid(self) -> ProxyMesh:
+        bare = replace(self.looks, soups=[s for s in self.looks.soups if s.solid])
+        return self._store.mesh(f"{self._name}.solid", lambda: _welded(bare))
+
+    def _without_bars(self) -> ProxyMesh | None:
+        rest = [s for s in self.looks.soups if s.solid or s.material not in METALS]
+        if len(rest) == len(self.looks.soups):
+            return None
+        return self._store.mesh(f"{self._name}.without-bars", lambda: _welded(replace(self.looks, soups=rest)))
+
     def _simplified(self, triangles: int) -> ProxyMesh:
         def make() -> ProxyMesh:
             self._say(f"{self._name} in {triangles} triangles")
-            return proxy_of(replace(self.recipe, proxy_faces=triangles, proxy_error=0.0), self.looks)
+            return _collapsed(self._solid(), triangles)
 
         return self._store.mesh(f"{self._name}.{triangles}", make)
 
@@ -257,3 +269,12 @@ def _welded(looks: Looks) -> ProxyMesh:
     faces = which.reshape(-1, 3)
     flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
     return ProxyMesh(vertices=corners[first].astype(np.float32), faces=faces[~flat].astype(np.int32))
+
+
+def _collapsed(mesh: ProxyMesh, triangles: int) -> ProxyMesh:
+    """Edges collapsed by quadric error, rims too: pieces of a scene hardly hang together, and rims are most of it."""
+    simplifier = importlib.import_module("pyfqmr").Simplify()
+    simplifier.setMesh(mesh.vertices.astype(np.float64), np.array(mesh.faces))  # it asks for writeable arrays
+    simplifier.simplify_mesh(target_count=triangles, aggressiveness=6, preserve_border=False, verbose=False)
+    vertices, faces, _ = simplifier.getMesh()
+    return ProxyMesh(vertices=np.asarray(vertices, np.float32), faces=np.asarray(faces, np.int32))

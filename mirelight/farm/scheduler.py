@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mirelight import __version__, executor
+from mirelight import __version__, executor, extras
 from mirelight.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import post
@@ -47,11 +47,11 @@ def require() -> None:
     Raises:
         BackendError: it is not.
     """
+    extras.require("dask")
     try:
         import distributed  # noqa: F401
-    except ImportError:
-        text = 'a scheduler needs the package distributed, which is not installed; pip install "mirelight[dask]"'
-        raise BackendError(f"--scheduler: {text}") from None
+    except ImportError:  # there, and broken
+        raise extras.needed("dask") from None
 
 
 def run(order: Order, plan: Plan, store: Store, address: str, progress: Progress) -> RenderSummary:

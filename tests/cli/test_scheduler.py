@@ -169,7 +169,7 @@ def test_a_scheduler_that_goes_is_said_in_a_line(folder: Path, run: Run, cluster
 def test_without_the_extra_nothing_is_begun(folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "distributed.py").write_text('raise ImportError("none")\n')  # the current folder comes first
     done = run("render", "job.toml", "--scheduler", "tcp://127.0.0.1:1")
-    assert done.returncode == 2 and 'pip install "mirelight[dask]"' in done.stderr
+    assert done.returncode == 2 and "pip install 'mirelight[dask]'" in done.stderr
     assert not (folder / "out").exists()
     done = run("render", "job.toml", "--scheduler", "tcp://127.0.0.1:1", "--workers", "2")
     assert done.returncode == 2 and "--workers: given together with --scheduler" in done.stderr

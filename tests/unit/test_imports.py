@@ -67,7 +67,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "executor": {"viewing", "advice", "dataset", "errors", "model", "plan", "scene", "stages", "store", "units"},
     "matching": BASE | {"colour", "io", "relighting", "units", "scene", "stages"},
     "farm": BASE
-    | {"advice", "io", "keys", "mix", "plan", "relighting", "scene", "store", "executor", "machine", "units"},
+    | {"advice", "extras", "io", "keys", "mix", "plan", "relighting", "scene", "store", "executor", "machine", "units"},
     "compare": {"*"},
     "realtime": {"*"},
     "mixing": {"*"},

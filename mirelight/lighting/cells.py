@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.rays import CameraRays
 
 PATHS = 1 << 18  # drawn from all views together
-FEWEST_PATHS = 1 << 9  # from each
+FEWEST_PATHS = 1 << 9  # from each, as long as that makes no more than
+MOST_PATHS = 1 << 21  # in all, which bounds the memory that finding cells takes (1 GB)
 VERTICES = 4  # of a path: later ones lie where others have been
 PARTS = 4  # most that a voxel's side is split into by what sees what; what is left has no cell
 POINTS = 16  # most of a cell that its light is gathered at
@@ -43,13 +44,17 @@ def make(surface: DeviceProxy, views: Sequence[tuple[CameraRays | PointRays, int
     low, high = (x.astype(np.float64) for x in surface.bounds)
     size = max(size, float(np.linalg.norm(high - low)) / FINEST)
     origin = low - SLACK * size
-    grid, lanes = Grid(origin, size), max(PATHS // max(len(views), 1), FEWEST_PATHS)
+    grid, lanes = Grid(origin, size), _paths_of_each(max(len(views), 1))
     keys, values = [np.zeros((0, 3), np.uint32)], [np.zeros((0, 8), np.float32)]
     for index, (view, pixels) in enumerate(views):
         found = visit(surface, view, grid, lanes, pixels, VERTICES, index)
         keys.append(found[0])
         values.append(found[1])
     return _table(surface, np.concatenate(keys), np.concatenate(values), origin, size)
+
+
+def _paths_of_each(views: int) -> int:
+    return max(PATHS // views, min(FEWEST_PATHS, MOST_PATHS // views), 1)
 
 
 def _table(surface: DeviceProxy, keys: NDArray[np.uint32], values: F32, origin: F64, size: float) -> SurfaceCells:

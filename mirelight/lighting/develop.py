@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from mirelight.errors import RenderError
 from mirelight.lighting.layers import Layers
+from mirelight.lighting.spread import EVERY, share
 from mirelight.machine import free_memory
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
+CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device
 SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
 
 
@@ -27,6 +29,7 @@ class Sums:
     surface: F32  # H * W * SURFACE
     parts: F32 | None = None  # K * 2: radiance over batches 0, 2, 4 … and over 1, 5, 9 …; None: not kept
     doubt: F32 | None = None  # K: half the difference of two fills of what was read; None: nothing was
+    halves: F32 | None = None  # K, of one pixel in `spread.EVERY`: over its first half less its second; None: not kept
 
     def copied(self) -> Sums:
         """The same in memory of its own."""
@@ -43,6 +46,7 @@ def develop(
     *,
     sun: bool = False,
     occlusion: bool = False,
+    told: bool = False,
 ) -> LightingBuffer:
     """Sums to means, in the memory that the sums are in: they are used up.
 
@@ -53,6 +57,7 @@ def develop(
         samples: (H * W) taken; a pixel of none is black and uncovered.
         batch: samples in a batch.
         sun, occlusion: whether those AOVs were traced.
+        told: every pixel has the same even number of batches, all of one sequence, so that halves tell the error.
     """
     h, w = camera.height, camera.width
     n = np.maximum(samples, 1).reshape(h, w, 1).astype(np.float32)
@@ -67,8 +72,12 @@ def develop(
     squares = sums.squares.reshape(-1, h, w, 3)
     if known:
         squares /= batch * n
-        for mean, spread in zip(chain((x.total for x in means), [beauty]), squares, strict=False):
+        for k, (mean, spread) in enumerate(zip(chain((x.total for x in means), [beauty]), squares, strict=False)):
             _variance(spread, mean, batches)
+            if told and sums.halves is not None:
+                count = int(batches.flat[0])
+                halves = sums.halves.reshape(max(len(means), 1), -1, 3) * np.float32(2 / (count * batch))
+                _narrow(spread, mean, halves, k, count)
         if sums.doubt is not None:
             _add_doubt(squares, sums.doubt.reshape(-1, h, w, 3) / n)
 
@@ -123,6 +132,16 @@ def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:
     squares /= batches - 1
 
 
+def _narrow(variance: F32, mean: F32, halves: F32, layer: int, batches: int) -> None:
+    """A layer's variance from batches as if they were independent to that of one Sobol' sequence, in place.
+
+    `halves`: (N, 3) of each layer; behind them the beauty's, their sum.
+    """
+    own = halves[layer] if layer < len(halves) else halves.sum(axis=0)
+    some = slice(None, None, EVERY)
+    variance *= np.float32(share(variance.reshape(-1, 3)[some], own, mean.reshape(-1, 3)[some], batches))
+
+
 def _add_doubt(squares: F32, doubt: F32) -> None:
     """Add to the variance of each layer, and of the beauty behind them, that of the cells that were read, in place.
 
@@ -152,7 +171,7 @@ def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False) 
     """
     pixels = camera.width * camera.height
     values = 6 * len(layers.names) * pixels  # of the film's largest array, which 32 bits must count
-    of_layer = 9 + (6 + 9 if parts else 0)  # film; for the denoiser two sums more, and three means
+    of_layer = 10 + (6 + 9 if parts else 0)  # film; for the denoiser two sums more, and three means
     needed = 4 * pixels * (of_layer * len(layers.names) + 3 + 2 * SURFACE + 16)  # AOVs once more, working memory
     free = free_memory()
     if needed > free:
@@ -163,6 +182,23 @@ def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False) 
             f"{needed / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; "
             "give lights a group to share a layer, leave layers out (output.layers = false with "
             'output.store = "frames"), or set texture_scale below 1'
+        )
+
+
+def refuse_if_too_many(cells: int, layers: int) -> None:
+    """Stop before the light of layers on cells of a surface is held that does not fit in free memory.
+
+    Raises:
+        RenderError: says the size needed.
+    """
+    needed = CELL_BYTES * cells * max(layers, 1)
+    free = free_memory()
+    if needed > free:
+        free = _freed()
+    if needed > free:
+        raise RenderError(
+            f"light of {layers} layers on {cells:,} pieces of the surface needs {needed / 2**30:.1f} GiB and "
+            f'{free / 2**30:.1f} GiB are free; give lights a group to share a layer, or set indirect = "traced"'
         )
 
 

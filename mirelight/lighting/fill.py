@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mirelight.lighting.develop import refuse_if_too_large
+from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many
 from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, Camera, CellLight, Lighting, RenderSettings, SurfaceCache, SurfaceCells
@@ -76,6 +76,7 @@ def fill(
         nothing = _Light(layers, *np.zeros((2, len(layers.names), len(cells), 3), np.float32))
         return _cache(cells, names, [nothing] * 2, lighting, emission)
     rounds = rounds_of(samples)
+    refuse_if_too_many(len(cells), len(layers.names))
     row = Camera.perspective(np.eye(4), len(cells), 1, yfov=45, name="cells")
     refuse_if_too_large(row, layers)
     read: DeviceCells | None = None
@@ -135,11 +136,13 @@ def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first:
 
     Raises:
         ValueError: the cache has no light of such a name.
+        RenderError: it does not fit in memory.
     """
     lights = {x.name: x for x in cache.lights}
     missing = [name for name in names if name not in lights]
     if missing:
         raise ValueError(f"the surface cache has no light {missing[0]!r}; there are: {', '.join(lights) or 'none'}")
+    refuse_if_too_many(len(cache.cells), len(names))
     zero = np.zeros((2, len(cache.cells), 3), np.float32)
     chosen = [lights[name] for name in names]
     met = [zero if x.met is None else x.met for x in chosen]

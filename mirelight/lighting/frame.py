@@ -71,6 +71,8 @@ class FrameInProgress:
         self._sun = bool(shares.any())
         self._emission = emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
+        self._batches = settings.spp // self._batch  # but for a noise target, which takes more
+        self._told = settings.noise is None and not settings.denoise and self._batches % 2 == 0
         self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
         low, high = surface.bounds
@@ -113,7 +115,7 @@ class FrameInProgress:
             with uninterrupted():  # samples in the film that are not counted would be light twice
                 self._film.open(len(some), batches)
                 trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
-                self._film.close(places, before, len(some), batches)
+                self._film.close(places, before, len(some), batches, self._batches // 2)
                 self.samples[some] += count
             yield int(self.samples.sum())
 
@@ -140,6 +142,7 @@ class FrameInProgress:
             self._batch,
             sun=self._film.aovs and self._sun,
             occlusion=self._film.aovs,
+            told=self._told and bool((self.samples == self._batches * self._batch).all()),
         )
 
 

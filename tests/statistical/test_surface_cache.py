@@ -54,7 +54,8 @@ def test_a_frame_is_the_traced_one_within_the_bias(traced: Array, indirect: Indi
 def test_error_bars_hold_the_cache_s_own_error() -> None:
     """A point lamp's own light has no noise, so with few samples of a cell its layer's error is the cache's.
 
-    Of the other layers a pixel's samples are part, whose batches overstate smooth light (Sobol' points).
+    Deviations of a whole picture, stated and true, agree within 30 %, of layers within 50 %: Sobol' points make smooth
+    light's batches differ more than its mean errs, which `mirelight.lighting.spread` takes off.
     """
     made = frames("surface", 16, 32, spp=64)
     ratios = []
@@ -62,7 +63,9 @@ def test_error_bars_hold_the_cache_s_own_error() -> None:
         spread = np.var(np.stack([x.layers[k].total for x in made]).astype(np.float64), axis=0, ddof=1).mean()
         ratios.append(np.mean([np.asarray(x.layers[k].variance) for x in made]) / spread)
     assert made[0].layers[0].name == "lamp" and 0.8 < ratios[0] < 1.4
-    assert min(ratios) > 0.8 and max(ratios) < 3
+    whole = np.var(np.stack([x.beauty for x in made]).astype(np.float64), axis=0, ddof=1).mean()
+    assert 0.7**2 < np.mean([np.asarray(x.variance) for x in made]) / whole < 1.3**2
+    assert min(ratios) > 0.7**2 and max(ratios) < 1.5**2
     sharp = frames("surface", 1, 1024, spp=64)[0]
     for k in range(3):
         assert np.mean(np.asarray(sharp.layers[k].variance)) < np.mean(np.asarray(made[0].layers[k].variance))
@@ -71,4 +74,4 @@ def test_error_bars_hold_the_cache_s_own_error() -> None:
 def test_error_bars_hold_at_later_hits() -> None:
     made = frames("near", 12, 32)
     spread = np.var(np.stack([x.beauty for x in made]).astype(np.float64), axis=0, ddof=1).mean()
-    assert 0.8 < np.mean([np.asarray(x.variance) for x in made]) / spread < 2.2
+    assert 0.7**2 < np.mean([np.asarray(x.variance) for x in made]) / spread < 1.3**2

@@ -9,6 +9,7 @@ from mirelight.lighting.develop import SURFACE, Sums
 from mirelight.lighting.kernel.proxy import Point
 from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector2f, Vector3f, Vector4f
 from mirelight.lighting.layers import Layers
+from mirelight.lighting.spread import EVERY
 from mirelight.model import F32
 
 
@@ -19,6 +20,7 @@ class Film:
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
     parts: (layer, 2, pixel, rgb) over every second batch and over one in four; only where they are asked for.
+    halves: (layer, one pixel in `spread.EVERY`, rgb) over the first half of its batches less the second.
     doubt: (layer, pixel, rgb) half the difference of two fills of the cells that were read; only where some are.
 
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
@@ -37,11 +39,12 @@ class Film:
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
         self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
         self._surface = dr.zeros(mi.Float, pixels * SURFACE)
+        self._halves = dr.zeros(mi.Float, count * -(-pixels // EVERY) * 3)
         self._parts = dr.zeros(mi.Float, count * 2 * pixels * 3 if parts else 1)
         self._doubt = dr.zeros(mi.Float, count * pixels * 3) if doubt else None
         self._launch = mi.Float(0)
         self._stride = mi.UInt32(0)
-        dr.eval(self._light, self._squares, self._surface, self._parts, self._doubt)
+        dr.eval(self._light, self._squares, self._halves, self._surface, self._parts, self._doubt)
 
     # --- in the kernel ---
 
@@ -102,7 +105,7 @@ class Film:
         self._launch = dr.zeros(mi.Float, self._layer_count * 2 * batches * pixels * 3)
         dr.eval(self._launch)
 
-    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int) -> None:
+    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int, second_half: int) -> None:
         """Run what has been recorded, then add the launch to the film.
 
         Args:
@@ -110,25 +113,30 @@ class Film:
             first_batches: UInt32 (count,) how many batches each had before.
             count: pixels of the launch.
             batches: of each pixel in the launch.
+            second_half: the batch that the second half of all begins with.
         """
         dr.eval(self._launch, self._surface, self._doubt)
         n, b = dr.opaque(mi.UInt32, count * 3), dr.opaque(mi.UInt32, batches)
         lane = dr.arange(mi.UInt32, self._layer_count * count * 3)
         layer = lane // n
         here = lane - layer * n
-        place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
+        pixel = dr.gather(mi.UInt32, pixels, here // 3)
+        place = 3 * pixel + here % 3
         first = layer * 2 * b * n + here
         row = 3 * self._pixels
-        direct, indirect, squares = _layer_sums(self._launch, first, b, n)
+        before = dr.gather(mi.UInt32, first_batches, here // 3)
+        second = dr.opaque(mi.UInt32, second_half)
+        direct, indirect, squares, halves = _layer_sums(self._launch, first, before, second, b, n)
         _put(self._light, direct, layer * 2 * row + place)
         _put(self._light, indirect, (layer * 2 + 1) * row + place)
         _put(self._squares, squares, layer * row + place)
+        short = 3 * ((self._pixels + (EVERY - 1)) // EVERY)
+        _put(self._halves, halves, layer * short + 3 * (pixel // EVERY) + here % 3, pixel % EVERY == 0)
         if self.in_parts:
-            before = dr.gather(mi.UInt32, first_batches, here // 3)
-            second, fourth = _part_sums(self._launch, first, before, b, n)
-            _put(self._parts, second, layer * 2 * row + place)
+            even, fourth = _part_sums(self._launch, first, before, b, n)
+            _put(self._parts, even, layer * 2 * row + place)
             _put(self._parts, fourth, (layer * 2 + 1) * row + place)
-        dr.eval(self._light, self._squares, self._parts)
+        dr.eval(self._light, self._squares, self._halves, self._parts)
         if self.separate:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
@@ -150,21 +158,25 @@ class Film:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""
         parts = self._parts.numpy() if self.in_parts else None
         doubt = None if self._doubt is None else self._doubt.numpy()
-        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts, doubt)
+        halves = self._halves.numpy()
+        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts, doubt, halves)
 
 
 @dr.syntax
-def _layer_sums(launch: Float, place: UInt32, batches: UInt32, stride: UInt32) -> tuple[Float, Float, Float]:
-    """(direct, indirect, sum of squared batches) of one layer and channel."""
-    direct, indirect, squares, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
+def _layer_sums(
+    launch: Float, place: UInt32, before: UInt32, second_half: UInt32, batches: UInt32, stride: UInt32
+) -> tuple[Float, Float, Float, Float]:
+    """(direct, indirect, sum of squared batches, first half of them less the second) of one layer and channel."""
+    direct, indirect, squares, halves, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
     while batch < batches:
         d = dr.gather(mi.Float, launch, place + batch * stride)
         i = dr.gather(mi.Float, launch, place + (batch + batches) * stride)
         direct += d
         indirect += i
         squares += dr.square(d + i)
+        halves += dr.select(before + batch < second_half, d + i, -d - i)
         batch += 1
-    return direct, indirect, squares
+    return direct, indirect, squares, halves
 
 
 @dr.syntax
@@ -204,9 +216,9 @@ def _row_sums(rows: Float, place: UInt32, count: UInt32, stride: UInt32) -> Floa
     return total
 
 
-def _put(target: Float, value: Float, place: UInt32) -> None:
+def _put(target: Float, value: Float, place: UInt32, active: Bool | bool = True) -> None:
     """Add where no two lanes meet."""
-    dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, mode=dr.ReduceMode.NoConflicts)
+    dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, active, mode=dr.ReduceMode.NoConflicts)
 
 
 def _add(target: Float, value: Float | Vector2f | Vector3f | Vector4f, place: UInt32, active: Bool) -> None:

@@ -36,6 +36,10 @@ class Draws:
     def __iter__(self) -> Iterator[Sample]:
         return (self[i] for i in range(self.count))
 
+    def part(self, index: int, of: int) -> Iterator[Sample]:
+        """Every `of`-th frame from number `index` on: the part of one of `of` workers, so that none is made twice."""
+        return (self[i] for i in range(index, self.count, of))
+
     def __getitem__(self, i: int) -> Sample:
         if not 0 <= i < self.count:
             raise IndexError(f"draw {i} of {self.count}")

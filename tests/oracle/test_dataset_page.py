@@ -7,13 +7,14 @@ import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from mirelight import cli, dataset
+from mirelight.dataset.draws import Draws
 
 from .test_dataset_view import make_scene
 
@@ -49,6 +50,20 @@ class Loader:
             yield type(samples[0])(*(np.stack([np.asarray(x) for x in field]) for field in zip(*samples, strict=True)))
 
 
+class Streaming:
+    """What torch's DataLoader does with an iterable data set: every worker iterates it, and says which one it is."""
+
+    def __init__(self, info: list[Any]) -> None:
+        self._info = info
+
+    def __call__(self, data: Any, batch_size: int, num_workers: int) -> Iterator[Any]:
+        for number in range(num_workers):
+            self._info[0] = SimpleNamespace(id=number, num_workers=num_workers)
+            samples = list(data)
+            assert len(samples) == batch_size
+            yield type(samples[0])(*(np.stack([np.asarray(x) for x in field]) for field in zip(*samples, strict=True)))
+
+
 def test_one_light_at_a_time_and_training_on_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -69,9 +84,20 @@ def test_one_light_at_a_time_and_training_on_it(
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.chdir(tmp_path)
-    (code,) = blocks("Train on it in PyTorch", "python")
-    exec(code, {})
+    indexed, streamed = blocks("Train on it in PyTorch", "python")
+    exec(indexed, {})
     assert capsys.readouterr().out.splitlines() == ["(4, 8, 12, 4) (4, 2, 3)"] * 2
+
+    workers: list[Any] = [None]
+    data.IterableDataset = object  # type: ignore[attr-defined]
+    data.get_worker_info = lambda: workers[0]  # type: ignore[attr-defined]
+    data.DataLoader = Streaming(workers)  # type: ignore[attr-defined]
+    exec(streamed, {})
+    assert capsys.readouterr().out.splitlines() == ["(4, 8, 12, 4)"] * 2
+    draws = Draws(view, count=7, seed=3)
+    parts = [list(draws.part(i, 3)) for i in range(3)]
+    assert [len(x) for x in parts] == [3, 2, 2]
+    assert all(np.array_equal(parts[i % 3][i // 3].rgba, draws[i].rgba) for i in range(7))
 
 
 def test_a_turntable_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

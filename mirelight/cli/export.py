@@ -8,7 +8,7 @@ from typing import Any
 
 from mirelight.cli import say
 
-LAYOUTS = ("nerf", "colmap", "tensoir", "olat")
+LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub", "orb")
 
 
 def add_export(commands: Any) -> None:

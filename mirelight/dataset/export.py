@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.conventions import Matrix
-from mirelight.dataset import card, rig
+from mirelight.dataset import card, croissant, rig
 from mirelight.dataset.draws import By, Split, split
 from mirelight.dataset.index import KeptView, Weighted
 from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Layout, Picture, Pixels, Shared, world_of
@@ -110,6 +111,7 @@ def export(
         lamps={files_of[x]: lamp for x, lamp in lamps.items() if x in files_of},
         near_far=seen.near_far(world),
         training=files_of[chosen.training],
+        exposure=data.index.display.exposure,
         hdr=settings.hdr,
     )
     writer = WRITERS[layout]
@@ -117,10 +119,12 @@ def export(
     heard.started(len(names) * len(data.cameras))
     for line in chosen.advice(settings):
         heard.note(line)
-    with Files(out) as files:
-        writer.write(files, _pictures(data, chosen, world, files, heard), shared)
+    with Files(out, heard.finished) as files:
+        writer.write(files, _pictures(data, chosen, world), shared)
         files.json("lights.json", rig.described(data, names, files_of, shared, files.names()))
         files.json("splits.json", chosen.described(settings))
+        about = f"{len(files.frames)} frames of {shared.name}, relit with mirelight"
+        croissant.write(files, shared.name, about, settings.license)
         card.write(files, data, layout, settings, chosen.facts(), shared)
         files.finish()
     return len(names) * len(data.cameras)
@@ -183,16 +187,16 @@ class _Chosen:
             yield "no frame is held out (names are chosen by a hash): raise --held-out, or choose another --seed"
 
 
-def _pictures(data: DataSet, chosen: _Chosen, world: Matrix, files: Files, progress: Progress) -> Iterator[Picture]:
+def _pictures(data: DataSet, chosen: _Chosen, world: Matrix) -> Iterator[Picture]:
     """The frames, camera by camera: a camera's layers are read once."""
-    display = data.index.display
+    display, read = data.index.display, _Geometry(data)
     for i, (camera, view) in enumerate(zip(data.cameras, data.views, strict=True)):
         whole = view.light_size == (camera.height, camera.width)
-        geometry = _Geometry(data, i)
+        geometry = partial(read, i)
         view_key = digest("view 1", view.composite, view.groups[0], camera, world)
         for name, lighting in chosen.lightings.items():
-            place, before = chosen.places[name], files.made
-            picture = Picture(
+            place = chosen.places[name]
+            yield Picture(
                 camera=camera,
                 view=chosen.cameras[camera.name],
                 lighting=lighting,
@@ -202,8 +206,6 @@ def _pictures(data: DataSet, chosen: _Chosen, world: Matrix, files: Files, progr
                 view_key=view_key,
                 pixels=Pixels(_Mixed(data, i, place), geometry if whole else None, display),
             )
-            yield picture
-            progress.finished(f"{picture.lighting}/{picture.view}", files.made == before)
 
 
 def _made_from(data: DataSet, view: KeptView, place: int) -> tuple[object, ...]:
@@ -231,17 +233,18 @@ class _Mixed:
 
 
 class _Geometry:
-    """Reads what a camera sees when it is first called."""
+    """Reads what a camera sees; that of the last one asked for is kept."""
 
-    def __init__(self, data: DataSet, camera: int) -> None:
-        self._data, self._camera = data, camera
-        self._found: Geometry | None = None
+    def __init__(self, data: DataSet) -> None:
+        self._data = data
+        self._last: tuple[int, Geometry] | None = None
 
-    def __call__(self) -> Geometry:
-        if self._found is None:
-            seen = self._data.geometry(self._camera)
-            self._found = Geometry(depth=seen.depth, coverage=seen.coverage, normal=seen.normal, albedo=seen.albedo)
-        return self._found
+    def __call__(self, camera: int) -> Geometry:
+        if self._last is None or self._last[0] != camera:
+            seen = self._data.geometry(camera)
+            found = Geometry(depth=seen.depth, coverage=seen.coverage, normal=seen.normal, albedo=seen.albedo)
+            self._last = camera, found
+        return self._last[1]
 
 
 # --- the world -------------------------------------------------------------------------------------------------------

@@ -52,6 +52,12 @@ class Surroundings:
         finest = max((len(x.radiance) for x in self.maps), default=0)
         return min(max(finest, 512 if self.suns else 8), MOST_ROWS)
 
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """All that decides it, for keys."""
+        maps = [(x.radiance, x.rotation, x.factor) for x in self.maps]
+        return maps, [(x.direction, x.lux, x.diameter) for x in self.suns]
+
     def picture(self, rows: int | None = None, world_from_map: Matrix | None = None) -> F32:
         """The light as a map.
 

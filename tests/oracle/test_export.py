@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
+import tarfile
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +135,7 @@ def test_points_are_where_the_files_say(folder: Path, tmp_path: Path, more: tupl
         pixels, points = seen_points(data, i, rig)
         for layout, found, path in (
             ("nerf", nerf, f"./images/{view}"),
-            ("olat", olat, f"./images/lamp-{view}"),
+            ("olat", olat, f"./images/lamp__{view}"),
         ):
             (frame,) = [x for x in found["frames"] if x["file_path"] == path]
             shown, depth = nerf_pixels(frame["transform_matrix"], found["camera_angle_x"], size, points)
@@ -142,6 +144,16 @@ def test_points_are_where_the_files_say(folder: Path, tmp_path: Path, more: tupl
                 pixels[:, 1], pixels[:, 0]
             ]
             assert np.abs(there / 1000 - depth).max() < 0.002
+        found = load(sets["orb"] / "blender_HDR" / "job_room" / "transforms_train.json")
+        (frame,) = [x for x in found["frames"] if x["view"] == view]
+        assert_shown(pixels, nerf_pixels(frame["transform_matrix"], found["camera_angle_x"], size, points)[0])
+        sample = samples(sets["hub"] / "shards" / "train-000000.tar")[f"room__{view}"]
+        about = json.loads(sample["json"])
+        angle = 2 * math.atan(about["w"] / 2 / about["fl_x"])
+        shown, depth = nerf_pixels(about["transform_matrix"], angle, size, points)
+        assert_shown(pixels, shown)
+        there = np.load(io.BytesIO(sample["depth.npy"]))[pixels[:, 1], pixels[:, 0]]
+        np.testing.assert_allclose(there, depth, rtol=1e-3)
         image = by_name[f"{view}.png"]
         camera = image.camera
         assert_shown(pixels, np.array([camera.img_from_cam(p) for p in image.cam_from_world() * points]))
@@ -157,6 +169,18 @@ def test_points_are_where_the_files_say(folder: Path, tmp_path: Path, more: tupl
     assert len(cloud) > 100 and np.allclose([p.xyz[2] for p in cloud], points[0, 2], atol=1e-6)  # on the floor
 
 
+def samples(shard: Path) -> dict[str, dict[str, bytes]]:
+    """Files of a shard as WebDataset groups them: the key ends at the first dot."""
+    out: dict[str, dict[str, bytes]] = {}
+    with tarfile.open(shard) as tar:
+        for entry in tar:
+            key, _, suffix = entry.name.partition(".")
+            content = tar.extractfile(entry)
+            assert content is not None and suffix not in out.get(key, {})
+            out.setdefault(key, {})[suffix] = content.read()
+    return out
+
+
 # --- pixels ----------------------------------------------------------------------------------------------------------
 
 
@@ -168,12 +192,12 @@ def test_pictures_are_the_frames(folder: Path, tmp_path: Path) -> None:
     one = next(tensoir.glob("*_001"))
     for path in (
         nerf / "lamp" / "images" / "orbit_0002.png",
-        olat / "images" / "lamp-orbit_0002.png",
+        olat / "images" / "lamp__orbit_0002.png",
         one / "rgba_lamp.png",
     ):
         np.testing.assert_array_equal(np.asarray(Image.open(path)), expected)
     np.testing.assert_array_equal(read_exr(nerf / "lamp" / "hdr" / "orbit_0002.exr").layer(), frame)
-    linear = read_exr(olat / "images" / "lamp-orbit_0002.exr").layer()  # straight, as NRHints blends it
+    linear = read_exr(olat / "images" / "lamp__orbit_0002.exr").layer()  # straight, as NRHints blends it
     np.testing.assert_allclose(linear[..., :3] * linear[..., 3:], frame[..., :3], atol=1e-6)
     np.testing.assert_array_equal(linear[..., 3], frame[..., 3])
     for name in ("train", "val", "test"):
@@ -182,6 +206,75 @@ def test_pictures_are_the_frames(folder: Path, tmp_path: Path) -> None:
     assert not [
         p for p in tmp_path.rglob("*") if p.is_file() and ".mirelight" not in p.parts and p.name.count(".") != 1
     ]
+
+
+def test_shards(folder: Path, tmp_path: Path) -> None:
+    """WebDataset's own reader gives each frame once, with its pixels; and the same export gives the same bytes."""
+    import webdataset
+
+    data = dataset.open(folder)
+    one, other = (export(folder, tmp_path / name, "hub", "--held-out", "0") for name in ("one", "other"))
+    shard = "shards/train-000000.tar"
+    assert (one / shard).read_bytes() == (other / shard).read_bytes()
+    found = {x["__key__"]: x for x in webdataset.WebDataset(str(one / shard), shardshuffle=False).decode("pilrgba")}
+    assert len(found) == 15
+    for lighting, name in (("day.1", "day_1"), ("lamp", "lamp")):
+        sample = found[f"{name}__orbit_0003"]
+        frame = data.frame("orbit.0003", lighting)
+        np.testing.assert_array_equal(np.asarray(sample["png"]), straight_rgba(frame, data.index.display))
+        np.testing.assert_array_equal(np.asarray(sample["mask.png"])[..., 0] > 0, frame[..., 3] > 0.5)
+        linear = sample["hdr.npy"].astype(np.float32)
+        np.testing.assert_allclose(linear[..., :3] * linear[..., 3:], frame[..., :3], rtol=2e-3, atol=1e-5)
+        covered = data.geometry(2).coverage == 1
+        np.testing.assert_allclose(sample["normal.npy"][covered], [[0, 0, 1]] * int(covered.sum()), atol=1e-3)
+        assert sample["json"]["part"] == "seen"
+    assert np.allclose(found["lamp__orbit_0003"]["json"]["point_light_position"], [-1, -0.2, 1])
+
+
+def test_stanford_orb(folder: Path, tmp_path: Path) -> None:
+    """What its loaders ask for: three channels of float32, 8-bit masks of one, other scenes beside this one."""
+    data = dataset.open(folder)
+    out = export(folder, tmp_path, "orb", "--split", "lighting", "--held-out", "0.5", "--seed", "4")
+    parts = load(out / "splits.json")["parts"]
+    held = {x.split("/")[0] for x in parts["novel_light"]}
+    own = next(x for x in ("day_1", "room", "sky", "lamp", "lamps") if x not in held)
+    place = out / "blender_HDR" / f"job_{own}"
+    novel = load(place / "transforms_novel.json")["frames"]
+    assert {x["scene_name"] for x in novel} == {f"job_{x}" for x in held} and len(novel) == 3 * len(held)
+    for entry in novel + load(place / "transforms_train.json")["frames"]:
+        folder_of = place.parent / entry.get("scene_name", place.name)
+        image = read_exr(folder_of / f"{entry['file_path']}.exr")
+        assert list(image.channels) == ["R", "G", "B"] or set(image.channels) == {"R", "G", "B"}
+        assert all(x.dtype == np.float32 for x in image.channels.values())
+        kind, number = entry["file_path"].split("/")
+        mask = Image.open(folder_of / f"{kind}_mask" / f"{number}.png")
+        assert mask.mode == "L"
+        display = Image.open(out / "blender_LDR" / folder_of.name / f"{entry['file_path']}.png")
+        assert display.mode == "RGB" and display.size == (24, 24)
+        lighting = folder_of.name.removeprefix("job_").replace("day_1", "day.1")
+        frame = data.frame(int(number), lighting)
+        np.testing.assert_array_equal(image.layer(), frame[..., :3])
+        np.testing.assert_array_equal(np.asarray(mask), np.rint(frame[..., 3] * 255))
+    assert not load(place / "transforms_test.json")["frames"]
+    rig = load(out / "lights.json")
+    low = min(
+        (x for light in rig["lights"] for x in light["parts"] if x["type"] == "sun"), key=lambda x: -x["direction"][2]
+    )
+    for number, camera in enumerate(data.cameras):
+        seen = read_environment(out / "ground_truth" / "job_sky" / "env_map" / f"{number:04d}.exr")
+        assert seen.shape == (256, 512, 3)
+        row, column = np.unravel_index(seen.sum(axis=-1).argmax(), seen.shape[:2])
+        theta, phi = np.pi * (row + 0.5) / 256, np.pi * (2 * (column + 0.5) / 512 - 1)  # skylibs
+        of_camera = np.array([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)])
+        x, y, z = camera.world_from_camera[:3, :3] @ of_camera
+        assert np.array([x, -z, y]) @ -np.array(low["direction"]) > np.cos(np.radians(1.5))
+    truth = out / "ground_truth" / f"job_{sorted(held)[0]}"
+    normal = np.load(truth / "surface_normal" / "0001.npy")
+    covered = data.geometry(1).coverage == 1
+    np.testing.assert_allclose(
+        normal[covered] @ data.cameras[1].world_from_camera[:3, :3].T, [[0, 1, 0]] * covered.sum(), atol=1e-5
+    )
+    np.testing.assert_array_equal(np.load(truth / "z_depth" / "0001.npy"), data.geometry(1).depth)
 
 
 def test_no_linear_pictures_where_none_are_wanted(folder: Path, tmp_path: Path) -> None:
@@ -253,8 +346,8 @@ def test_lamps_of_a_normalized_world_light_it_the_same(folder: Path, tmp_path: P
 def test_parts_are_in_every_layout(folder: Path, tmp_path: Path, by: str) -> None:
     """One list for all; seen frames are the training frames of each layout."""
     more = ("--split", by, "--held-out", "0.5", "--seed", "4", "--no-hdr")
-    nerf, colmap, tensoir, olat = (
-        export(folder, tmp_path / name, name, *more) for name in ("nerf", "colmap", "tensoir", "olat")
+    nerf, colmap, tensoir, olat, hub, orb = (
+        export(folder, tmp_path / name, name, *more) for name in ("nerf", "colmap", "tensoir", "olat", "hub", "orb")
     )
     splits = load(nerf / "splits.json")
     parts = splits["parts"]
@@ -275,8 +368,32 @@ def test_parts_are_in_every_layout(folder: Path, tmp_path: Path, by: str) -> Non
         assert {f"{lighting}/{x.removesuffix('.png')}" for x in listed} == own
     held = {x.split("/")[1] for key in ("novel_view", "novel_both") for x in parts[key]}
     assert {load(p / "metadata.json")["view"] for p in tensoir.glob("test_*")} == held
+    for part, frames in parts.items():
+        shard = hub / "shards" / f"{'train' if part == 'seen' else part}-000000.tar"
+        assert shard.exists() == bool(frames)
+        assert not frames or set(samples(shard)) == {x.replace("/", "__") for x in frames}
+    for lighting in ("day_1", "lamp"):
+        kinds = {
+            split: load(orb / "blender_LDR" / f"job_{lighting}" / f"transforms_{split}.json")["frames"]
+            for split in ("train", "test")
+        }
+        assert {x["view"] for x in kinds["test"]} == held and len(kinds["train"]) == 3 - len(held)
     trained = {x["file_path"] for x in load(olat / "transforms_train.json")["frames"]}
-    assert trained == {f"./images/{x.replace('/', '-')}" for x in seen if x.startswith("lamp/")}
+    assert trained == {f"./images/{x.replace('/', '__')}" for x in seen if x.startswith("lamp/")}
+
+
+def test_croissant(folder: Path, tmp_path: Path) -> None:
+    """mlcroissant finds no error, and reads a row for each frame, whose picture is there."""
+    import mlcroissant
+
+    out = export(folder, tmp_path, "nerf", "--license", "https://creativecommons.org/licenses/by/4.0/")
+    found = mlcroissant.Dataset(str(out / "croissant.json"))
+    assert not found.metadata.ctx.issues.errors
+    assert found.metadata.license == ["https://creativecommons.org/licenses/by/4.0/"]
+    rows = list(found.records("frames"))
+    assert len(rows) == 15 == len({x["frames/frame"] for x in rows})
+    assert all((out / x[f"frames/{kind}"].decode()).is_file() for x in rows for kind in ("image", "linear"))
+    assert {x["frames/width"] for x in rows} == {24}
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -290,9 +407,11 @@ def test_the_page_s_code_loads_the_set(
     assert "license: cc-by-4.0" in page and f"{counted} frames: 3 cameras" in page
     (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
     monkeypatch.chdir(out)
+    monkeypatch.setenv("HF_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     exec(code, {})
     printed = capsys.readouterr().out.strip()
-    expected = {"nerf": "3", "colmap": "3", "tensoir": "(4, 4) RGBA"}
+    expected = {"nerf": "3", "colmap": "3", "tensoir": "(4, 4) RGBA", "hub": "RGBA orbit_0001", "orb": "3"}
     if layout == "olat":
         assert np.allclose(json.loads(printed), [-1, -0.2, 1])  # [-1, 1, 0.2] with Y up
     else:

@@ -12,8 +12,10 @@ from typing import Literal, TypeAlias, get_args
 
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
 from mirelight.dataset.layouts.files import Files
+from mirelight.dataset.layouts.hub import check_hub, configs, write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat, write_olat
+from mirelight.dataset.layouts.orb import check_orb, write_orb
 from mirelight.dataset.layouts.pictures import Geometry, Part, Picture, Pixels, Shared, straight_rgba
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
@@ -33,12 +35,14 @@ __all__ = [
     "straight_rgba",
     "world_of",
     "write_colmap",
+    "write_hub",
     "write_nerf",
     "write_olat",
+    "write_orb",
     "write_tensoir",
 ]
 
-Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat"]
+Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "orb"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 
 
@@ -68,6 +72,14 @@ def _built_in(shared: Shared, lighting: str) -> str:
     )
 
 
+def _webdataset(shared: Shared, lighting: str) -> str:
+    return '- `webdataset.WebDataset("shards/train-000000.tar").decode("pilrgba")` reads the same shards.\n'
+
+
+def _stanford(shared: Shared, lighting: str) -> str:
+    return "- A scene is a lighting. Stanford-ORB's loaders take pictures of k times 512 pixels, most of them 2048.\n"
+
+
 WRITERS: Mapping[Layout, Writer] = {
     "nerf": Writer(
         check_nerf,
@@ -94,5 +106,22 @@ WRITERS: Mapping[Layout, Writer] = {
         check_olat,
         write_olat,
         'import json\n\nframes = json.load(open("transforms_train.json"))["frames"]\nprint(frames[0]["pl_pos"])',
+    ),
+    "hub": Writer(
+        check_hub,
+        write_hub,
+        "from pathlib import Path\n\nfrom datasets import load_dataset\n\n"
+        "place = str(Path().resolve())  # or the name of the set on the hub\n"
+        'data = load_dataset(place, split="train", streaming=True)\n'
+        'sample = next(iter(data))\nprint(sample["png"].mode, sample["json"]["camera"])',
+        configs,
+        _webdataset,
+    ),
+    "orb": Writer(
+        check_orb,
+        write_orb,
+        'import json\n\nfolder = "blender_LDR/{set}_{lighting}"\n'
+        'frames = json.load(open(f"{folder}/transforms_train.json"))["frames"]\nprint(len(frames))',
+        notes=_stanford,
     ),
 }

@@ -48,4 +48,6 @@ def write_colmap(files: Files, pictures: Iterable[Picture], shared: Shared) -> N
 
 
 def _write_frame(files: Files, picture: Picture) -> None:
-    files.png(f"{picture.within}images/{picture.view}.png", picture.key, lambda: picture.pixels.rgba)
+    image = f"{picture.within}images/{picture.view}.png"
+    files.png(image, picture.key, lambda: picture.pixels.rgba)
+    files.frame(picture, image)

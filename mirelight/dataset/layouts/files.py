@@ -13,16 +13,32 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.dataset.layouts.pictures import Picture
 from mirelight.io import exr
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.safety import read_file
 
 RECORD = Path(".mirelight") / "export.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRow:
+    """A frame of the set."""
+
+    frame: str  # lighting and camera
+    view: str
+    lighting: str
+    part: str
+    image: str  # its file, or the shard that holds it
+    linear: str  # file of the linear picture; "": none
+    sample: str  # key in the shard; "": it is a file of its own
+    width: int
+    height: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +52,17 @@ class Files:
 
     Args:
         folder: of the data set; made where it is missing.
+        heard: called with the name of each frame that is there, and whether it was before.
 
     Raises:
         OutputError: it cannot be written.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, heard: Callable[[str, bool], None] | None = None) -> None:
         self.folder = folder
         self.made = 0  # files that were not there before
+        self.frames: list[FrameRow] = []
+        self._heard, self._before = heard, 0
         folder_for(folder, folder / RECORD.parent)
         self._rows = self._read()
         self._wanted: dict[str, None] = {}
@@ -115,6 +134,16 @@ class Files:
         """An array in NumPy's format."""
         self.put(name, key, lambda path: _save(path, values()))
 
+    def frame(self, picture: Picture, image: str, linear: str = "", sample: str = "") -> None:
+        """All files of a frame are there: its picture, the linear one where there is one."""
+        name = f"{picture.lighting}/{picture.view}" if picture.lighting else picture.view
+        size = picture.camera.width, picture.camera.height
+        row = FrameRow(name, picture.view, picture.lighting, picture.part, image, linear, sample, *size)
+        self.frames.append(row)
+        skipped, self._before = self.made == self._before, self.made
+        if self._heard is not None:
+            self._heard(name, skipped)
+
     def names(self) -> list[str]:
         """The files of the set so far, sorted."""
         return sorted(self._wanted)
@@ -168,14 +197,11 @@ def folder_for(*parts: Path) -> None:
             raise output_error(path, e) from None
 
 
-def write_pixels(path: Path, pixels: NDArray[Any]) -> None:
-    """A PNG of (H, W, 3 or 4) or (H, W) uint8, or of (H, W) uint16. Raises OutputError."""
+def write_pixels(path: Path | BinaryIO, pixels: NDArray[Any]) -> None:
+    """A PNG of (H, W, 3 or 4) or (H, W) uint8, or of (H, W) uint16."""
     from PIL import Image
 
-    try:
-        Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="PNG")
-    except OSError as e:
-        raise output_error(path, e) from None
+    Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="PNG")
 
 
 def _save(path: Path, values: NDArray[Any]) -> None:

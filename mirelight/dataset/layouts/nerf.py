@@ -88,9 +88,11 @@ def write_nerf(files: Files, pictures: Iterable[Picture], shared: Shared, *, ble
 
 
 def _write_frame(files: Files, picture: Picture, shared: Shared) -> None:
-    files.png(f"{picture.within}images/{picture.view}.png", picture.key, lambda: picture.pixels.rgba)
+    image, linear = f"{picture.within}images/{picture.view}.png", f"{picture.within}hdr/{picture.view}.exr"
+    files.png(image, picture.key, lambda: picture.pixels.rgba)
     if shared.hdr:
-        files.exr(f"{picture.within}hdr/{picture.view}.exr", picture.key, lambda: picture.pixels.linear)
+        files.exr(linear, picture.key, lambda: picture.pixels.linear)
+    files.frame(picture, image, linear if shared.hdr else "")
 
 
 def _transforms(written: list[_Written], shared: Shared, out: str, lighting: str) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def write_olat(files: Files, pictures: Iterable[Picture], shared: Shared) -> Non
         if picture.view not in views:
             views.add(picture.view)
             write_geometry(files, picture, shared)
-        name = f"{picture.lighting}-{picture.view}"
+        name = f"{picture.lighting}__{picture.view}"  # no name of either has two in a row
         _write_frame(files, name, picture, shared)
         top = top or {
             "camera_angle_x": 2 * math.atan(camera.width / 2 / camera.fx),
@@ -62,6 +62,8 @@ def write_olat(files: Files, pictures: Iterable[Picture], shared: Shared) -> Non
 
 
 def _write_frame(files: Files, name: str, picture: Picture, shared: Shared) -> None:
-    files.png(f"images/{name}.png", picture.key, lambda: picture.pixels.rgba)
+    image, linear = f"images/{name}.png", f"images/{name}.exr"
+    files.png(image, picture.key, lambda: picture.pixels.rgba)
     if shared.hdr:
-        files.exr(f"images/{name}.exr", picture.key, lambda: picture.pixels.straight)
+        files.exr(linear, picture.key, lambda: picture.pixels.straight)
+    files.frame(picture, image, linear if shared.hdr else "")

@@ -105,6 +105,11 @@ class Pixels:
         assert self._geometry is not None
         return self._geometry()
 
+    def forget(self) -> None:
+        """Let go of what was made."""
+        for name in ("linear", "straight", "rgba", "rgb", "geometry"):
+            self.__dict__.pop(name, None)
+
     @property
     def has_geometry(self) -> bool:
         """Whether it is known."""
@@ -168,6 +173,7 @@ class Shared:
     lamps: Mapping[str, Lamp] = field(default_factory=dict)  # by it, where one point or spot light is all there is
     near_far: tuple[float, float] | None = None  # depths of all that cameras see, in the data set's world
     training: str = ""  # file name of the first lighting that is not held out
+    exposure: float = 0.0  # stops, of 8-bit pictures
     hdr: bool = True  # linear pictures, too, where loaders take them
     spp: int = 0  # of the traced light
 

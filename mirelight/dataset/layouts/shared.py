@@ -27,9 +27,7 @@ def write_environments(files: Files, shared: Shared, suffix: str) -> None:
     """The light from far away of each lighting that has any: environment, sky and suns as one map, seen in a world with
     Z up as Blender has it (the middle looks along +X, a quarter from the left along +Y)."""
     for name, one in shared.surroundings.items():
-        maps = [(x.radiance, x.rotation, x.factor) for x in one.maps]
-        suns = [(x.direction, x.lux, x.diameter) for x in one.suns]
-        key = digest("environment 1", suffix, maps, suns)
+        key = digest("environment 1", suffix, one.parts)
         files.put(f"{ENVIRONMENTS}/{name}{suffix}", key, partial(_write, one))
 
 

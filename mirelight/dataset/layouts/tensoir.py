@@ -37,13 +37,13 @@ def write_tensoir(files: Files, pictures: Iterable[Picture], shared: Shared) -> 
     for picture in pictures:
         kind = "test" if picture.part in ("novel_view", "novel_both") else "train"
         folder = f"{kind}_{picture.number:03d}"
-        _write_frame(files, folder, picture, shared)
         if folder not in folders:
             folders.add(folder)
             angle = 2 * math.atan(picture.camera.width / 2 / picture.camera.fx)
             pose = matrix_entry(picture.camera, shared.world)
             _write_view(files, folder, picture, shared, angle, pose)
             frames[kind].append({"file_path": f"./{folder}/rgba", "transform_matrix": pose})
+        _write_frame(files, folder, picture, shared)
     for split, chosen in (("train", "train"), ("val", "test"), ("test", "test")):
         files.json(f"transforms_{split}.json", {"camera_angle_x": angle, "frames": frames[chosen]})
     write_environments(files, shared, ".hdr")
@@ -52,9 +52,11 @@ def write_tensoir(files: Files, pictures: Iterable[Picture], shared: Shared) -> 
 
 
 def _write_frame(files: Files, folder: str, picture: Picture, shared: Shared) -> None:
-    files.png(f"{folder}/rgba_{picture.lighting}.png", picture.key, lambda: picture.pixels.rgba)
+    image = f"{folder}/rgba_{picture.lighting}.png"
+    files.png(image, picture.key, lambda: picture.pixels.rgba)
     if picture.lighting == shared.training:
         files.png(f"{folder}/rgba.png", picture.key, lambda: picture.pixels.rgba)
+    files.frame(picture, image)
 
 
 def _write_view(

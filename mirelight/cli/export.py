@@ -1,14 +1,22 @@
-"""`mirelight export`: the frames of an output folder in the layout of a data set."""
+"""`mirelight export`: the frames of an output folder as a data set; the end of `mirelight render`, too."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mirelight.cli import say
+from mirelight.cli import progress, say, stop
+
+if TYPE_CHECKING:
+    from mirelight.dataset.view import DataSet
+    from mirelight.model import DatasetSettings, Job, Layout
+    from mirelight.store import Store
 
 LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub", "orb")
+_CLAIM = "the data sets"
 
 
 def add_export(commands: Any) -> None:
@@ -16,7 +24,8 @@ def add_export(commands: Any) -> None:
     export = commands.add_parser(
         "export",
         help="write the frames of an output folder as a data set",
-        description='Mixes frames from the layers that `mirelight render` has kept (output.store "layers" or "both").',
+        description='Mixes frames from the layers that `mirelight render` has kept (output.store "layers" or "both"). '
+        "What is there already is not made again, so an interrupted export goes on when it is started again.",
     )
     export.add_argument("folder", metavar="DIR", help="the job's output folder")
     export.add_argument("--layout", required=True, choices=LAYOUTS, help="how files are laid out (docs/datasets.md)")
@@ -24,26 +33,108 @@ def add_export(commands: Any) -> None:
     export.add_argument("--lighting", metavar="NAME", nargs="+", help="only these lightings")
     export.add_argument("--normalize", action="store_true", help="move and scale the world into a box of ±1")
     export.add_argument("--split", choices=("camera", "lighting", "both"), default="camera", help="what is held out")
-    export.add_argument("--held-out", metavar="SHARE", type=float, default=0.1, help="of the names, 0 to 1")
-    export.add_argument("--seed", type=int, default=0, help="of what is held out")
+    export.add_argument("--held-out", metavar="SHARE", type=float, default=0.1, help="of the names, 0 to 1 (0.1)")
+    export.add_argument("--seed", type=int, default=0, help="of what is held out (0)")
     export.add_argument("--no-hdr", action="store_true", help="no linear pictures beside those of 8 bits")
     export.add_argument("--license", default="", help="of the data set, for its page")
+    export.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
 
 
 def run_export(args: argparse.Namespace) -> int:
-    """The command. One line at the end to stdout."""
+    """The command. Progress goes to stderr, one line at the end to stdout."""
     from mirelight import dataset
-    from mirelight.dataset.export import ExportSettings, export
+    from mirelight.errors import InputError
+    from mirelight.io.job.settings_tables import LICENSE, is_license
+    from mirelight.model import DatasetSettings
 
-    settings = ExportSettings(
-        lightings=None if args.lighting is None else tuple(args.lighting),
+    if not 0 <= args.held_out <= 1:
+        raise InputError("--held-out", f"{args.held_out:g}", "give a share of the names, 0 to 1")
+    if not is_license(args.license):
+        raise InputError("--license", repr(args.license)[:80], f"give a name such as {LICENSE}")
+    settings = DatasetSettings(
         normalize=args.normalize,
-        by=args.split,
+        split=args.split,
         held_out=args.held_out,
         seed=args.seed,
         license=args.license,
         hdr=not args.no_hdr,
     )
-    count = export(dataset.open(args.folder), Path(args.out), args.layout, settings)
-    say.result(f"{count} frames in {args.out}")
+    counted = Counted(args.quiet)
+    try:
+        done = counted.export(dataset.open(args.folder), Path(args.out), args.layout, settings, args.lighting)
+    except BaseException as e:
+        code = stop.exit_code(e)
+        if code is None:
+            raise
+        say.remark(f"interrupted; {counted.far} are in {args.out}, and the same command goes on from there")
+        return code
+    if not args.quiet:
+        say.result(done)
     return 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    name: str
+
+
+class Counted:
+    """Exports with progress on stderr."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._tally = progress.chosen(quiet)
+
+    @property
+    def far(self) -> str:
+        """How many frames are there: "3 of 10 frames"."""
+        return f"{self._tally.there} of {self._tally.total} frames"
+
+    def export(
+        self,
+        data: DataSet,
+        out: Path,
+        layout: Layout,
+        settings: DatasetSettings,
+        lightings: Sequence[str] | None = None,
+    ) -> str:
+        """One export; a line that says what is there."""
+        from mirelight.dataset.export import export
+
+        with self._tally as tally:
+            count = export(data, out, layout, settings, lightings, self)
+        existed = f", {tally.skipped} of them already there" if tally.skipped else ""
+        return f"{count} frames in {out}{existed}; {progress.duration(tally.elapsed)}"
+
+    def started(self, count: int) -> None:
+        """Before the first frame."""
+        self._tally.started([_Frame("")] * count)
+
+    def finished(self, name: str, skipped: bool) -> None:
+        """A frame is there."""
+        self._tally.finished(_Frame(name), skipped)
+
+    def note(self, line: str) -> None:
+        """Something to know."""
+        self._tally.note(f"mirelight: {line}")
+
+
+def at_end(job: Job, store: Store, quiet: bool) -> list[str]:
+    """Write the job's data sets once the layers of all its frames are there; a line for each. Where another process
+    writes them, or frames are missing, that is said instead."""
+    from mirelight import dataset
+    from mirelight.errors import InputError
+
+    if not job.dataset.layouts:
+        return []
+    try:
+        data = dataset.open(store.folder)
+    except InputError:
+        data = None
+    if data is None or len(data.cameras) < len(job.cameras):
+        there = 0 if data is None else len(data.cameras)
+        return [f"data sets are written when all cameras are there: {there} of {len(job.cameras)} are"]
+    with store.claim(_CLAIM) as mine:
+        if not mine:
+            return ["another process writes the data sets"]
+        folder = store.folder / "dataset"
+        return [Counted(quiet).export(data, folder / layout, layout, job.dataset) for layout in job.dataset.layouts]

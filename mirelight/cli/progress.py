@@ -7,12 +7,23 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from mirelight.cli import say
 from mirelight.errors import printable
 from mirelight.farm.pace import Pace
-from mirelight.plan import FrameTask
+
+
+class Named(Protocol):
+    """A frame, or what else is counted."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def camera(self) -> object:
+        """What it shares work with others of; known by identity."""
 
 
 class Tally:
@@ -38,19 +49,19 @@ class Tally:
     ) -> None:
         return None
 
-    def started(self, tasks: Sequence[FrameTask]) -> None:
+    def started(self, tasks: Sequence[Named]) -> None:
         """Before the first frame."""
         self.total = len(tasks)
         self._began = time.monotonic()
         self._pace = Pace(Counter(id(task.camera) for task in tasks), 0.0)
 
-    def samples(self, task: FrameTask, done: int, total: int) -> None:
+    def samples(self, task: Named, done: int, total: int) -> None:
         """Samples of the frame in progress."""
         self.samples_done, self.samples_total = done, total
         self._begun[task.name] = done / total if total else 0.0
         self._pace.part(id(task.camera), self._begun[task.name], self.elapsed)
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
+    def finished(self, task: Named, skipped: bool) -> None:
         """A frame is there."""
         self._over(task)
         if skipped:
@@ -60,14 +71,14 @@ class Tally:
             self.rendered += 1
             self._pace.made(id(task.camera), self.elapsed)
 
-    def failed(self, task: FrameTask, error: str) -> None:
+    def failed(self, task: Named, error: str) -> None:
         """A frame could not be made; said at once."""
         self._over(task)
         self.failures.append((task.name, error))
         self._pace.found(id(task.camera))
         self.note(f"mirelight: {task.name}: failed twice: {last_line(error)}")
 
-    def _over(self, task: FrameTask) -> None:
+    def _over(self, task: Named) -> None:
         self.samples_done = self.samples_total = 0
         self._begun.pop(task.name, None)
 
@@ -123,12 +134,12 @@ class Lines(Tally):
         """As a line of its own."""
         say.line(line)
 
-    def started(self, tasks: Sequence[FrameTask]) -> None:
+    def started(self, tasks: Sequence[Named]) -> None:
         """Before the first frame."""
         super().started(tasks)
         self._frame_began = self.elapsed
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
+    def finished(self, task: Named, skipped: bool) -> None:
         """A frame is there."""
         super().finished(task, skipped)
         took, self._frame_began = self.elapsed - self._frame_began, self.elapsed
@@ -159,12 +170,12 @@ class Bar(Tally):
     ) -> None:
         self._bar.stop()
 
-    def samples(self, task: FrameTask, done: int, total: int) -> None:
+    def samples(self, task: Named, done: int, total: int) -> None:
         """Samples of the frame in progress."""
         super().samples(task, done, total)
         self._show(task.name)
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
+    def finished(self, task: Named, skipped: bool) -> None:
         """A frame is there."""
         super().finished(task, skipped)
         self._show(task.name)

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from mirelight import executor
-from mirelight.cli import BAD, new, progress, say, stop
+from mirelight.cli import BAD, export, new, progress, say, stop
+from mirelight.dataset.export import check
 from mirelight.errors import InputError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
@@ -24,6 +25,7 @@ def run_render(args: argparse.Namespace) -> int:
     tally = progress.chosen(args.quiet)
     store: Store | None = None
     order = order_of(args)
+    sets: list[str] = []
     shard = None if args.shard is None else Shard.parse(args.shard)
     workers = count_of(args.workers, "--workers")
     if args.scheduler is not None:
@@ -44,6 +46,7 @@ def run_render(args: argparse.Namespace) -> int:
             if args.dry_run:
                 _say_forecast(forecast(frames))
                 return 0
+            check(work)
             store = Store(work)
             store.open()
             every = order.cameras is None and order.lightings is None
@@ -57,6 +60,8 @@ def run_render(args: argparse.Namespace) -> int:
                 else:
                     executor.run(frames, store, watched, Previews(store, watched) if args.preview else None)
             store.tidy(light_keys(whole))
+        if not tally.failures:
+            sets = export.at_end(work, store, args.quiet)
     except BaseException as e:
         code = stop.exit_code(e)
         if code is None:
@@ -69,6 +74,8 @@ def run_render(args: argparse.Namespace) -> int:
     if not args.quiet:
         existed = f", {tally.skipped} of them already there" if tally.skipped else ""
         say.result(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
+        for line in sets:
+            say.result(line)
     if tally.failures:
         failed = f"{_frames(len(tally.failures))} failed; the others are there"
         say.remark(f"{failed}; the same command tries them again")

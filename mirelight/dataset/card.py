@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from mirelight.dataset.layouts import WRITERS, Files, Layout, Shared
+from mirelight.dataset.layouts import WRITERS, Files, Shared
 from mirelight.dataset.layouts.pictures import Part
 from mirelight.dataset.view import DataSet
-
-if TYPE_CHECKING:
-    from mirelight.dataset.export import ExportSettings
+from mirelight.model import DatasetSettings, Layout
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
@@ -27,12 +24,12 @@ class Facts:
     parts: Mapping[Part, int]  # frames
 
 
-def write(files: Files, data: DataSet, layout: Layout, settings: ExportSettings, facts: Facts, shared: Shared) -> None:
+def write(files: Files, data: DataSet, layout: Layout, settings: DatasetSettings, facts: Facts, shared: Shared) -> None:
     """README.md. Raises OutputError: it cannot be written."""
     files.text("README.md", _text(data, layout, settings, facts, shared))
 
 
-def _text(data: DataSet, layout: Layout, settings: ExportSettings, facts: Facts, shared: Shared) -> str:
+def _text(data: DataSet, layout: Layout, settings: DatasetSettings, facts: Facts, shared: Shared) -> str:
     display = data.index.display
     count = facts.cameras * len(facts.lightings)
     listed = ", ".join(facts.lightings[:8]) + (", …" if len(facts.lightings) > 8 else "")
@@ -62,8 +59,9 @@ License: {settings.license or "none given"}.
 
 - Pictures: PNG, 8-bit sRGB, exposure {display.exposure:g} stops for all{tone}. Linear pictures, where there are any,
   hold the scene's own light, without that exposure.
-- Frames by what was seen in training: {parts}. {settings.held_out:g} of the names of {_HELD[settings.by]} are held out,
-  by a hash with seed {settings.seed}; `splits.json` has the list.
+- Frames by what was seen in training: {parts}.
+  {settings.held_out:g} of the names of {_HELD[settings.split]} are held out, by a hash with seed {settings.seed};
+  `splits.json` has the list.
 - World: Z up, {shared.scale:.6g} times the job's lengths.{range_of} `lights.json` has the lights in it.
 {WRITERS[layout].notes(shared, facts.training)}
 ```python

@@ -5,14 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from mirelight.dataset.view import DataSet, Sample
-from mirelight.model import F32
-
-By: TypeAlias = Literal["camera", "lighting", "both"]
+from mirelight.model import F32, HeldOut
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +62,7 @@ class Split:
     novel_both: tuple[int, ...]
 
 
-def split(data: DataSet, by: By, held_out: float = 0.2, seed: int = 0) -> Split:
+def split(data: DataSet, by: HeldOut, held_out: float = 0.2, seed: int = 0) -> Split:
     """Hold out cameras, lightings or both, by a hash of their names and the seed: what is added later moves none.
 
     Args:

@@ -17,32 +17,20 @@ import numpy as np
 from mirelight import colour
 from mirelight.conventions import Matrix
 from mirelight.dataset import card, croissant, rig
-from mirelight.dataset.draws import By, Split, split
+from mirelight.dataset.draws import Split, split
 from mirelight.dataset.index import KeptView, Weighted
-from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Layout, Picture, Pixels, Shared, world_of
+from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
 from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
-from mirelight.model import digest
+from mirelight.model import DatasetSettings, Job, Layout, PointLight, SpotLight, digest
 
-__all__ = ["LAYOUTS", "ExportSettings", "Layout", "Progress", "Silent", "export"]
+__all__ = ["LAYOUTS", "Progress", "Silent", "check", "export"]
 
+_NO_LAMP = "no lighting of one point or spot light", "sweep with one_at_a_time = true, or leave the layout olat out"
 _MOST_POINTS = 100_000
 _MARGIN = 0.1  # that the range of depths is wider, as a share
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportSettings:
-    """How a data set is written."""
-
-    lightings: tuple[str, ...] | None = None  # names; None: all
-    normalize: bool = False  # move and scale the world so that the surface fits a box of ±1
-    by: By = "camera"  # what is held out
-    held_out: float = 0.1  # share of the names
-    seed: int = 0  # of the choice
-    license: str = ""  # of the data set, as SPDX has it
-    hdr: bool = True  # linear pictures, too, where the layout's loaders take them
 
 
 class Progress(Protocol):
@@ -72,7 +60,8 @@ def export(
     data: DataSet,
     out: Path,
     layout: Layout,
-    settings: ExportSettings | None = None,
+    settings: DatasetSettings | None = None,
+    lightings: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> int:
     """Write the frames of a data set; says how many.
@@ -81,15 +70,16 @@ def export(
         data: from `mirelight.dataset.open`.
         out: a folder; made where it is missing. What is there of the same content stays.
         layout: see docs/datasets.md. olat: lightings of one lamp alone, its place in every frame.
-        settings: see :class:`ExportSettings`.
+        settings: its `layouts` have no part in it.
+        lightings: names; None: all.
         progress: hears of every frame.
 
     Raises:
         InputError: a camera or lighting that the layout cannot hold, before anything is written; an unknown lighting.
         OutputError: a file cannot be written.
     """
-    settings, heard = settings or ExportSettings(), progress or Silent()
-    names = data.lightings if settings.lightings is None else tuple(dict.fromkeys(settings.lightings))
+    settings, heard = settings or DatasetSettings(), progress or Silent()
+    names = data.lightings if lightings is None else tuple(dict.fromkeys(lightings))
     for name in names:
         if name not in data.lightings:
             raise InputError(data.folder, f"no lighting {name!r}", f"there are: {', '.join(data.lightings[:10])}")
@@ -99,7 +89,7 @@ def export(
     if layout == "olat":
         names = tuple(lamps)
         if not lamps:
-            raise InputError(data.folder, "no lighting of one point or spot light", "sweep with one_at_a_time = true")
+            raise InputError(data.folder, *_NO_LAMP)
     chosen = _Chosen.of(data, names, settings)
     files_of = chosen.lightings
     shared = Shared(
@@ -130,6 +120,19 @@ def export(
     return len(names) * len(data.cameras)
 
 
+def check(job: Job) -> None:
+    """Refuse what the job's data sets could not hold before anything is rendered.
+
+    Raises:
+        InputError: names the camera, or says that no lighting fits.
+    """
+    for layout in job.dataset.layouts:
+        WRITERS[layout].check(job.cameras, Shared(source=job.source))
+        alone = [x.lights[0] for x in job.lightings if len(x.lights) == 1 and x.environment is None and x.sky is None]
+        if layout == "olat" and not any(isinstance(light, PointLight | SpotLight) for light in alone):
+            raise InputError(job.source, *_NO_LAMP, field="dataset.layouts")
+
+
 # --- what is chosen --------------------------------------------------------------------------------------------------
 
 
@@ -144,8 +147,8 @@ class _Chosen:
     count: int  # of all lightings in the data set
 
     @staticmethod
-    def of(data: DataSet, names: Sequence[str], settings: ExportSettings) -> _Chosen:
-        held: Split = split(data, settings.by, settings.held_out, settings.seed)
+    def of(data: DataSet, names: Sequence[str], settings: DatasetSettings) -> _Chosen:
+        held: Split = split(data, settings.split, settings.held_out, settings.seed)
         parts: dict[int, Part] = {i: part for part in PARTS for i in getattr(held, part)}
         cameras = file_names([x.name for x in data.cameras], "camera")
         places = {name: data.lightings.index(name) for name in names}
@@ -169,16 +172,16 @@ class _Chosen:
                 out[self.part(i, name)].append(f"{lighting}/{view}")
         return out
 
-    def described(self, settings: ExportSettings) -> dict[str, object]:
+    def described(self, settings: DatasetSettings) -> dict[str, object]:
         """splits.json."""
-        return {"by": settings.by, "held_out": settings.held_out, "seed": settings.seed, "parts": self.frames()}
+        return {"by": settings.split, "held_out": settings.held_out, "seed": settings.seed, "parts": self.frames()}
 
     def facts(self) -> card.Facts:
         """For the data set's page."""
         counts = {part: len(frames) for part, frames in self.frames().items()}
         return card.Facts(len(self.cameras), tuple(self.lightings.values()), self.lightings[self.training], counts)
 
-    def advice(self, settings: ExportSettings) -> Iterator[str]:
+    def advice(self, settings: DatasetSettings) -> Iterator[str]:
         """What a user would want to know before training."""
         counts = {part: len(frames) for part, frames in self.frames().items()}
         if settings.held_out and not counts["seen"]:

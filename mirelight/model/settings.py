@@ -18,6 +18,8 @@ Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 Indirect: TypeAlias = Literal["traced", "surface", "near"]
 ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
+Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "orb"]
+HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +129,19 @@ class OutputSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DatasetSettings:
+    """How frames are written as data sets."""
+
+    layouts: tuple[Layout, ...] = ()  # written when all frames are there
+    normalize: bool = False  # move and scale the world so that the surface fits a box of ±1
+    split: HeldOut = "camera"  # what is held out
+    held_out: float = 0.1  # share of the names, 0 to 1
+    seed: int = 0  # of the choice
+    license: str = ""  # of the data set, as SPDX has it
+    hdr: bool = True  # linear pictures, too, where the layout's loaders take them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
     """A job file, loaded: what it says, checked. Files are known by their digests and read when they are needed, so a
     job is small. `mirelight.prepare` makes it ready."""
@@ -147,6 +162,7 @@ class Job:
     relight: RelightSettings = RelightSettings()
     display: DisplaySettings = DisplaySettings()
     output: OutputSettings = OutputSettings()
+    dataset: DatasetSettings = DatasetSettings()
     inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex
     notes: tuple[str, ...] = ()  # what to know about files that were read, a line each; counts for no picture
 

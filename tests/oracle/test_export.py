@@ -452,3 +452,74 @@ def test_what_cannot_be_exported(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert cli.main(["export", str(tmp_path / "wide"), "--layout", "tensoir", "-o", str(tmp_path / "x")]) == 2
     assert "camera 'orbit.0001' is 24 x 16 pixels" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
+
+
+# --- [dataset] in a job ----------------------------------------------------------------------------------------------
+
+AT_END = """
+[dataset]
+layouts = ["olat", "colmap"]
+split = "lighting"
+held_out = 0.5
+license = "cc0-1.0"
+hdr = false
+"""
+
+
+def test_a_job_writes_its_data_sets_once_all_frames_are_there(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = folder.parent / "sets.toml"
+    path.write_text(JOB + AT_END)
+    command = ["render", str(path), "-o", str(tmp_path), "--set", "render.spp=1", "--set", "output.exr=false"]
+    assert cli.main([*command, "--camera", "orbit.0002"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1] == "data sets are written when all cameras are there: 1 of 3 are"
+    assert not (tmp_path / "dataset").exists()
+    assert cli.main(command) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-2].startswith(f"3 frames in {tmp_path / 'dataset' / 'olat'}")
+    assert said[-1].startswith(f"15 frames in {tmp_path / 'dataset' / 'colmap'}")
+    assert "license: cc0-1.0" in (tmp_path / "dataset" / "colmap" / "README.md").read_text()
+    splits = load(tmp_path / "dataset" / "colmap" / "splits.json")
+    assert (splits["by"], splits["held_out"], splits["seed"]) == ("lighting", 0.5, 0)
+    assert not list((tmp_path / "dataset" / "olat").rglob("*.exr"))
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "dataset").rglob("*.png")}
+    assert cli.main(command) == 0
+    assert "15 of them already there" in capsys.readouterr().out.splitlines()[-1]
+    assert before == {p: p.stat().st_mtime_ns for p in before}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (AT_END.replace('"colmap"', '"orb"').replace("[dataset]", "[dataset]\nnormalize = 3"), "dataset.normalize: "),
+        (AT_END.replace('"colmap"', '"blender"'), "dataset.layouts[1]: "),
+        (AT_END.replace("cc0-1.0", "a: b"), "cannot be a licence's name"),
+        (AT_END + '[output]\nstore = "frames"\n', "'frames', but data sets are mixed from layers"),
+        (AT_END.replace('"colmap"', '"tensoir"'), "camera 'wide' has another field of view"),
+        (AT_END.replace('"olat", ', "").replace('"colmap"', '"nerf"'), "camera 'wide' has another field of view"),
+    ],
+)
+def test_data_sets_that_cannot_be_are_refused_before_anything_is_made(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, said: str
+) -> None:
+    wide = '\n[[cameras]]\nname = "wide"\nposition = [0, 2, 5]\ntarget = [0, 0, 0]\nyfov = 60\n'
+    path = folder.parent / "wrong.toml"
+    path.write_text(JOB + wide + text)
+    assert cli.main(["render", str(path), "-o", str(tmp_path / "out")]) == 2
+    found = capsys.readouterr().err
+    assert said in found and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("more", [("--held-out", "2"), ("--license", "x\ny"), ("--layout", "blender")])
+def test_wrong_arguments_are_one_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...]
+) -> None:
+    command = ["export", str(folder), "--layout", "nerf", "-o", str(tmp_path / "x"), *more]
+    try:
+        code = cli.main(command)
+    except SystemExit as e:  # argparse
+        code = int(e.code or 0)
+    said = capsys.readouterr().err.strip().splitlines()
+    assert code == 2 and more[0] in said[-1] and not (tmp_path / "x").exists()

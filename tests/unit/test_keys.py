@@ -15,6 +15,7 @@ from mirelight import keys, provenance, relighting
 from mirelight.model import (
     Camera,
     CompositorSettings,
+    DatasetSettings,
     Deferred,
     DisplaySettings,
     Environment,
@@ -36,6 +37,7 @@ SETTINGS: Mapping[str, type[Any]] = {
     "relight": RelightSettings,
     "display": DisplaySettings,
     "output": OutputSettings,
+    "dataset": DatasetSettings,
 }
 OTHER: dict[str, Any] = {  # another value, where the type alone does not tell a fitting one
     "render.noise": 0.1,
@@ -45,6 +47,8 @@ OTHER: dict[str, Any] = {  # another value, where the type alone does not tell a
     "relight.texture_scale": 0.5,
     "display.background": (1.0, 0.0, 0.0),
     "output.directory": Path("elsewhere"),
+    "dataset.layouts": ("nerf",),
+    "dataset.license": "cc-by-4.0",
     "output.compression": "none",  # dwaa leaves some AOVs out
 }
 

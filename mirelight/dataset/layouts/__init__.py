@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import get_args
 
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
 from mirelight.dataset.layouts.files import Files
@@ -20,14 +20,13 @@ from mirelight.dataset.layouts.pictures import Geometry, Part, Picture, Pixels, 
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
 from mirelight.dataset.layouts.world import world_of
-from mirelight.model import Camera
+from mirelight.model import Camera, Layout
 
 __all__ = [
     "LAYOUTS",
     "WRITERS",
     "Files",
     "Geometry",
-    "Layout",
     "Picture",
     "Pixels",
     "Shared",
@@ -42,7 +41,6 @@ __all__ = [
     "write_tensoir",
 ]
 
-Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "orb"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 
 

@@ -156,6 +156,7 @@ def build(source: Source, table: JobTable) -> Job:
         relight=relight_settings(table),
         display=model.DisplaySettings(**_settings(table.display)),
         output=_output(source, table),
+        dataset=model.DatasetSettings(**_settings(table.dataset)),
         inputs=dict(sorted(assets.digests.items())),
         notes=tuple(assets.notes),
     )

@@ -26,6 +26,7 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
         *_doubled_lights(data),
         *_needs_proxy(data),
         *_ratio(data),
+        *_dataset(data),
         *_albedo_from_splats(data),
         *mixing.mistakes(data.get("mix")),
     ]
@@ -117,6 +118,18 @@ def _ratio(data: dict[str, Any]) -> Iterator[Mistake]:
     if isinstance(relight, dict) and relight.get("mode") == "ratio" and "captured" not in data:
         remedy = 'add captured, the lighting that the splats were captured under, or use "tint"'
         yield Mistake(("relight", "mode"), "'ratio' needs the captured lighting", remedy)
+
+
+def _dataset(data: dict[str, Any]) -> Iterator[Mistake]:
+    """What data sets are mixed from must be kept."""
+    dataset, output, render = data.get("dataset"), data.get("output"), data.get("render")
+    if not isinstance(dataset, dict) or not dataset.get("layouts"):
+        return
+    if isinstance(output, dict) and output.get("store") == "frames":
+        yield Mistake(("output", "store"), "'frames', but data sets are mixed from layers", 'use "both" or "layers"')
+    if isinstance(render, dict) and render.get("denoise") is True:
+        found = "frames that are denoised after mixing, which data sets cannot be mixed from"
+        yield Mistake(("render", "denoise"), found, "use false, or leave dataset.layouts out")
 
 
 def _albedo_from_splats(data: dict[str, Any]) -> Iterator[Mistake]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from mirelight import model
-from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Share, Table, wrong
+from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
-from mirelight.model import Compression, Indirect, RelightMode, Space, ToneCurve, Variant
+from mirelight.model import Compression, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
 from mirelight.model.planes import EXACT, NAMEABLE
 
 _RENDER = model.RenderSettings()
@@ -17,6 +18,7 @@ _COMPOSITOR = model.CompositorSettings()
 _RELIGHT = model.RelightSettings()
 _DISPLAY = model.DisplaySettings()
 _OUTPUT = model.OutputSettings()
+_DATASET = model.DatasetSettings()
 
 
 class RenderTable(Table):
@@ -185,3 +187,44 @@ class OutputTable(Table):
         if not self.exr and not self.png:
             raise wrong("neither exr nor png", "write one of them", at="png")
         return self
+
+
+class DatasetTable(Table):
+    """Data sets that are written beside the frames when all are there."""
+
+    layouts: list[Layout] = Field(
+        default=[],
+        max_length=20,
+        description="Which ones, each into a folder of its name in dataset/ of the output folder (docs/datasets.md).",
+    )
+    normalize: bool = Field(
+        default=_DATASET.normalize,
+        description="Move and scale the world so that what cameras see of the proxy fits a box of ±1.",
+    )
+    split: HeldOut = Field(default=_DATASET.split, description="What is held out: cameras, lightings or both.")
+    held_out: Share = Field(default=_DATASET.held_out, description="Share of their names, chosen by a hash.")
+    seed: Seed = Field(default=_DATASET.seed, description="Another seed, another choice.")
+    license: str = Field(default=_DATASET.license, max_length=200, description="Licence, for the data sets' pages.")
+    hdr: bool = Field(
+        default=_DATASET.hdr, description="Write linear pictures, too, in layouts whose loaders take them."
+    )
+
+    @field_validator("layouts")
+    @classmethod
+    def _once(cls, value: list[Layout]) -> list[Layout]:
+        return list(dict.fromkeys(value))
+
+    @field_validator("license")
+    @classmethod
+    def _one_line(cls, value: str) -> str:
+        if not is_license(value):
+            raise wrong(f"{shown(value)} cannot be a licence's name", f"give one such as {LICENSE}")
+        return value
+
+
+LICENSE = "cc-by-4.0"
+
+
+def is_license(text: str) -> bool:
+    """Whether a text can stand for a licence on a data set's page: a name as SPDX has it, or an address."""
+    return re.fullmatch(r"[A-Za-z0-9 .,+:/()_-]*", text) is not None and ": " not in text

@@ -12,7 +12,14 @@ from mirelight.io.job.fields import Positive, Resolution
 from mirelight.io.job.light_tables import Captured, LightingTable, Lit
 from mirelight.io.job.mixing import MixTable
 from mirelight.io.job.scene_tables import Proxy, Splats
-from mirelight.io.job.settings_tables import CompositorTable, DisplayTable, OutputTable, RelightTable, RenderTable
+from mirelight.io.job.settings_tables import (
+    CompositorTable,
+    DatasetTable,
+    DisplayTable,
+    OutputTable,
+    RelightTable,
+    RenderTable,
+)
 from mirelight.io.job.sweep_tables import SweepTable
 from mirelight.model import Profile
 
@@ -62,6 +69,7 @@ class JobTable(Lit):
     relight: RelightTable = Field(default=RelightTable(), description="How the lighting meets the splats.")
     display: DisplayTable = Field(default=DisplayTable(), description="How linear light becomes a PNG.")
     output: OutputTable = Field(default=OutputTable(), description="Where frames go, and what is in them.")
+    dataset: DatasetTable = Field(default=DatasetTable(), description="Data sets that are written from the frames.")
 
 
 def json_schema() -> dict[str, Any]:

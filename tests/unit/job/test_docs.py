@@ -51,6 +51,7 @@ SECTIONS = {
     "relight": "RelightTable",
     "display": "DisplayTable",
     "output": "OutputTable",
+    "dataset": "DatasetTable",
 }
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from mirelight.dataset import contact
 from mirelight.dataset.layouts import WRITERS, Files, Shared
 from mirelight.dataset.layouts.pictures import Part
 from mirelight.dataset.view import DataSet
@@ -56,6 +57,8 @@ def _text(data: DataSet, layout: Layout, settings: DatasetSettings, facts: Facts
 
 {count} frames: {facts.cameras} cameras under {len(facts.lightings)} lightings ({listed}), layout `{layout}`.
 License: {settings.license or "none given"}.
+
+![Cameras by lightings, evenly chosen, exposure {display.exposure:g} stops]({contact.FILE})
 
 - Pictures: PNG, 8-bit sRGB, exposure {display.exposure:g} stops for all{tone}. Linear pictures, where there are any,
   hold the scene's own light, without that exposure.

@@ -16,7 +16,7 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.conventions import Matrix
-from mirelight.dataset import card, croissant, rig
+from mirelight.dataset import card, contact, croissant, rig
 from mirelight.dataset.draws import Split, split
 from mirelight.dataset.index import KeptView, Weighted
 from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
@@ -110,7 +110,9 @@ def export(
     for line in chosen.advice(settings):
         heard.note(line)
     with Files(out, heard.finished) as files:
-        writer.write(files, _pictures(data, chosen, world), shared)
+        frames = _Frames(data, chosen, world)
+        writer.write(files, frames, shared)
+        contact.write(files, [x.name for x in data.cameras], names, frames.one)
         files.json("lights.json", rig.described(data, names, files_of, shared, files.names()))
         files.json("splits.json", chosen.described(settings))
         about = f"{len(files.frames)} frames of {shared.name}, relit with mirelight"
@@ -190,25 +192,31 @@ class _Chosen:
             yield "no frame is held out (names are chosen by a hash): raise --held-out, or choose another --seed"
 
 
-def _pictures(data: DataSet, chosen: _Chosen, world: Matrix) -> Iterator[Picture]:
-    """The frames, camera by camera: a camera's layers are read once."""
-    display, read = data.index.display, _Geometry(data)
-    for i, (camera, view) in enumerate(zip(data.cameras, data.views, strict=True)):
-        whole = view.light_size == (camera.height, camera.width)
-        geometry = partial(read, i)
-        view_key = digest("view 1", view.composite, view.groups[0], camera, world)
-        for name, lighting in chosen.lightings.items():
-            place = chosen.places[name]
-            yield Picture(
-                camera=camera,
-                view=chosen.cameras[camera.name],
-                lighting=lighting,
-                number=data.numbers[i],
-                part=chosen.part(i, name),
-                key=digest("frame 1", view_key, view.glow, *_made_from(data, view, place)),
-                view_key=view_key,
-                pixels=Pixels(_Mixed(data, i, place), geometry if whole else None, display),
-            )
+class _Frames:
+    """The frames, each with its names and keys; nothing is mixed before its pixels are asked for."""
+
+    def __init__(self, data: DataSet, chosen: _Chosen, world: Matrix) -> None:
+        self._data, self._chosen, self._world, self._read = data, chosen, world, _Geometry(data)
+
+    def __iter__(self) -> Iterator[Picture]:
+        """Camera by camera: a camera's layers are read once."""
+        return (self.one(i, name) for i in range(len(self._data.cameras)) for name in self._chosen.lightings)
+
+    def one(self, camera: int, lighting: str) -> Picture:
+        """The frame of a camera, by its index, and a lighting."""
+        data, chosen, seen = self._data, self._chosen, self._data.cameras[camera]
+        view, place = data.views[camera], chosen.places[lighting]
+        view_key = digest("view 1", view.composite, view.groups[0], seen, self._world)
+        return Picture(
+            camera=seen,
+            view=chosen.cameras[seen.name],
+            lighting=chosen.lightings[lighting],
+            number=data.numbers[camera],
+            part=chosen.part(camera, lighting),
+            key=digest("frame 1", view_key, view.glow, *_made_from(data, view, place)),
+            view_key=view_key,
+            pixels=Pixels(partial(data.frame, camera, place), partial(self._read, camera), data.index.display),
+        )
 
 
 def _made_from(data: DataSet, view: KeptView, place: int) -> tuple[object, ...]:
@@ -225,18 +233,9 @@ def _made_from(data: DataSet, view: KeptView, place: int) -> tuple[object, ...]:
     return lit(index.lightings[place]), captured, index.relight, index.display, index.linear, index.profile
 
 
-class _Mixed:
-    """Mixes a frame when it is called."""
-
-    def __init__(self, data: DataSet, camera: int, lighting: int) -> None:
-        self._data, self._camera, self._lighting = data, camera, lighting
-
-    def __call__(self) -> np.ndarray:
-        return self._data.frame(self._camera, self._lighting)
-
-
 class _Geometry:
-    """Reads what a camera sees; that of the last one asked for is kept."""
+    """Reads what a camera sees; that of the last one asked for is kept. Where light was traced at fewer pixels than
+    frames have, a pixel has the geometry of the one that it lies in."""
 
     def __init__(self, data: DataSet) -> None:
         self._data = data
@@ -244,8 +243,13 @@ class _Geometry:
 
     def __call__(self, camera: int) -> Geometry:
         if self._last is None or self._last[0] != camera:
-            seen = self._data.geometry(camera)
-            found = Geometry(depth=seen.depth, coverage=seen.coverage, normal=seen.normal, albedo=seen.albedo)
+            seen, size = self._data.geometry(camera), self._data.cameras[camera]
+            rows, columns = (
+                ((np.arange(count) + 0.5) * have / count).astype(np.intp)
+                for count, have in zip((size.height, size.width), seen.depth.shape, strict=True)
+            )
+            planes = (plane[rows[:, None], columns] for plane in (seen.depth, seen.coverage, seen.normal, seen.albedo))
+            found = Geometry(**dict(zip(("depth", "coverage", "normal", "albedo"), planes, strict=True)))
             self._last = camera, found
         return self._last[1]
 

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from mirelight import cli, dataset
-from mirelight.dataset.layouts import LAYOUTS, straight_rgba
+from mirelight.dataset.layouts import LAYOUTS, Pixels, straight_rgba
 from mirelight.dataset.surroundings import solid_angles
 from mirelight.dataset.view import DataSet
 from mirelight.io.environment import read_environment, write_environment
@@ -277,9 +277,35 @@ def test_stanford_orb(folder: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.load(truth / "z_depth" / "0001.npy"), data.geometry(1).depth)
 
 
+def test_geometry_of_light_at_fewer_pixels(folder: Path, tmp_path: Path) -> None:
+    """A quarter of the pixels: each gives its depth to four."""
+    more = ["--set", "relight.texture_scale=0.5", "--set", "render.spp=1", "--set", "output.exr=false"]
+    text = JOB.replace("frames = 3", "frames = 1").split('[[lightings]]\nname = "room"', 1)
+    coarse = folder.parent / "coarse.toml"
+    coarse.write_text(text[0] + text[1][text[1].index("[[cameras]]") :])
+    assert cli.main(["render", str(coarse), "-q", "-o", str(tmp_path / "out"), *more]) == 0
+    out = export(tmp_path / "out", tmp_path / "set", "colmap")
+    depth = np.asarray(Image.open(out / "geometry" / "depth" / "orbit_0001.png"))
+    small = dataset.open(tmp_path / "out").geometry(0).depth
+    assert small.shape == (12, 12)
+    np.testing.assert_array_equal(depth, np.rint(1000 * small).astype(np.uint16).repeat(2, axis=0).repeat(2, axis=1))
+
+
+def test_a_contact_sheet_is_with_every_set(folder: Path, tmp_path: Path) -> None:
+    out = export(folder, tmp_path, "hub", "--lighting", "room", "lamp", "--no-hdr")
+    sheet = np.asarray(Image.open(out / "sheet.jpg").convert("RGB")).astype(np.float32)
+    assert "](sheet.jpg)" in (out / "README.md").read_text()
+    shown = [int(x) for x in np.flatnonzero((sheet > 150).any(axis=(0, 2)))]
+    assert sheet.shape[0] > 3 * 24 and max(shown) - min(shown) > 2 * 24  # three cameras below each other, two lightings
+    data = dataset.open(folder)
+    tile = Pixels(lambda: data.frame(0, "room"), display=data.index.display).rgb.astype(np.float32)
+    places = np.lib.stride_tricks.sliding_window_view(sheet, tile.shape)[:, :, 0]
+    assert np.abs(places - tile).mean(axis=(-3, -2, -1)).min() < 6  # the first of them, but for JPEG
+
+
 def test_no_linear_pictures_where_none_are_wanted(folder: Path, tmp_path: Path) -> None:
     out = export(folder, tmp_path, "nerf", "--no-hdr", "--lighting", "lamp", "lamps")
-    assert not list(out.rglob("*.exr")) and not (out / "lamp" / "transforms_hdr.json").exists()
+    assert not list(out.glob("*/hdr")) and not (out / "lamp" / "transforms_hdr.json").exists()
 
 
 # --- light -----------------------------------------------------------------------------------------------------------
@@ -433,7 +459,7 @@ def test_an_export_goes_on_where_it_stopped(folder: Path, tmp_path: Path, monkey
     assert cli.main(["export", str(folder), "--layout", "nerf", "-o", str(tmp_path / "part"), "--no-hdr"]) == 130
     most[0] = 100
     export(folder, tmp_path / "part", "nerf", "--no-hdr")
-    assert len(mixed) == 15  # none twice
+    assert len(mixed) == 15 + 15  # none twice, and once for the contact sheet
     files = {p.relative_to(whole) for p in whole.rglob("*") if p.is_file()}
     assert files == {p.relative_to(tmp_path / "part") for p in (tmp_path / "part").rglob("*") if p.is_file()}
     assert all((whole / p).read_bytes() == (tmp_path / "part" / p).read_bytes() for p in files)

@@ -37,9 +37,13 @@ def write_colmap(files: Files, pictures: Iterable[Picture], shared: Shared) -> N
         placed = replace(picture.camera, world_from_camera=pose)
         written.setdefault(picture.within, []).append((f"{picture.view}.png", placed, picture.split))
     points = None if shared.points is None else moved(shared.points, shared.world)
+    models: dict[tuple[str, ...], list[tuple[str, bytes]]] = {}  # by names: lightings share their cameras
     for within, ones in written.items():
-        names = [name for name, _, _ in ones]
-        for file, data in colmap_write.model(shared.source, [camera for _, camera, _ in ones], names, points):
+        names = tuple(name for name, _, _ in ones)
+        if names not in models:
+            cameras = [camera for _, camera, _ in ones]
+            models[names] = list(colmap_write.model(shared.source, cameras, names, points))
+        for file, data in models[names]:
             files.bytes(f"{within}sparse/0/{file}", data)
         for split in ("train", "test"):
             chosen = [name for name, _, own in ones if own == split]

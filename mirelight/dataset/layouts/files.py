@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from mirelight.dataset.layouts.pictures import Picture
 from mirelight.io import exr
 from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.png import png_bytes
 from mirelight.io.safety import read_file
 
 RECORD = Path(".mirelight") / "export.jsonl"
@@ -134,13 +135,23 @@ class Files:
         """An array in NumPy's format."""
         self.put(name, key, lambda path: _save(path, values()))
 
-    def frame(self, picture: Picture, image: str, linear: str = "", sample: str = "") -> None:
-        """All files of a frame are there: its picture, the linear one where there is one."""
+    def frame(
+        self, picture: Picture, image: str, linear: str = "", sample: str = "", *, made: bool | None = None
+    ) -> None:
+        """All files of a frame are there.
+
+        Args:
+            picture: the frame.
+            image: its file, or the shard that holds it.
+            linear: file of the linear picture; "": none.
+            sample: key in the shard.
+            made: whether it was made now; None: if any file was since the frame before.
+        """
         name = f"{picture.lighting}/{picture.view}" if picture.lighting else picture.view
         size = picture.camera.width, picture.camera.height
         row = FrameRow(name, picture.view, picture.lighting, picture.part, image, linear, sample, *size)
         self.frames.append(row)
-        skipped, self._before = self.made == self._before, self.made
+        skipped, self._before = self.made == self._before if made is None else not made, self.made
         if self._heard is not None:
             self._heard(name, skipped)
 
@@ -199,6 +210,13 @@ def folder_for(*parts: Path) -> None:
 
 def write_pixels(path: Path | BinaryIO, pixels: NDArray[Any]) -> None:
     """A PNG of (H, W, 3 or 4) or (H, W) uint8, or of (H, W) uint16."""
+    if pixels.ndim == 3:
+        data = png_bytes(np.ascontiguousarray(pixels), {})
+        if isinstance(path, Path):
+            path.write_bytes(data)
+        else:
+            path.write(data)
+        return
     from PIL import Image
 
     Image.fromarray(np.ascontiguousarray(pixels)).save(path, format="PNG")

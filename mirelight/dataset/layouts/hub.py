@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import json
 import tarfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,9 +74,14 @@ def _shards(pictures: Sequence[Picture]) -> Iterator[list[Picture]]:
 
 def _write_shard(files: Files, name: str, shard: list[Picture], shared: Shared) -> None:
     key = digest("shard 1", shared.hdr, [(p.key, _text(p, shared)) for p in shard])
-    files.put(name, key, lambda path: _write_tar(path, shard, shared))
-    for picture in shard:
-        files.frame(picture, name, "", sample=sample_key(picture))
+    if files.has(name, key):
+        for picture in shard:
+            files.frame(picture, name, sample=sample_key(picture), made=False)
+
+    def heard(picture: Picture) -> None:
+        files.frame(picture, name, sample=sample_key(picture), made=True)
+
+    files.put(name, key, lambda path: _write_tar(path, shard, shared, heard))
 
 
 def sample_key(picture: Picture) -> str:
@@ -84,7 +89,7 @@ def sample_key(picture: Picture) -> str:
     return f"{picture.lighting}__{picture.view}"
 
 
-def _write_tar(path: Path, shard: list[Picture], shared: Shared) -> None:
+def _write_tar(path: Path, shard: list[Picture], shared: Shared, heard: Callable[[Picture], None]) -> None:
     with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
         for picture in shard:
             for suffix, data in _sample(picture, shared):
@@ -92,6 +97,7 @@ def _write_tar(path: Path, shard: list[Picture], shared: Shared) -> None:
                 entry.size, entry.mode = len(data), 0o644
                 tar.addfile(entry, io.BytesIO(data))
             picture.pixels.forget()
+            heard(picture)
 
 
 def _sample(picture: Picture, shared: Shared) -> Iterator[tuple[str, bytes]]:

@@ -76,6 +76,7 @@ def run_export(args: argparse.Namespace) -> int:
 @dataclass(frozen=True, slots=True)
 class _Frame:
     name: str
+    camera: None = None  # all frames take alike
 
 
 class Counted:

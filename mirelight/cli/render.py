@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mirelight import executor
 from mirelight.cli import BAD, export, new, progress, say, stop
-from mirelight.dataset.export import check
+from mirelight.dataset.export import check as check_sets
 from mirelight.errors import InputError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
@@ -40,13 +40,13 @@ def run_render(args: argparse.Namespace) -> int:
             work = _load(args, order, tally)
             whole = order.plan(work)
             check(work)
+            check_sets(work)
             frames = whole if shard is None else shard.of(whole)
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")
             if args.dry_run:
                 _say_forecast(forecast(frames))
                 return 0
-            check(work)
             store = Store(work)
             store.open()
             every = order.cameras is None and order.lightings is None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mirelight.cli import progress, say, stop
+from mirelight.cli import say
 
 if TYPE_CHECKING:
     from mirelight.dataset.view import DataSet
@@ -43,6 +43,7 @@ def add_export(commands: Any) -> None:
 def run_export(args: argparse.Namespace) -> int:
     """The command. Progress goes to stderr, one line at the end to stdout."""
     from mirelight import dataset
+    from mirelight.cli import stop
     from mirelight.errors import InputError
     from mirelight.io.job.settings_tables import LICENSE, is_license
     from mirelight.model import DatasetSettings
@@ -83,6 +84,8 @@ class Counted:
     """Exports with progress on stderr."""
 
     def __init__(self, quiet: bool) -> None:
+        from mirelight.cli import progress
+
         self._tally = progress.chosen(quiet)
 
     @property
@@ -99,6 +102,7 @@ class Counted:
         lightings: Sequence[str] | None = None,
     ) -> str:
         """One export; a line that says what is there."""
+        from mirelight.cli import progress
         from mirelight.dataset.export import export
 
         with self._tally as tally:

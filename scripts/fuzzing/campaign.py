@@ -23,7 +23,7 @@ from fuzzing.cases import CANARY, Case
 
 GOOD = ("ok", "refused")
 BAD = ("traceback", "crash", "hang", "memory", "output", "escape", "silent", "control", "noisy", "unclear")
-SECONDS = 20.0  # of processor time; six times as much by the clock
+SECONDS = 20.0  # of processor time; six times as much by the clock, less what it waited for a processor
 MEMORY = 1 << 30  # bytes beyond what the process had before the case
 OUTPUT = 1 << 28  # bytes in the case's folder
 _BAIT = ("/etc/passwd", "/etc/hostname", "/dev/zero", "/usr")  # names that cases hold
@@ -54,7 +54,7 @@ class Worker:
         process = self._started()
         before = _memory(process.pid, "VmRSS")
         Path(f"/proc/{process.pid}/clear_refs").write_text("5", encoding="ascii")  # forgets the highest mark so far
-        began, spent = monotonic(), _seconds(process.pid)
+        began, spent, waited = monotonic(), _seconds(process.pid), _waited(process.pid)
         assert process.stdin is not None
         task = {"folder": str(folder), "arguments": list(case.arguments), "said": str(said), "streams": case.streams}
         process.stdin.write(json.dumps(task).encode() + b"\n")
@@ -70,7 +70,9 @@ class Worker:
                 why = "crash"
             elif took > MEMORY:
                 why = "memory"
-            elif _seconds(process.pid) - spent > SECONDS or monotonic() - began > 6 * SECONDS:
+            elif _seconds(process.pid) - spent > SECONDS:
+                why = "hang"
+            elif monotonic() - began - (_waited(process.pid) - waited) > 6 * SECONDS:
                 why = "hang"
         self.close()
         return None, why, monotonic() - began, took
@@ -135,8 +137,8 @@ def _worker() -> Iterator[Worker]:
 
 def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, int]) -> tuple[str, str]:
     values = (x.partition("=")[2] for x in case.arguments)
-    beside = (f"{Path(x).stem}." for x in case.arguments)  # of FILE.toml there is a FILE.exr
-    names = frozenset((*case.arguments, *values, *beside, *(x.name for x in before))) - {"."}
+    beside = (f"{stem}." for x in case.arguments if (stem := Path(x).stem))  # of FILE.toml there is a FILE.exr
+    names = frozenset((*case.arguments, *values, *beside, *(x.name for x in before)))
     said = [(root / "said" / name).read_bytes() for name in ("stdout", "stderr")]
     stderr = said[1].decode("utf-8", "backslashreplace")
     if answer["raised"] or "Traceback (most recent" in stderr:
@@ -231,6 +233,14 @@ def _seconds(pid: int) -> float:
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _waited(pid: int) -> float:
+    """Seconds that the main thread of a process was ready and others ran."""
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
+    except (OSError, IndexError, ValueError):  # a kernel that does not count it
+        return 0.0
 
 
 def _memory(pid: int, field: str) -> int:

@@ -70,10 +70,9 @@ class Worker:
                 why = "crash"
             elif took > MEMORY:
                 why = "memory"
-            elif _seconds(process.pid) - spent > SECONDS:
-                why = "hang"
-            elif monotonic() - began - (_waited(process.pid) - waited) > 6 * SECONDS:
-                why = "hang"
+            else:
+                own = monotonic() - began - (_waited(process.pid) - waited)
+                why = "hang" if _seconds(process.pid) - spent > SECONDS or own > 6 * SECONDS else ""
         self.close()
         return None, why, monotonic() - began, took
 

@@ -62,7 +62,7 @@ def test_one_view_that_misfits_among_many_is_named() -> None:
     narrow = Camera.look_at(front.position, (-1.6, 2.4, -1.2), 160, 90, yfov=12, name="corner")
     corners = mesh.vertices[mesh.faces].mean(axis=1)
     kept = (corners[:, 0] > -0.9) | (corners[:, 1] < 1.9)
-    holed = replace(mesh, faces=mesh.faces[kept])
+    holed = replace(mesh, faces=mesh.faces[kept], nodes=(), face_nodes=None)
     many = (*(replace(front, name=f"front {k}") for k in range(7)), narrow)
     found = check(replace(job, proxy=Deferred.of(holed), cameras=many))
     assert found.quality is not None and not found.quality.advice

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import threading
@@ -202,45 +203,96 @@ def test_what_a_file_names_is_watched_and_mistakes_are_no_hindrance(folder: Path
 # --- the command ---
 
 
-def test_a_process_follows_edits_until_ctrl_c(folder: Path) -> None:
-    job = folder / "job.toml"
-    job.write_text(JOB)
-    process = subprocess.Popen([*COMMAND, "watch", "job.toml"], cwd=folder, stderr=subprocess.PIPE, text=True)
-    said: list[str] = []
+class Process:
+    """`mirelight watch job.toml`, and the lines that it has said."""
 
-    def read() -> None:
-        assert process.stderr is not None
-        said.extend(line.rstrip("\n") for line in process.stderr)
+    def __init__(self, folder: Path) -> None:
+        self.job, self.said = folder / "job.toml", list[str]()
+        self.process = subprocess.Popen([*COMMAND, "watch", "job.toml"], cwd=folder, stderr=subprocess.PIPE, text=True)
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        self.said.extend(line.rstrip("\n") for line in self.process.stderr)
 
-    def wait(text: str, count: int) -> None:
+    def wait(self, text: str, count: int) -> None:
         end = time.monotonic() + 240
-        while sum(text in line for line in said) < count:
-            assert process.poll() is None and time.monotonic() < end, said
+        while sum(text in line for line in self.said) < count:
+            assert self.process.poll() is None and time.monotonic() < end, self.said
             time.sleep(0.05)
 
-    try:
-        wait("front.night: done", 1)
-        assert (folder / "out" / "watch" / "front.night.png").is_file()
-        saved(job, JOB.replace("intensity = 20", "intensity = 'bright'"))
-        wait("job.toml:", 1)
-        assert "lights[0].intensity" in next(x for x in said if "job.toml:" in x)
-        lines = len(said)
-        time.sleep(0.5)
-        assert len(said) == lines  # it stays the last thing on the screen
-        saved(job, JOB.replace("intensity = 20", "intensity = 40"))
-        wait("front.night: shown in full", 1)
-        wait("front.night: done", 2)
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=120) == 0
-        reader.join(timeout=10)
-    finally:
-        process.kill()
-    assert not any("Traceback" in line for line in said), said
+    @property
+    def mistakes(self) -> list[str]:
+        """What was said of anything but pictures."""
+        return [line for line in self.said if "front.night: " not in line and "out/watch" not in line]
+
+    def wait_for_mistakes(self, count: int) -> None:
+        end = time.monotonic() + 60
+        while len(self.mistakes) < count:
+            assert self.process.poll() is None and time.monotonic() < end, self.said
+            time.sleep(0.05)
+
+    def end(self) -> int:
+        self.process.send_signal(signal.SIGINT)
+        code = self.process.wait(timeout=120)
+        self._reader.join(timeout=10)
+        return code
+
+
+@pytest.fixture
+def process(folder: Path) -> Iterator[Process]:
+    (folder / "job.toml").write_text(JOB)
+    made = Process(folder)
+    yield made
+    made.process.kill()
+
+
+def test_a_process_follows_edits_until_ctrl_c(process: Process, folder: Path) -> None:
+    process.wait("front.night: done", 1)
+    assert (folder / "out" / "watch" / "front.night.png").is_file()
+    saved(process.job, JOB.replace("intensity = 20", "intensity = 'bright'"))
+    process.wait("job.toml:", 1)
+    assert "lights[0].intensity" in next(x for x in process.said if "job.toml:" in x)
+    lines = len(process.said)
+    time.sleep(0.5)
+    assert len(process.said) == lines  # it stays the last thing on the screen
+    saved(process.job, JOB.replace("intensity = 20", "intensity = 40"))
+    process.wait("front.night: shown in full", 1)
+    process.wait("front.night: done", 2)
+    assert process.end() == 0
+    assert not any("Traceback" in line for line in process.said), process.said
     assert not (folder / "out" / "watch").exists()
     assert not list((folder / "out").glob(".front*"))
+
+
+def test_whatever_is_saved_is_a_line_and_ends_nothing(process: Process, folder: Path) -> None:
+    os.mkfifo(folder / "pipe")
+    hostile = [
+        b"",
+        b"a = " + b"[" * 5000,
+        b"[" + b"a." * 5000 + b"a]",
+        b"resolution = [" + b"9" * 5000 + b", 1]",
+        b"\xff\xfe\x00splats",
+        *(
+            JOB.replace("splats.ply", x).encode()
+            for x in ("\\u001b]0;title\\u0007.ply", "pipe", "/dev/zero", ".", "x" * 5000)
+        ),
+        *(JOB.replace("proxy.glb", x).encode() for x in ("/dev/zero", "pipe", "job.toml")),
+        JOB.replace("intensity = 20", "intensity = 1e400").encode(),
+    ]
+    process.wait("front.night: done", 1)
+    for k, content in enumerate(hostile, start=1):
+        other = folder / "next"
+        other.write_bytes(content)
+        other.replace(process.job)
+        process.wait_for_mistakes(k)
+    saved(process.job, JOB.replace("intensity = 20", "intensity = 40"))
+    process.wait("front.night: done", 2)
+    assert process.end() == 0
+    assert not any("Traceback" in line for line in process.said), process.said
+    assert all(line.isprintable() for line in process.said)
+    assert len(process.mistakes) == len(hostile), process.mistakes
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ half as many samples is 2^p Q, and so on; the spread of B batches, split into su
 variance Q / 4 (B^p - 1) / (2^p - 1) / (B - 1), where the mean's own is Q / 4 / (2^p - 1).
 
 That p is one number for many pixels, and falls with more samples: what is smooth settles first, what is rough remains.
-So only a part of what it exceeds 1 by is counted on.
+So only a part of what it exceeds 1 by is counted on, and of few pixels, whose Q is uncertain, less.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from mirelight.model import F32
 EVERY = 4  # the film keeps the difference of halves of one pixel in so many: enough for one number a layer
 FEWEST = 64  # pixels that tell p
 REMAINS = 2 / 3  # of p - 1 at the next scale; on the benchmark's scenes stated deviations then are the true ones
+SURE = 2.0  # standard errors by which Q may be larger than it was found
 STEEPEST = 3.0  # p of scrambled nets where the light is smooth
 
 
@@ -43,7 +44,8 @@ def share(variance: F32, halves: F32, mean: F32, batches: int) -> float:
     if floor == 0:
         return 1.0
     weight = 1 / (squared + floor)
-    top = float((weight * halves.astype(np.float64) ** 2).sum())
+    found = (weight * halves.astype(np.float64) ** 2).sum(axis=1)
+    top = float(found.sum() + SURE * np.sqrt(len(found)) * found.std())
     spread = float((weight * variance).sum()) * 4 * (batches - 1)
     low, high = 1.0, STEEPEST
     if spread <= top * _sum_of_levels(low, batches):

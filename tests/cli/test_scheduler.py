@@ -156,7 +156,7 @@ def test_a_scheduler_that_goes_is_said_in_a_line(folder: Path, run: Run, cluster
     cluster.scheduler.kill()
     _, err = process.communicate(timeout=120)
     assert process.returncode == 2 and "Traceback" not in err
-    assert err.strip().splitlines()[-1].startswith("mirelight: the Dask scheduler at tcp://127.0.0.1:")
+    assert err.strip().splitlines()[-1].startswith("mirelight: job.toml: the Dask scheduler at tcp://127.0.0.1:")
     assert "the same command goes on once a scheduler runs" in err
     cluster.workers.wait(timeout=60)  # they end by themselves
     done = run("render", "job.toml", *ORBIT)

@@ -155,12 +155,14 @@ def _picture(path: Path) -> PictureFacts:
 
         pixels = read_environment(path)
         names, (height, width), memory = ("R", "G", "B"), pixels.shape[:2], pixels.nbytes
+    with np.errstate(invalid="ignore", over="ignore"):  # a file may hold both infinities
+        mean = None if pixels is None else numbers(pixels.mean(axis=(0, 1), dtype=np.float64))
     return PictureFacts(
         path=str(path),
         width=int(width),
         height=int(height),
         channels=names,
-        mean=None if pixels is None else numbers(pixels.mean(axis=(0, 1), dtype=np.float64)),
+        mean=mean,
         brightest=None if pixels is None else rounded(pixels.max()),
         memory=int(memory),
         fingerprint=fingerprint,

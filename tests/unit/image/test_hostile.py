@@ -14,7 +14,9 @@ from PIL import Image
 from mirelight.errors import InputError
 from mirelight.io.environment import read_environment
 from mirelight.io.exr import write_exr
+from mirelight.io.facts import PictureFacts
 from mirelight.io.hdr import write_hdr
+from mirelight.io.inspect import inspect
 from mirelight.io.safety import existing, open_binary
 
 
@@ -82,3 +84,13 @@ def test_pipes_and_devices_are_not_waited_for(tmp_path: Path) -> None:
             open_binary(path)
     with pytest.raises(InputError, match="neither a file nor a folder"):
         existing(tmp_path / "pipe")
+
+
+@pytest.mark.filterwarnings("error")
+def test_both_infinities_in_a_picture_are_counted_quietly(tmp_path: Path) -> None:
+    pixels = np.ones((4, 4, 3), np.float32)
+    pixels[0, :2, 1] = np.inf, -np.inf
+    write_exr(tmp_path / "a.exr", {"": pixels})
+    facts = inspect(tmp_path / "a.exr")
+    assert isinstance(facts, PictureFacts) and facts.mean is not None
+    assert facts.mean[0] == 1 and np.isnan(facts.mean[1])

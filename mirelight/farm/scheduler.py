@@ -57,8 +57,9 @@ def require() -> None:
 def run(order: Order, plan: Plan, store: Store, address: str, progress: Progress) -> RenderSummary:
     """`mirelight.executor.run` by the workers of a Dask scheduler.
 
-    A worker that dies is the scheduler's to notice: its camera goes to another one. A camera over which workers die
-    again and again (the scheduler's `allowed-failures`, 3) is recorded as failed, and the rest goes on.
+    A worker that dies is the scheduler's to notice: its camera goes to another one. Where workers die again and again
+    (`allowed-failures`, 3), Dask blames all that lay with them: each such camera is tried alone when the rest is done,
+    and recorded as failed if that ends workers, too.
 
     Args:
         order: what `plan` was made from, for the workers to make theirs.
@@ -115,6 +116,8 @@ class _Office:
         self._due = deque(left)
         self._later: deque[tuple[float, Group]] = deque()  # of other processes; when to ask again
         self._out: dict[Any, Group] = {}  # by future
+        self._blamed: deque[Group] = deque()  # workers died over them, or over others that lay beside: once more, alone
+        self._alone = ""
         self._heard: queue.Queue[tuple[str, Any]] = queue.Queue()
         self._frames: dict[str, str] = {}  # by worker, what it is at
         self._workers: dict[str, int] = {}  # threads by address
@@ -125,7 +128,7 @@ class _Office:
     def run(self) -> RenderSummary:
         self._client.subscribe_topic(self._run, lambda event: self._heard.put(("word", event[1])))
         try:
-            while self._due or self._later or self._out:
+            while self._due or self._later or self._out or self._blamed:
                 self._count()
                 self._give()
                 self._hear()
@@ -171,6 +174,9 @@ class _Office:
     def _give(self) -> None:
         while self._later and self._later[0][0] <= time.monotonic():
             self._due.append(self._later.popleft()[1])
+        if self._blamed and not (self._due or self._later or self._out):
+            self._due.append(self._blamed.popleft())
+            self._alone = self._due[0].name
         hosts = Counter(_host(x) for x in self._workers)
         while self._due and len(self._out) < _AHEAD * len(self._workers):
             group = self._due.popleft()
@@ -219,10 +225,12 @@ class _Office:
         except TimeoutError:  # its worker died before it could be asked what it did: the task is being done again
             self._await(group, future)
             return
-        if type(error).__name__ == "KilledWorker":
-            self._book.give_up(group, "its worker process ended again and again")
+        killed = type(error).__name__ == "KilledWorker"
+        if killed and group.name != self._alone:
+            self._blamed.append(group)
         elif error is not None:
-            self._book.give_up(group, f"{type(error).__name__}: {error}")
+            why = "its worker process ended again and again" if killed else f"{type(error).__name__}: {error}"
+            self._book.give_up(group, why)
         self._frames.pop(worker, None)
         for line in lines:
             word = Word.read(line)

@@ -36,6 +36,8 @@ class Keys:
         self.job = job
         self._eyes: dict[int, tuple[Camera, str, str]] = {}
         self._seen: dict[tuple[str, str], str] = {}
+        self._composites: dict[str, str] = {}  # by view
+        self._old: dict[str, list[str]] = {}  # what a frame reads of the captured light, by view
         self._relights: dict[RelightSettings, str] = {}
         self._named: dict[int, tuple[Lighting, str]] = {}
 
@@ -94,8 +96,11 @@ class Keys:
     # --- made once a camera ---
 
     def composite(self, camera: Camera) -> str:
-        """The splats as a camera sees them."""
-        return _joined(self._composite, self._eye(camera)[0])
+        """The splats as a camera sees them; kept, since all its frames ask for it."""
+        seen = self._eye(camera)[0]
+        if seen not in self._composites:
+            self._composites[seen] = _joined(self._composite, seen)
+        return self._composites[seen]
 
     @cached_property
     def _composite(self) -> str:
@@ -172,7 +177,9 @@ class Keys:
         seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
         if job.splats is not None and compares_in(job, lighting) and job.captured is not None:
-            parts += [*self._lit(job.captured, seen), self.captured_level]
+            if seen not in self._old:
+                self._old[seen] = [*self._lit(job.captured, seen), self.captured_level]
+            parts += self._old[seen]
         return _joined("frame", *parts)
 
     def _lit(self, lighting: Lighting, seen: str) -> Iterable[str]:

@@ -25,7 +25,7 @@ _SUSPECT = 0.05  # share of the picture below which rays decide
 _LITTLE = 0.02  # share of the picture that is hardly a picture
 _NEAREST = 64  # points whose triangles are measured
 _SEVERAL = 4  # places that tell a room from a solid
-_MOST = 100  # cameras, and places of lamps, that are looked at before a render
+_MOST = 50  # cameras, and places of lamps, that are looked at before a render
 _NAMED = 5  # of those with a problem, said by name
 
 

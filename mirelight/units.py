@@ -140,10 +140,12 @@ class LightSets:
         self._known: dict[int, Mixture] = {}
         self._lightings = tuple(lightings)  # keeps them alive: they are known by identity
         self._pooled = tuple(pooled)
-        for units in _packs([self._new(terms(x)) for x in self._pooled if self._is_linear(tuple(terms(x)))], rules):
+        wanted = {id(x): tuple(terms(x)) for x in (*self._lightings, *self._pooled)}
+        pooled_terms = (wanted[id(x)] for x in self._pooled)
+        for units in _packs([self._new(x) for x in pooled_terms if self._is_linear(x)], rules):
             self._trace_together(units)
         for lighting in self._lightings:
-            self._known[id(lighting)] = self._mixture(lighting)
+            self._known[id(lighting)] = self._mixture(lighting, wanted[id(lighting)])
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made: one of the job's, or any other, whose new unit lights then form sets of their own."""
@@ -165,8 +167,7 @@ class LightSets:
             made = LightSet(part)
             self._home.update({unit.digest: made for unit in part})
 
-    def _mixture(self, lighting: Lighting) -> Mixture:
-        wanted = tuple(terms(lighting))
+    def _mixture(self, lighting: Lighting, wanted: tuple[Term, ...]) -> Mixture:
         if not self._is_linear(wanted):
             return Mixture(lighting, (LightSet(whole=replace(lighting, relight=None)),))
         self._trace_together(self._new(wanted))

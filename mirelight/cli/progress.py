@@ -140,12 +140,13 @@ class Lines(Tally):
         self._frame_began = self.elapsed
 
     def finished(self, task: Named, skipped: bool) -> None:
-        """A frame is there."""
+        """A frame is there; those that were found are counted, and said at the end."""
         super().finished(task, skipped)
         took, self._frame_began = self.elapsed - self._frame_began, self.elapsed
-        what = "already there" if skipped else f"made in {duration(took)}"
+        if skipped:
+            return
         left = f", about {duration(self.left)} left" if self.left and self.there < self.total else ""
-        say.line(f"[{self.there}/{self.total}] {task.name}: {what}{left}")
+        say.line(f"[{self.there}/{self.total}] {task.name}: made in {duration(took)}{left}")
 
 
 class Bar(Tally):

@@ -71,7 +71,6 @@ def test_lines_for_logs(clock: Clock, capsys: pytest.CaptureFixture[str]) -> Non
     clock.now += 8
     lines.finished(frames[2], False)
     assert capsys.readouterr().err.splitlines() == [
-        "[1/3] a.day: already there",
         "[2/3] b.day: made in 12 s, about 12 s left",
         "[3/3] c.day: made in 8.0 s",
     ]

@@ -20,7 +20,7 @@ from mirelight import advice, stages, viewing
 from mirelight.dataset import describe, index
 from mirelight.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.model import Frame, ProxyMesh, SplatLayer
-from mirelight.plan import FrameTask, Group, Plan
+from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
 from mirelight.units import terms
@@ -173,9 +173,9 @@ def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
 
 def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -> None:
     """Say before any work which cameras and lights are of no use: inside the mesh, or before nothing."""
-    lightings = {id(task.lighting): task.lighting for group in groups for task in group.tasks if task.lighting}
+    lightings = lightings_of(groups)
     if proxy is not None and lightings:
-        for line in viewing.remarks([group.camera for group in groups], list(lightings.values()), proxy):
+        for line in viewing.remarks([group.camera for group in groups], lightings, proxy):
             progress.note(line)
 
 

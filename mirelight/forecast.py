@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mirelight import keys, relighting, stages, viewing
 from mirelight.model import Camera, Job
-from mirelight.plan import FrameTask, Group, Plan
+from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store, write
 
@@ -80,8 +80,7 @@ def _remarks(plan: Plan) -> tuple[str, ...]:
     job = plan.job
     if job.proxy is None or job.made_proxy is not None or not job.lightings:
         return ()
-    lightings = {id(t.lighting): t.lighting for g in plan.groups for t in g.tasks if t.lighting is not None}
-    return viewing.remarks([g.camera for g in plan.groups], list(lightings.values()), job.proxy.value)
+    return viewing.remarks([g.camera for g in plan.groups], lightings_of(plan.groups), job.proxy.value)
 
 
 def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) -> tuple[int, int]:

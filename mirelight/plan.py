@@ -83,6 +83,11 @@ def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str
     return Plan(job, tuple(group(camera) for camera in chosen_cameras), made)
 
 
+def lightings_of(groups: Iterable[Group]) -> tuple[Lighting, ...]:
+    """The lightings of their frames, each once."""
+    return tuple({id(t.lighting): t.lighting for g in groups for t in g.tasks if t.lighting is not None}.values())
+
+
 def light_keys(plan: Plan) -> frozenset[str]:
     """Keys of all the composites and traced buffers that the job's frames are made from, whatever is chosen."""
     job, made = plan.job, plan.keys
@@ -94,13 +99,13 @@ def warnings(plan: Plan) -> tuple[str, ...]:
     """A line for each thing in the plan that the light model of the job's profile does not follow, and about files that
     are easily taken for something else, said once."""
     job = plan.job
-    lightings = {id(task.lighting): task.lighting for task in plan.tasks if task.lighting is not None}
-    if keys.compares(job) and job.captured is not None:
-        lightings[id(job.captured)] = job.captured
+    lightings = lightings_of(plan.groups)
+    if keys.compares(job) and job.captured is not None and all(x is not job.captured for x in lightings):
+        lightings = (*lightings, job.captured)
     if keys.follows_engine(job):
-        found = _engine_warnings(job, [group.camera for group in plan.groups], tuple(lightings.values()))
+        found = _engine_warnings(job, [group.camera for group in plan.groups], lightings)
     else:
-        found = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings.values()]
+        found = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings]
     if job.albedo_from_splats and not keys.colors_proxy(job):
         gray = "the splats' colours are used in mode 'ratio' with path-traced light; gray here"
         found.append(("proxy.albedo", (gray,)))

@@ -75,7 +75,7 @@ def remarks(cameras: Sequence[Camera], lightings: Sequence[Lighting], proxy: Pro
     """A line for each kind of problem, with how many have it and who the first are; none where all is well.
 
     Args:
-        cameras: that are to be rendered. Of more than a hundred, a hundred are looked at, spread evenly.
+        cameras: that are to be rendered. Of more than fifty, about fifty are looked at, spread evenly.
         lightings: whose lamps are looked at, each place once, in the same way.
         proxy: what cameras see and lamps light.
     """

@@ -11,25 +11,21 @@ import contextlib
 import logging
 import queue
 import secrets
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, ThreadPoolExecutor
-from dataclasses import replace
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
 from mirelight import __version__, executor, extras
 from mirelight.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.executor import Progress, RenderSummary
-from mirelight.farm import post
+from mirelight.farm import desk, post
 from mirelight.farm.book import Book
-from mirelight.farm.crew import threads_of
 from mirelight.farm.order import Order, fingerprint
-from mirelight.farm.post import Reporter, Word
-from mirelight.farm.worker import Bench
-from mirelight.plan import FrameTask, Group, Plan
+from mirelight.farm.post import Word
+from mirelight.plan import Group, Plan
 from mirelight.store import Store
 
 _LOOK = 0.2  # seconds between two looks at signals
@@ -140,7 +136,7 @@ class _Office:
             raise
         finally:
             with contextlib.suppress(Exception):
-                self._client.run(_rest, self._run, on_error="ignore")
+                self._client.run(desk.rest, self._run, on_error="ignore")
         return self._book.done
 
     def _count(self) -> None:
@@ -162,7 +158,7 @@ class _Office:
         self._known.update(new)
         if max(self._workers[x] for x in new) > 1:
             self._once("workers make one frame at a time: start them with --nthreads 1, as many as fit in memory")
-        for worker, said in self._client.run(_version, workers=new, on_error="return").items():
+        for worker, said in self._client.run(desk.version, workers=new, on_error="return").items():
             if isinstance(said, OSError):
                 continue  # it has just ended
             if isinstance(said, BaseException):
@@ -177,12 +173,12 @@ class _Office:
         if self._blamed and not (self._due or self._later or self._out):
             self._due.append(self._blamed.popleft())
             self._alone = self._due[0].name
-        hosts = Counter(_host(x) for x in self._workers)
+        hosts = Counter(desk.host(x) for x in self._workers)
         while self._due and len(self._out) < _AHEAD * len(self._workers):
             group = self._due.popleft()
             beside = dict(hosts) if self._shares_cores else {}
             future = self._client.submit(
-                _make, self._text, group.name, fingerprint(group), self._run, beside, pure=False, retries=0
+                desk.make, self._text, group.name, fingerprint(group), self._run, beside, pure=False, retries=0
             )
             self._await(group, future)
 
@@ -248,7 +244,7 @@ class _Office:
         if self._client.status != "running":
             return
         with contextlib.suppress(Exception):
-            self._client.run(_halt, self._run, on_error="ignore")
+            self._client.run(desk.halt, self._run, on_error="ignore")
         until = time.monotonic() + _GRACE
         while self._out and self._client.status == "running" and time.monotonic() < until:
             with contextlib.suppress(MirelightError, KeyboardInterrupt, SystemExit):
@@ -262,144 +258,3 @@ class _Office:
         if line not in self._said:
             self._said.add(line)
             self._progress.note(line)
-
-
-def _host(worker: str) -> str:
-    """Of an address like tcp://10.0.0.7:40123."""
-    return worker.partition("://")[2].rpartition(":")[0] or worker
-
-
-# --- on the workers --------------------------------------------------------------------------------------------------
-
-
-class _Desk:
-    """What a worker process keeps from one camera to the next. One thread does all, as kernels and scenes want it."""
-
-    def __init__(self) -> None:
-        self.thread = ThreadPoolExecutor(1, thread_name_prefix="mirelight")
-        self.halted: set[str] = set()  # runs that were told to end
-        self._bench: tuple[str, Bench, _Teller] | None = None
-
-    def make(self, task: _Task) -> list[str]:
-        """The words of a camera made, in the desk's thread."""
-        if task.run in self.halted:
-            return []
-        said = _Said(task)
-        try:
-            made = self._made(task, said)
-        except MirelightError as e:
-            said.say(Word(post.FATAL, (str(e),)))
-        except KeyboardInterrupt:
-            if self._bench is not None and self._bench[1].store.partial:
-                said.say(Word(post.PARTIAL, tuple(str(path) for path in self._bench[1].store.partial)))
-                self._bench[1].store.partial = ()
-        else:
-            word = (made.rendered, made.skipped, made.failed) if made is not None else ()
-            said.say(Word(post.BUSY if made is None else post.DONE, word))
-        return said.lines
-
-    def _made(self, task: _Task, said: _Said) -> RenderSummary | None:
-        for again in (False, True):
-            bench, teller = self._ready(task, said, again)
-            if not again and not bench.plans(task.camera, task.expected):
-                continue  # files have changed since this worker read them
-            teller.said, teller.halted = said, self.halted
-            return bench.make(task.camera, task.expected)
-        return None
-
-    def _ready(self, task: _Task, said: _Said, anew: bool) -> tuple[Bench, _Teller]:
-        if self._bench is None or self._bench[0] != task.order or anew:
-            if self._bench is not None:
-                self._bench[1].store.close()
-                self._bench = None
-            order = Order.read(task.order)
-            if task.beside:
-                order = replace(order, threads=str(threads_of(task.beside)))
-            teller = _Teller(said, self.halted)
-            self._bench = task.order, Bench(order, teller), teller
-        _, bench, teller = self._bench
-        bench.store.begin(task.run)
-        return bench, teller
-
-    def rest(self, run: str) -> None:
-        """No more work of that run."""
-        if self._bench is not None:
-            self._bench[1].store.rest(run)
-
-
-class _Task:
-    """A camera to make, as it came."""
-
-    def __init__(self, order: str, camera: str, expected: str, run: str, beside: dict[str, int], worker: Any) -> None:
-        self.order, self.camera, self.expected, self.run, self.worker = order, camera, expected, run, worker
-        self.beside = beside.get(_host(worker.address), 1) if beside else 0  # workers of this machine; 0: never mind
-
-
-class _Said:
-    """Words told at once, by the way; those that count come back with the task."""
-
-    def __init__(self, task: _Task) -> None:
-        self.task = task
-        self.lines: list[str] = []
-
-    def say(self, word: Word) -> None:
-        line = word.line()
-        if word.kind not in (post.SAMPLES, post.NOTE):
-            self.lines.append(line)
-        if word.kind not in (post.DONE, post.BUSY, post.FATAL):
-            with contextlib.suppress(Exception):
-                self.task.worker.log_event(self.task.run, [self.task.worker.address, self.task.camera, line])
-
-
-class _Teller(Reporter):
-    """Tells of the task in hand, and ends it between two steps once its run was told to end."""
-
-    def __init__(self, said: _Said, halted: set[str]) -> None:
-        super().__init__(lambda word: self.said.say(word))
-        self.said, self.halted = said, halted
-
-    def _check(self) -> None:
-        if self.said.task.run in self.halted:
-            raise KeyboardInterrupt
-
-    def samples(self, task: FrameTask, done: int, total: int) -> None:
-        super().samples(task, done, total)
-        self._check()
-
-    def finished(self, task: FrameTask, skipped: bool) -> None:
-        super().finished(task, skipped)
-        self._check()
-
-
-_DESK: _Desk | None = None
-_OPENING = threading.Lock()
-
-
-def _desk() -> _Desk:
-    global _DESK
-    with _OPENING:
-        if _DESK is None:
-            _DESK = _Desk()
-        return _DESK
-
-
-def _make(order: str, camera: str, expected: str, run: str, beside: dict[str, int]) -> tuple[str, list[str]]:
-    """A task: make what is missing of a camera's frames; the worker's address, and words."""
-    from distributed import get_worker
-
-    worker = get_worker()
-    desk = _desk()
-    task = _Task(order, camera, expected, run, beside, worker)
-    return worker.address, desk.thread.submit(desk.make, task).result()
-
-
-def _version() -> str:
-    return __version__
-
-
-def _halt(run: str) -> None:
-    _desk().halted.add(run)
-
-
-def _rest(run: str) -> None:
-    _desk().rest(run)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from mirelight.io.job.hashing import companions
+from mirelight.io.job.hashing import companions, strings
 
 _MOST = 5_000  # files that are asked for
 _SETTLED = 0.04  # seconds between two looks that must agree: an editor may write in several steps
@@ -27,7 +27,7 @@ def files_of(job: Path, named: Iterable[str] = ()) -> set[Path]:
     out = {job}
     names = list(named)
     with suppress(OSError, ValueError, RecursionError):
-        names += _strings(tomllib.loads(job.read_text(encoding="utf-8-sig")))
+        names += strings(tomllib.loads(job.read_text(encoding="utf-8-sig")))
     for name in dict.fromkeys(names):
         if not name or len(name) > 1000 or "\0" in name:
             continue
@@ -41,18 +41,6 @@ def files_of(job: Path, named: Iterable[str] = ()) -> set[Path]:
         if len(out) > _MOST:
             break
     return out
-
-
-def _strings(top: object) -> Iterator[str]:
-    pending = [top]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, str):
-            yield node
-        elif isinstance(node, dict):
-            pending += node.values()
-        elif isinstance(node, list):
-            pending += node
 
 
 class Files:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -216,20 +216,20 @@ class Process:
         assert self.process.stderr is not None
         self.said.extend(line.rstrip("\n") for line in self.process.stderr)
 
-    def wait(self, text: str, count: int) -> None:
-        end = time.monotonic() + 240
-        while sum(text in line for line in self.said) < count:
-            assert self.process.poll() is None and time.monotonic() < end, self.said
-            time.sleep(0.05)
-
     @property
     def mistakes(self) -> list[str]:
         """What was said of anything but pictures."""
         return [line for line in self.said if "front.night: " not in line and "out/watch" not in line]
 
+    def wait(self, text: str, count: int) -> None:
+        self._until(lambda: sum(text in line for line in self.said) >= count, 240)
+
     def wait_for_mistakes(self, count: int) -> None:
-        end = time.monotonic() + 60
-        while len(self.mistakes) < count:
+        self._until(lambda: len(self.mistakes) >= count, 60)
+
+    def _until(self, met: Callable[[], bool], seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while not met():
             assert self.process.poll() is None and time.monotonic() < end, self.said
             time.sleep(0.05)
 

@@ -72,10 +72,10 @@ def _index_of(folder: Path) -> Path:
 
 def _of_splats(path: Path) -> Iterator[Path]:
     """The images of a SOG; of a streamed one its SOGs too. Nothing below those: a SOG names images alone."""
-    for file in _named(path, _strings(_json(path))):
+    for file in _named(path, strings(_json(path))):
         yield file
         if path.name.lower() == _INDICES[0] and file.suffix.lower() == ".json" and file != path:
-            yield from _named(file, _strings(_json(file)))
+            yield from _named(file, strings(_json(file)))
 
 
 def _named(path: Path, names: Iterator[str]) -> Iterator[Path]:
@@ -119,7 +119,8 @@ def _json(path: Path) -> Any:
         return None
 
 
-def _strings(top: object) -> Iterator[str]:
+def strings(top: object) -> Iterator[str]:
+    """Every text in a document of tables and lists, up to a bound."""
     pending = [top]
     for _ in range(_MOST_NAMES):
         if not pending:

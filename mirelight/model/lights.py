@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mirelight import conventions
 from mirelight.model import shown
@@ -117,6 +118,30 @@ class AreaLight(ArrayHolder):
 
 
 Light: TypeAlias = DirectionalLight | PointLight | SpotLight | SunLight | AreaLight
+
+
+def position_of(light: Light) -> F64 | None:
+    """(3,) where a light is, world units; None: nowhere, as it shines from far away."""
+    match light:
+        case PointLight() | SpotLight():
+            return light.position
+        case AreaLight():
+            return light.world_from_light[:3, 3]
+        case DirectionalLight() | SunLight():
+            return None
+
+
+def moved_to(light: Light, position: ArrayLike) -> Light:
+    """The light at another place (3,), world units, turned as before; one from far away as it is."""
+    match light:
+        case PointLight() | SpotLight():
+            return replace(light, position=np.asarray(position, np.float64))
+        case AreaLight():
+            pose = light.world_from_light.copy()
+            pose[:3, 3] = position
+            return replace(light, world_from_light=pose)
+        case DirectionalLight() | SunLight():
+            return light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 
 from mirelight import model
 from mirelight.conventions import Matrix
-from mirelight.io.job import cameras, lighting, mixing, placing, sweep
+from mirelight.io.job import cameras, lighting, mixing, moving, placing, sweep
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.light_tables import LightUnit
@@ -134,7 +134,7 @@ def build(source: Source, table: JobTable) -> Job:
     if table.sweep is not None and not wrong:
         relit = partial(relight_settings, table)
         lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
-    mixed = mixing.mixed(lightings, table.mix, wrong)
+    mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
     splats = assets.splats(table.splats) if table.splats else None
     made = _made_of_splats(source, table, splats)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from mirelight.io.job import mixing
+from mirelight.io.job import mixing, moving
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.light_tables import ESTIMATE
 from mirelight.io.job.mistakes import Mistake
@@ -29,6 +29,7 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
         *_dataset(data),
         *_albedo_from_splats(data),
         *mixing.mistakes(data.get("mix")),
+        *moving.mistakes(data.get("moved")),
     ]
 
 

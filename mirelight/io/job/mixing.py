@@ -32,7 +32,7 @@ MixTable: TypeAlias = Annotated[dict[str, Any], Field(max_length=MOST_NAMES), Wi
 
 def mistakes(mix: object) -> Iterator[Mistake]:
     """What is wrong with the values of the table."""
-    for name, value in _entries(mix):
+    for name, value in entries(mix):
         if not isinstance(value, dict):
             yield from _factor(("mix", name), value)
         elif len(value) > MOST_NAMES:
@@ -42,7 +42,8 @@ def mistakes(mix: object) -> Iterator[Mistake]:
                 yield from _factor(("mix", name, layer), factor)
 
 
-def _entries(mix: object) -> list[tuple[str, Any]]:
+def entries(mix: object) -> list[tuple[str, Any]]:
+    """What a table holds, unless it is none or too large."""
     return list(mix.items()) if isinstance(mix, dict) and len(mix) <= MOST_NAMES else []
 
 
@@ -63,11 +64,11 @@ def mixed(lightings: tuple[Lighting, ...], mix: dict[str, Any], wrong: list[Mist
     everywhere = {name: value for name, value in mix.items() if not isinstance(value, dict)}
     apart = {name: value for name, value in mix.items() if isinstance(value, dict)}
     known = list(dict.fromkeys(name for names in layers.values() for name in names))
-    _unknown(("mix",), everywhere, known, "light, group or environment", wrong)
-    _unknown(("mix",), apart, list(layers), "lighting", wrong)
+    unknown(("mix",), everywhere, known, "light, group or environment", wrong)
+    unknown(("mix",), apart, list(layers), "lighting", wrong)
     for name, factors in apart.items():
         if name in layers:
-            _unknown(("mix", name), factors, layers[name], "light, group or environment", wrong)
+            unknown(("mix", name), factors, layers[name], "light, group or environment", wrong)
     out: list[Lighting] = []
     for one in lightings:
         there = [*everywhere.items(), *apart.get(one.name, {}).items()]
@@ -77,7 +78,8 @@ def mixed(lightings: tuple[Lighting, ...], mix: dict[str, Any], wrong: list[Mist
     return tuple(out)
 
 
-def _unknown(at: Path, wanted: dict[str, Any], known: list[str], what: str, wrong: list[Mistake]) -> None:
+def unknown(at: Path, wanted: dict[str, Any], known: list[str], what: str, wrong: list[Mistake]) -> None:
+    """Adds a mistake for every name that is not known."""
     there = set(known)
     for name in wanted:
         if len(wrong) >= MOST:

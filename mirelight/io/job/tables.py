@@ -11,6 +11,7 @@ from mirelight.io.job.camera_tables import AnyCamera
 from mirelight.io.job.fields import Positive, Resolution
 from mirelight.io.job.light_tables import Captured, LightingTable, Lit
 from mirelight.io.job.mixing import MixTable
+from mirelight.io.job.moving import MovedTable
 from mirelight.io.job.scene_tables import Proxy, Splats
 from mirelight.io.job.settings_tables import (
     CompositorTable,
@@ -57,6 +58,11 @@ class JobTable(Lit):
         default={},
         description="Factors of lights, groups and environments by name, a number or [r, g, b] each, in every "
         "lighting; in one lighting as a table under its name.",
+    )
+    moved: MovedTable = Field(
+        default={},
+        description="Other places of lights by name, [x, y, z] each, in every lighting that has the light; in one "
+        "lighting as a table under its name.",
     )
     cameras: list[AnyCamera] = Field(
         default=[],

@@ -1,0 +1,74 @@
+"""The job's table `moved`: other places for lights that the job has, as the mixer's page exports them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import Field, WithJsonSchema
+
+from mirelight.io.job.fields import LARGEST
+from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.mixing import MOST_NAMES, entries, unknown
+from mirelight.io.job.positions import Path
+from mirelight.io.job.words import shown
+from mirelight.model import Lighting
+from mirelight.model.lights import moved_to, position_of
+
+_POINT = {
+    "type": "array",
+    "items": {"type": "number", "minimum": -LARGEST, "maximum": LARGEST},
+    "minItems": 3,
+    "maxItems": 3,
+}
+_SCHEMA = {
+    "type": "object",
+    "additionalProperties": {"anyOf": [_POINT, {"type": "object", "additionalProperties": _POINT}]},
+    "maxProperties": MOST_NAMES,
+}
+
+MovedTable: TypeAlias = Annotated[dict[str, Any], Field(max_length=MOST_NAMES), WithJsonSchema(_SCHEMA)]
+
+
+def mistakes(moved: object) -> Iterator[Mistake]:
+    """What is wrong with the values of the table."""
+    for name, value in entries(moved):
+        if not isinstance(value, dict):
+            yield from _point(("moved", name), value)
+        elif len(value) > MOST_NAMES:
+            yield Mistake(("moved", name), f"{len(value)} names", f"give at most {MOST_NAMES}")
+        else:
+            for light, point in value.items():
+                yield from _point(("moved", name, light), point)
+
+
+def _point(path: Path, value: object) -> Iterator[Mistake]:
+    numbers: list[Any] = value if isinstance(value, list) else []
+    sound = all(isinstance(x, int | float) and not isinstance(x, bool) and x == x for x in numbers)
+    if not sound or len(numbers) != 3:
+        yield Mistake(path, shown(value), "give [x, y, z] in world units")
+    elif any(abs(x) > LARGEST for x in numbers):
+        yield Mistake(path, shown(value), f"give -{LARGEST:g} to {LARGEST:g}")
+
+
+def moved(lightings: tuple[Lighting, ...], table: dict[str, Any], wrong: list[Mistake]) -> tuple[Lighting, ...]:
+    """The lightings with lights where the table puts them; names that nothing has are added to `wrong`."""
+    if not table:
+        return lightings
+    everywhere = {name: value for name, value in table.items() if not isinstance(value, dict)}
+    apart = {name: value for name, value in table.items() if isinstance(value, dict)}
+    places = {x.name: [light.name for light in x.lights if position_of(light) is not None] for x in lightings}
+    known = list(dict.fromkeys(name for names in places.values() for name in names))
+    unknown(("moved",), everywhere, known, "light with a position", wrong)
+    unknown(("moved",), apart, list(places), "lighting", wrong)
+    for name, points in apart.items():
+        if name in places:
+            unknown(("moved", name), points, places[name], "light with a position", wrong)
+    out: list[Lighting] = []
+    for one in lightings:
+        there = everywhere | apart.get(one.name, {})
+        own = set(places[one.name]) & set(there)
+        lights = tuple(moved_to(x, there[x.name]) if x.name in own else x for x in one.lights)
+        out.append(replace(one, lights=lights) if own else one)
+    return tuple(out)

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from mirelight import colour
 from mirelight.model import F32, DisplaySettings, Frame
+from mirelight.model.profiles import BRIGHTEST
 
-Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours"]
+Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours", "albedo"]
 
 OPAQUE = 0.5  # alpha above which a pixel shows splats
 MOST_UNCOVERED = 0.18  # share of the splats' pixels
@@ -26,10 +27,12 @@ MOST_GAP = 0.02  # median distance along the view axis, share of what the pictur
 MOST_WHITE = 0.15  # share of the splats' pixels, and so much more than the capture has
 MOST_BLACK = 0.6
 LEAST_MET = 0.1  # share of the proxy's area
+MOST_HELD = 0.15  # share of the pixels on the proxy that are held at the brightest albedo
 _WHITE, _BLACK = 254.5 / 255, 8 / 255  # display values
 _LEAST_SEEN = 0.002  # share of the picture
 _HARDLY = 1000  # how much darker than the capture light counts as none
 _MOST_PIXELS = 20_000  # that are looked at: shares are right to a third of a percent, and advice costs next to nothing
+_SAME = 1e-4  # relative: so near to the brightest albedo comes what is held there, and hardly anything else
 _UNLIT = 1e-6  # share of the picture's light below which a light adds nothing
 
 Mask = NDArray[np.bool_]
@@ -68,6 +71,7 @@ def of_frame(frame: Frame, display: DisplaySettings, *, off: Collection[str] = (
     if frame.lighting is not None:
         found += _brightness(frame, display, step, on)
         found += _idle(frame, off)
+        found += _held(frame)
     return tuple(found)
 
 
@@ -126,6 +130,26 @@ def _fit(frame: Frame) -> list[Finding]:
     if nearer > 0.9:
         look += "; or the camera stands inside the mesh"
     return [Finding("gap", text, look)]
+
+
+def _held(frame: Frame) -> list[Finding]:
+    """Whether mode albedo holds much of the picture at the brightest surface that there is."""
+    lit = frame.lighting
+    assert lit is not None
+    if frame.splats is None or lit.coverage.shape != frame.rgba.shape[:2]:
+        return []
+    step = _step(lit.coverage.shape)
+    on: Mask = (frame.rgba[::step, ::step, 3] > OPAQUE) & (lit.coverage[::step, ::step] > OPAQUE)
+    # radiance under light that would leave a white surface as brightly: both premultiplied
+    alpha, weight = frame.rgba[::step, ::step, 3:][on], (lit.albedo * lit.coverage[..., None])[::step, ::step][on]
+    most = np.float32(BRIGHTEST) * alpha * lit.beauty[::step, ::step][on]
+    own = frame.rgba[::step, ::step, :3][on] * weight
+    held = ((most > 0) & (np.abs(own - most) <= _SAME * most)).any(axis=1)
+    if not held.size or held.mean() <= MOST_HELD:
+        return []
+    text = f"{held.mean():.0%} of the splats' pixels were brighter than any surface is under the captured light"
+    remedy = f"they are held at an albedo of {BRIGHTEST}: raise the captured light's intensities"
+    return [Finding("albedo", text, remedy)]
 
 
 def _extent(points: F32) -> float:

@@ -107,7 +107,7 @@ def warnings(plan: Plan) -> tuple[str, ...]:
     else:
         found = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings]
     if job.albedo_from_splats and not keys.colors_proxy(job):
-        gray = "the splats' colours are used in mode 'ratio' with path-traced light; gray here"
+        gray = "the splats' colours are used in modes 'ratio' and 'albedo' with path-traced light; gray here"
         found.append(("proxy.albedo", (gray,)))
     return tuple(dict.fromkeys([*job.notes, *(f"{where}: {line}" for where, lines in found for line in lines)]))
 
@@ -117,7 +117,7 @@ def _engine_warnings(
 ) -> list[tuple[str, tuple[str, ...]]]:
     found: list[tuple[str, tuple[str, ...]]] = []
     if keys.compares(job):
-        found.append(("relight.mode", ("the engine knows the tint only, not the ratio",)))
+        found.append(("relight.mode", ("the engine knows the tint only",)))
     found += [("camera", engine_lights.camera_warnings(x)) for x in cameras]
     if job.proxy is not None and lightings:
         from mirelight.lighting.engine.raster import culling_warnings

@@ -28,6 +28,7 @@ from mirelight.model import (
     SplatCloud,
     SurfaceCache,
 )
+from mirelight.model.profiles import COMPARING
 from mirelight.surface_light import SurfaceLight
 from mirelight.units import LightSet, Mixture
 from mirelight.view_light import ViewLight
@@ -73,10 +74,16 @@ def check(job: Job) -> None:
     if job.lightings and job.splats is not None and keys.compares(job) and job.captured is None:
         raise InputError(
             job.source,
-            "mode 'ratio' without the lighting that the capture was made under",
+            f"mode {_comparing(job)!r} without the lighting that the capture was made under",
             "name it, or set mode to 'tint'",
             field="relight.mode",
         )
+
+
+def _comparing(job: Job) -> str:
+    """The first mode that compares with the captured light."""
+    modes = [job.relight_of(x).mode for x in (None, *job.lightings)]
+    return next(x for x in modes if x in COMPARING)
 
 
 def _digest(part: Deferred[Any] | None) -> str:

@@ -17,13 +17,14 @@ from mirelight.errors import RenderError
 from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model.profiles import BRIGHTEST
 
 REACH = 0.01  # of the bounds' diagonal: splats farther off the proxy say nothing about it
 MOST_SPLATS = 1 << 16  # evenly taken where there are more
 SPP = 16  # samples a splat and round: many splats share a vertex
 ROUNDS = 3  # of light by colours and colours by light; the first two bring all but 3 %
 FLOOR = 0.01  # of the mean irradiance: where there was no light, no colour can be found
-DARKEST, BRIGHTEST = 0.01, 0.95
+DARKEST = 0.01
 UNLIT = 0.01  # of the mean irradiance: a front darker than this is the inside of something, and the back was seen
 _START = 0.5  # albedo that the first round's light is traced with
 _FILL_STEPS = 256  # edges from a vertex with splats to the farthest without that takes its colour

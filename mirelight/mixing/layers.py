@@ -1,8 +1,8 @@
 """The layers of a job's mixer: what each unit light does to each splat, and what its lightings take of them.
 
-Mode `ratio`: T = L / (L_captured + d m) for a unit light, L its irradiance over pi, and the base
-d m / (L_captured + d m): the sum of weights times layers is then the factor of `mirelight.relighting.ratio`.
-Mode `tint`: T = brightness a L, without a base.
+A layer is what the relight mode makes of a unit light alone. In mode `ratio` that is T = L / (L_captured + d m), L the
+light's irradiance over pi, and a base d m / (L_captured + d m) beside them: the sum of weights times layers is then the
+factor. Modes `tint` (brightness a L) and `albedo` have no base.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from mirelight import keys
+from mirelight import colour, keys, relighting
 from mirelight.errors import InputError
 from mirelight.lighting import splat_light
 from mirelight.lighting.fill import rounds_of
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.lighting.points import own_glow
-from mirelight.model import F32, F64, Job, Lighting, SurfaceCells, rules_of
+from mirelight.model import F32, F64, Job, Lighting, SplatCloud, SurfaceCells, rules_of
 from mirelight.scene import Scene
+from mirelight.sh import C0
 from mirelight.units import GLOW, LightSet, LightSets, Rules, terms
 
 BASE, EMISSION = "base", "emission"
@@ -28,7 +29,7 @@ MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them
 FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
 READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
 _MANY = 1 << 30
-_NO_LIGHT = 1e-20
+_UNLIMITED = 1e30
 
 Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
 
@@ -114,7 +115,9 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     units = {t.unit.digest: t.unit for x in plain for t in terms(x)}
     index = {key: i for i, key in enumerate(units)}
     names = [_layer_name(key, plain) for key in units]
-    extra = [EMISSION] * scene.glows + [BASE] * compares
+    mode = relighting.mode_of(job.relight)
+    floor = mode.leaves_floor and compares
+    extra = [EMISSION] * scene.glows + [BASE] * floor
     if len(names) + len(extra) > MOST_LAYERS:
         raise InputError(
             job.source,
@@ -148,20 +151,31 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         glow = splats.light(GLOW, "surfaces that glow")[0]
         values[len(names)] = glow
         old += glow
-    if compares:
-        floor = max(job.relight.delta * (scene.captured_level or 0.0), _NO_LIGHT)
-        values[-1] = floor
-        values /= (old + floor).astype(np.float32)
-    else:
-        values *= splats.albedo * np.float32(job.relight.brightness)
+    factor = relighting.splat_relighter(
+        captured_color(scene.splats),
+        splats.albedo,
+        replace(job.relight, max_ratio=_UNLIMITED),
+        captured=old.astype(np.float32) if compares else None,
+        captured_level=(scene.captured_level or 0.0) if compares else None,
+    )
+    base = factor(np.zeros_like(values[0]))
+    for k in range(len(values) - floor):
+        values[k] = factor(values[k]) - base
+    if floor:
+        values[-1] = base
     return MixLayers(
         names=(*names, *extra),
         values=values,
         constant=tuple(range(len(names), len(names) + len(extra))),
         lightings=tuple(_mixed(x, index) for x in lightings),
-        limit=job.relight.max_ratio if compares else None,
+        limit=job.relight.max_ratio if compares and "max_ratio" in mode.reads else None,
         near=splats.near,
     )
+
+
+def captured_color(splats: SplatCloud) -> F32:
+    """(N, 3) the splats' colours averaged over directions, linear."""
+    return np.asarray(colour.srgb_decode(np.maximum(0.5 + C0 * splats.sh[:, 0], 0)), np.float32)
 
 
 def _mixed(lighting: Lighting, index: dict[str, int]) -> Mixed:

@@ -13,7 +13,10 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 Profile: TypeAlias = Literal["physical", "playcanvas"]
-RelightMode: TypeAlias = Literal["tint", "ratio"]  # names; `mirelight.relighting` holds what each does
+RelightMode: TypeAlias = Literal["tint", "ratio", "albedo"]  # names; `mirelight.relighting` holds what each does
+COMPARING: frozenset[RelightMode] = frozenset({"ratio", "albedo"})  # must know the light of the capture
+COLOURING: frozenset[RelightMode] = frozenset({"albedo"})  # splats colour the proxy unless the job says else
+BRIGHTEST = 0.95  # albedo: no surface reflects more, fresh snow as much
 Space: TypeAlias = Literal["linear", "display"]
 
 _MOST_ALPHA = 0.9900000095367432  # float32(0.99), as the CUDA code has it: a second one would leave just less than 1e-4
@@ -80,7 +83,7 @@ PROFILES: Mapping[Profile, ProfileRules] = MappingProxyType(
                 path_traced=True,
                 unit_texels=False,
                 blending_space=False,
-                modes=("tint", "ratio"),
+                modes=("tint", "ratio", "albedo"),
             ),
             ProfileRules(
                 name="playcanvas",

@@ -8,7 +8,7 @@ docs/relighting.md.
 
 from __future__ import annotations
 
-from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
+from mirelight.relighting.frame import apply, lighting_camera, relighter, splat_relighter, unlit_rgba
 from mirelight.relighting.mode import Lit, Mode, Task
 from mirelight.relighting.modes import MODES, mode_of, reads
 from mirelight.relighting.resample import upsample
@@ -23,6 +23,7 @@ __all__ = [
     "mode_of",
     "reads",
     "relighter",
+    "splat_relighter",
     "unlit_rgba",
     "upsample",
 ]

@@ -64,7 +64,14 @@ def apply(
         size = splats.camera.height, splats.camera.width
 
         def factor_of(new: Lit, captured: Lit | None) -> F32:
-            task = Task(size=size, new=new, captured=captured, captured_level=captured_level, settings=settings)
+            task = Task(
+                size=size,
+                unlit=unlit,
+                new=new,
+                captured=captured,
+                captured_level=captured_level,
+                settings=settings,
+            )
             return _blended(mode.factor(task), settings.blend)
 
         if settings.blend > 0:
@@ -109,8 +116,46 @@ def relighter(
     old = captured if mode.needs_captured else None
     if settings.blend == 0:
         return lambda beauty: unlit
-    factor = mode.prepared(Task(size=size, new=surface, captured=old, captured_level=captured_level, settings=settings))
+    task = Task(size=size, unlit=unlit, new=surface, captured=old, captured_level=captured_level, settings=settings)
+    factor = mode.prepared(task)
     return lambda beauty: _multiplied(composite, unlit, _blended(factor(beauty), settings.blend), settings)
+
+
+def splat_relighter(
+    color: F32,
+    albedo: F32,
+    settings: RelightSettings,
+    *,
+    captured: F32 | None = None,
+    captured_level: float | None = None,
+) -> Callable[[F32], F32]:
+    """The same for splats instead of pixels, each lit at its own place on the proxy: a function from light (N, 3),
+    irradiance / pi, to what the splats' linear colours are multiplied by (N, 3), at full strength.
+
+    Args:
+        color: (N, 3) of the splats, linear, as captured.
+        albedo: (N, 3) of the proxy at their places.
+        settings: mode and the modes' own numbers.
+        captured: (N, 3) the light that they were captured under, irradiance / pi, for modes that need it.
+        captured_level: as for :func:`apply`; None: the mean over the splats.
+    """
+    mode, count = mode_of(settings), len(color)
+    whole = np.ones((count, 1), np.float32)
+    # the mode divides by the proxy's albedo, or means the lit proxy's own colour
+    own = np.ones((count, 1, 3), np.float32) if mode.uses_proxy_colours else albedo[:, None].astype(np.float32)
+    unlit = np.concatenate([color[:, None].astype(np.float32), whole[..., None]], axis=-1)
+    old = None if captured is None else Lit(beauty=captured[:, None].astype(np.float32), coverage=whole, albedo=own)
+    factor = mode.prepared(
+        Task(
+            size=(count, 1),
+            unlit=unlit,
+            new=Lit(beauty=np.zeros_like(own), coverage=whole, albedo=own),
+            captured=old if mode.needs_captured else None,
+            captured_level=captured_level,
+            settings=settings,
+        )
+    )
+    return lambda light: factor(np.asarray(light[:, None] * own, np.float32))[:, 0]
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:

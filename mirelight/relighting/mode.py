@@ -35,6 +35,7 @@ class Task:
     """One factor to make."""
 
     size: tuple[int, int]  # rows and columns of the frame; those of the light may be fewer
+    unlit: F32  # (H, W, 4) the splats as captured: linear, premultiplied
     new: Lit
     captured: Lit | None  # the light that the capture was made under; there where the mode needs it
     captured_level: float | None  # its mean luminance over the scene's surface (radiance over albedo); None: unknown
@@ -51,6 +52,7 @@ class Mode:
     name: RelightMode
     needs_captured: bool  # the light that the capture was made under must be known
     uses_proxy_colours: bool  # light may be traced on a proxy with the splats' colours: its own albedo is divided out
+    leaves_floor: bool  # where no light falls a little of the captured colour stays; else the factor is linear in light
     reads: frozenset[str]  # settings that decide the factor, fields of RelightSettings beside mode, profile and blend
     space: Space | None  # in which the factor multiplies; None: as the settings or the profile say
     # All but the light made ready once; then, for the new light's beauty (h, w, 3), the factor (H, W, 3) at full

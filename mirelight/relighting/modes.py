@@ -7,11 +7,12 @@ from types import MappingProxyType
 
 from mirelight.model import RelightMode, RelightSettings, SplatLayer, rules_of
 from mirelight.model.profiles import Space
+from mirelight.relighting.albedo import ALBEDO
 from mirelight.relighting.mode import Mode
 from mirelight.relighting.ratio import RATIO
 from mirelight.relighting.tint import TINT
 
-MODES: Mapping[RelightMode, Mode] = MappingProxyType({mode.name: mode for mode in (TINT, RATIO)})
+MODES: Mapping[RelightMode, Mode] = MappingProxyType({mode.name: mode for mode in (TINT, RATIO, ALBEDO)})
 
 
 def mode_of(settings: RelightSettings) -> Mode:

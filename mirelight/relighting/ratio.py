@@ -11,7 +11,7 @@ from mirelight.relighting.mode import Factor, Lit, Mode, Task
 from mirelight.relighting.pixels import divide, multiply
 from mirelight.relighting.resample import bilinear
 
-_NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole capture is black
+NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole capture is black
 
 
 def prepared(task: Task) -> Factor:
@@ -25,11 +25,11 @@ def prepared(task: Task) -> Factor:
     """
     assert task.captured is not None, "apply() refuses a mode without what it needs"
     settings = task.settings
-    new, new_coverage = _Weight(task.new, task.size), bilinear(task.new.coverage, task.size)
+    new, new_coverage = Weight(task.new, task.size), bilinear(task.new.coverage, task.size)
     old_coverage = bilinear(task.captured.coverage, task.size)
-    below = _Weight(task.captured, task.size).light(task.captured.beauty)
-    level = _mean(below, old_coverage) if task.captured_level is None else task.captured_level
-    floor = np.float32(max(settings.delta * level, _NO_LIGHT))
+    below = Weight(task.captured, task.size).light(task.captured.beauty)
+    level = mean_level(below, old_coverage) if task.captured_level is None else task.captured_level
+    floor = np.float32(max(settings.delta * level, NO_LIGHT))
     below += floor
     outwards = Continuation(np.minimum(new_coverage, old_coverage) > 0)
 
@@ -43,7 +43,7 @@ def prepared(task: Task) -> Factor:
     return factor
 
 
-class _Weight:
+class Weight:
     """What light is divided by: albedo times coverage."""
 
     def __init__(self, lit: Lit, size: tuple[int, int]) -> None:
@@ -56,13 +56,11 @@ class _Weight:
     def light(self, beauty: F32) -> F32:
         """(H, W, 3) radiance over albedo, 0 where nothing is covered or the albedo is 0."""
         if self._no_albedo and (beauty * self._coverage[..., None]).any():
-            raise ValueError(
-                "mode 'ratio' divides by the albedo, and this light comes without (a file without 'albedo'?)"
-            )
+            raise ValueError("the mode divides by the albedo, and this light comes without (a file without 'albedo'?)")
         return divide(bilinear(beauty, self._size), self._weight)
 
 
-def _mean(light: F32, coverage: F32) -> float:
+def mean_level(light: F32, coverage: F32) -> float:
     """Mean luminance over the covered part; 0 where nothing is."""
     covered = coverage.sum(dtype=np.float64)
     summed = (colour.luminance(light) * coverage).sum(dtype=np.float64)
@@ -73,6 +71,7 @@ RATIO = Mode(
     name="ratio",
     needs_captured=True,
     uses_proxy_colours=True,
+    leaves_floor=True,
     reads=frozenset({"delta", "max_ratio", "background"}),
     space="linear",
     prepared=prepared,

@@ -52,6 +52,7 @@ TINT = Mode(
     name="tint",
     needs_captured=False,
     uses_proxy_colours=False,
+    leaves_floor=False,
     reads=frozenset({"brightness", "background"}),
     space=None,
     prepared=prepared,

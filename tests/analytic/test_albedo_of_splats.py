@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mirelight import colour, sh
 from mirelight.errors import RenderError
 from mirelight.lighting import Tracer
-from mirelight.lighting.albedo import BRIGHTEST, colored_by, vertex_colors
+from mirelight.lighting.albedo import colored_by, vertex_colors
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -25,6 +25,7 @@ from mirelight.model import (
     RenderSettings,
     SplatCloud,
 )
+from mirelight.model.profiles import BRIGHTEST
 
 F64 = NDArray[np.float64]
 SETTINGS = RenderSettings(spp=16, max_depth=6, seed=3)

@@ -255,7 +255,7 @@ def test_planning_reads_nothing() -> None:
 
 def test_the_proxy_takes_colours_only_where_they_are_of_use() -> None:
     """Elsewhere it stays gray, the same frames come out, and a warning says so."""
-    gray = "proxy.albedo: the splats' colours are used in mode 'ratio' with path-traced light; gray here"
+    gray = "proxy.albedo: the splats' colours are used in modes 'ratio' and 'albedo' with path-traced light; gray here"
     for unused in ({"relight": RelightSettings(mode="tint")}, {"splats": None}):
         plain, asked = make_job(**unused), make_job(**unused, albedo_from_splats=True)
         assert [t.files for t in plan(asked).tasks] == [t.files for t in plan(plain).tasks]

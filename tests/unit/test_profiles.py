@@ -9,8 +9,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from mirelight import colour
+from mirelight import colour, relighting
 from mirelight.model import PROFILES, CompositorSettings, Profile, rules_of
+from mirelight.model.profiles import COLOURING, COMPARING
 
 PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
 ASKS = re.compile(r"""\b(?:mode|profile) (?:==|!=) ["']|\b(?:mode|profile) (?:not )?in \(["']""")
@@ -21,6 +22,11 @@ def test_every_profile_has_its_rules() -> None:
     for name, rules in PROFILES.items():
         assert rules.name == name
         assert rules_of(name) is rules
+
+
+def test_modes_that_must_know_the_captured_light_are_those_that_say_so() -> None:
+    assert {name for name, mode in relighting.MODES.items() if mode.needs_captured} == COMPARING
+    assert {name for name, mode in relighting.MODES.items() if mode.uses_proxy_colours} >= COLOURING
 
 
 def test_no_module_asks_for_a_profile_or_a_mode_by_name() -> None:

@@ -8,12 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import colour, relighting
-from mirelight.model import Camera, LightingBuffer, LightLayer, RelightMode, RelightSettings, SplatLayer
+from mirelight import advice, colour, relighting
+from mirelight.model import (
+    Camera,
+    DisplaySettings,
+    LightingBuffer,
+    LightLayer,
+    RelightMode,
+    RelightSettings,
+    SplatLayer,
+)
 
 H, W = 12, 17
 TINT = RelightSettings(mode="tint")
 RATIO = RelightSettings(mode="ratio")
+ALBEDO = RelightSettings(mode="albedo")
 
 
 def camera(width: int = W, height: int = H, x: float = 0.0) -> Camera:
@@ -237,7 +246,7 @@ def test_ratio_is_carried_past_the_proxy_and_fades_to_the_background() -> None:
     np.testing.assert_array_equal(trust[:134], 0)  # 8 %
 
 
-@pytest.mark.parametrize("mode", ["tint", "ratio"])
+@pytest.mark.parametrize("mode", ["tint", "ratio", "albedo"])
 @pytest.mark.parametrize("edge", [37, 64, 128])
 def test_a_light_from_behind_leaves_no_outline(mode: RelightMode, edge: int) -> None:
     """The side that is seen is dark, and splats reach past the proxy by 3 % of the picture.
@@ -473,3 +482,67 @@ def test_unlit_frames_and_unknown_variance_have_their_noise() -> None:
     proxy = relighting.apply(None, noisy(1.0, 0.1), TINT).noise
     assert proxy is not None
     np.testing.assert_allclose(proxy, 0.1, rtol=1e-6)
+
+
+# --- albedo ----------------------------------------------------------------------------------------------------------
+
+
+def of_surface(albedo: Any, light: Any) -> SplatLayer:
+    """An opaque picture of a surface under light (irradiance / pi)."""
+    shown = colour.srgb_encode(np.broadcast_to(np.asarray(albedo * light, np.float64), (H, W, 3)))
+    return splat_layer(color=shown, transmittance=np.zeros((H, W)))
+
+
+def test_albedo_is_the_surfaces_own_colour_lit_anew() -> None:
+    """c = a E / pi gives a, whatever the proxy's gray, and the frame is a E_new / pi; what is unlit is black."""
+    albedo, old, new = np.random.default_rng(20).uniform(0.05, 0.9, (H, W, 3)), varied(21), varied(22)
+    new[:, :4] = 0
+    frame = relighting.apply(
+        of_surface(albedo, old), lit(0.5 * new), replace(ALBEDO, delta=1e-6), captured=lit(0.5 * old)
+    )
+    np.testing.assert_allclose(frame.rgba[..., :3], albedo * new, rtol=2e-4, atol=1e-6)
+    assert not frame.rgba[:, :4, :3].any()
+
+
+def test_albedo_formula_with_regularisation() -> None:
+    albedo, old, new = np.random.default_rng(23).uniform(0.05, 0.9, (H, W, 3)), varied(24), varied(25)
+    settings = replace(ALBEDO, delta=0.05, max_ratio=1.0)
+    layer = of_surface(albedo, old)
+    frame = relighting.apply(layer, lit(0.5 * new), settings, captured=lit(0.5 * old), captured_level=2.0)
+    np.testing.assert_allclose(frame.rgba[..., :3], albedo * old / (old + 0.1) * new, rtol=2e-5)
+
+
+@pytest.mark.parametrize("old", [0.0, 1e-4, 0.3])
+def test_nothing_sends_out_more_than_the_brightest_surface_would(old: float) -> None:
+    """Lamps and gloss in the capture, and captured shadow."""
+    new = varied(26)
+    frame = relighting.apply(of_surface(np.ones(3), 0.9), lit(0.5 * new), ALBEDO, captured=lit(0.5 * old))
+    np.testing.assert_allclose(frame.rgba[..., :3], 0.95 * new, rtol=1e-5)
+    (found,) = [x for x in advice.of_frame(frame, DisplaySettings(exposure=-2.0)) if x.kind == "albedo"]
+    assert "100% of the splats' pixels were brighter than any surface" in found.text
+    right = relighting.apply(of_surface(np.full(3, 0.5), 1.0), lit(0.5 * new), ALBEDO, captured=lit(0.5))
+    assert "albedo" not in [x.kind for x in advice.of_frame(right, DisplaySettings())]
+
+
+# --- splats instead of pixels ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["tint", "ratio", "albedo"])
+def test_splats_take_the_factor_that_their_pixels_would(mode: RelightMode) -> None:
+    settings = RelightSettings(mode=mode, delta=0.01)
+    proxy, color, old, new = (np.random.default_rng(i).uniform(0.05, 0.9, (H * W, 3)) for i in range(4))
+    of_splats = relighting.splat_relighter(
+        color.astype(np.float32),
+        proxy.astype(np.float32),
+        settings,
+        captured=old.astype(np.float32),
+        captured_level=1.0,
+    )
+
+    def seen(light: Any) -> LightingBuffer:
+        return replace(lit((light * proxy).reshape(H, W, 3)), albedo=proxy.reshape(H, W, 3).astype(np.float32))
+
+    layer = of_surface(color.reshape(H, W, 3), 1.0)
+    frame = relighting.apply(layer, seen(new), settings, captured=seen(old), captured_level=1.0)
+    assert frame.factor is not None
+    np.testing.assert_allclose(of_splats(new.astype(np.float32)), frame.factor.reshape(-1, 3), rtol=2e-5)

@@ -22,6 +22,7 @@ from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud
+from mirelight.model.profiles import COLOURING
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -146,7 +147,7 @@ def build(source: Source, table: JobTable) -> Job:
         splats=splats,
         proxy=proxy,
         made_proxy=made,
-        albedo_from_splats=table.proxy is not None and table.proxy.albedo == "splats",
+        albedo_from_splats=_wears_splats(table),
         cameras=found,
         lightings=mixed,
         pooled=table.sweep is not None,
@@ -160,6 +161,14 @@ def build(source: Source, table: JobTable) -> Job:
         inputs=dict(sorted(assets.digests.items())),
         notes=tuple(assets.notes),
     )
+
+
+def _wears_splats(table: JobTable) -> bool:
+    """Whether the proxy takes the splats' colours: asked for, or nothing else said in a mode that is about colours."""
+    if table.proxy is None or table.proxy.albedo == "splats":
+        return table.proxy is not None
+    by_default = "albedo" not in table.proxy.model_fields_set and table.render.variant != "scalar_rgb"
+    return by_default and relight_settings(table).mode in COLOURING
 
 
 def _cloud(files: tuple[tuple[Path, Matrix, int | None], ...]) -> SplatCloud:

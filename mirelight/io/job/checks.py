@@ -11,6 +11,7 @@ from mirelight.io.job.light_tables import ESTIMATE
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
+from mirelight.model.profiles import COMPARING
 
 _LIT = ("lights", "lights_from", "environment")
 
@@ -25,7 +26,7 @@ def across_tables(data: dict[str, Any]) -> list[Mistake]:
         *_doubles(data, "lightings"),
         *_doubled_lights(data),
         *_needs_proxy(data),
-        *_ratio(data),
+        *_comparing(data),
         *_dataset(data),
         *_albedo_from_splats(data),
         *mixing.mistakes(data.get("mix")),
@@ -114,11 +115,12 @@ def _needs_proxy(data: dict[str, Any]) -> Iterator[Mistake]:
                 yield Mistake(where, "the proxy is not a glTF file", "name a .glb or .gltf file")
 
 
-def _ratio(data: dict[str, Any]) -> Iterator[Mistake]:
+def _comparing(data: dict[str, Any]) -> Iterator[Mistake]:
     relight = data.get("relight")
-    if isinstance(relight, dict) and relight.get("mode") == "ratio" and "captured" not in data:
+    named = relight.get("mode") if isinstance(relight, dict) else None
+    if isinstance(named, str) and named in COMPARING and "captured" not in data:
         remedy = 'add captured, the lighting that the splats were captured under, or use "tint"'
-        yield Mistake(("relight", "mode"), "'ratio' needs the captured lighting", remedy)
+        yield Mistake(("relight", "mode"), f"{named!r} needs the captured lighting", remedy)
 
 
 def _dataset(data: dict[str, Any]) -> Iterator[Mistake]:

@@ -127,7 +127,8 @@ class ProxyTable(Table):
     albedo: Albedo = Field(
         default=[0.5, 0.5, 0.5],
         description='Diffuse reflectance: a number, linear [r, g, b], "file" for the file\'s own base colours, or '
-        '"splats" to estimate it from the splats and the captured light (mode ratio).',
+        '"splats" to estimate it from the splats and the captured light (modes ratio and albedo; '
+        "the default of mode albedo).",
     )
 
     @model_validator(mode="after")

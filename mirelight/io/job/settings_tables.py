@@ -90,7 +90,8 @@ class RelightTable(Table):
 
     mode: RelightMode | None = Field(
         default=None,
-        description="tint: multiply by the lit proxy; ratio: by new over captured light. "
+        description="tint: multiply by the lit proxy; ratio: by new over captured light; "
+        "albedo: divide the captured light out and light what is left. "
         "Default: ratio where captured is given and the profile is physical, else tint.",
     )
     space: Space | None = Field(
@@ -108,7 +109,7 @@ class RelightTable(Table):
         default=_RELIGHT.delta,
         gt=0,
         le=1,
-        description="ratio: regularisation, as share of the captured light's mean luminance.",
+        description="ratio, albedo: regularisation, as share of the captured light's mean luminance.",
     )
     max_ratio: Positive = Field(default=_RELIGHT.max_ratio, description="ratio: largest factor.")
 

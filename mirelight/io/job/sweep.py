@@ -113,7 +113,7 @@ def _shared(table: JobTable) -> Iterator[Mistake]:
             found = "texture_scale, which decides what is traced"
             yield Mistake((*_AT, "axes", i, "field"), found, "render a job for each value")
         if axis.field == "relight.mode" and table.proxy is not None and table.proxy.albedo == "splats":
-            found = 'modes that share a proxy with albedo = "splats", which is for ratio alone'
+            found = 'modes that share a proxy with albedo = "splats", which a tint does not take'
             yield Mistake((*_AT, "axes", i, "field"), found, "give the proxy another albedo")
 
 

@@ -196,6 +196,11 @@ def test_albedo_of_the_splats(write_job: WriteJob) -> None:
     assert loaded.proxy.value.albedo.tolist() == [0.5, 0.5, 0.5]
     assert not job.load(write_job('proxy = "proxy.glb"')).albedo_from_splats
 
+    lit = 'captured = { environment = { radiance = 1 } }\n[relight]\nmode = "albedo"\n'
+    named = 'splats = "splats.ply"\nproxy = { path = "proxy.glb", albedo = 0.4 }\n'
+    assert job.load(write_job('splats = "splats.ply"\nproxy = "proxy.glb"\n' + lit)).albedo_from_splats
+    assert not job.load(write_job(named + lit)).albedo_from_splats
+
 
 def test_albedo_of_the_file(write_job: WriteJob) -> None:
     loaded = job.load(write_job('proxy = { path = "proxy.glb", albedo = "file" }'))

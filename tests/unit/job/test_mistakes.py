@@ -79,7 +79,7 @@ CASES = {
 
 
 def test_the_cases_were_found() -> None:
-    assert len(CASES) == 56
+    assert len(CASES) == 57
 
 
 @pytest.mark.parametrize("name", CASES)

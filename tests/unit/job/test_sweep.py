@@ -264,7 +264,7 @@ RELIGHT_MISTAKES = {
     'field = "relight.texture_scale"\nvalues = [0.5]': "texture_scale, which decides what is traced",
     'field = "relight.blend"\nvalues = [2]': "less than or equal to 1",
     'field = "relight.blent"\nvalues = [0.5]': "blent",
-    'field = "relight.mode"\nvalues = ["mix"]': "'tint' or 'ratio'",
+    'field = "relight.mode"\nvalues = ["mix"]': "'tint', 'ratio' or 'albedo'",
 }
 
 

@@ -1,0 +1,53 @@
+"""Mode `albedo`: the captured light divided out for a surface's own colour, which is then lit anew."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mirelight.model import F32
+from mirelight.model.profiles import BRIGHTEST
+from mirelight.relighting.fill import Continuation
+from mirelight.relighting.mode import Factor, Mode, Task
+from mirelight.relighting.pixels import divide
+from mirelight.relighting.ratio import NO_LIGHT, Weight, mean_level
+from mirelight.relighting.resample import bilinear
+
+_BLACK = np.float32(1e-6)  # linear; keeps the bound of black splats finite
+
+
+def prepared(task: Task) -> Factor:
+    """a E_new / c with the albedo a = min(c / (E_captured + d m), 0.95), c the splats' colour in linear light.
+
+    E is the lit proxy's radiance over its albedo (irradiance / pi) and m the mean luminance of E_captured, both as in
+    mode `ratio`. Unlike the ratio it adds nothing to the new light, so darkness is dark, and what bounds it is the
+    surface and no clamp: a pixel never sends out more than 0.95 of the new light that falls on it, whatever was
+    captured there (highlights, lamps, noise in captured shadow).
+    """
+    assert task.captured is not None, "apply() refuses a mode without what it needs"
+    new, coverage = Weight(task.new, task.size), bilinear(task.new.coverage, task.size)
+    old_coverage = bilinear(task.captured.coverage, task.size)
+    below = Weight(task.captured, task.size).light(task.captured.beauty)
+    level = mean_level(below, old_coverage) if task.captured_level is None else task.captured_level
+    below += np.float32(max(task.settings.delta * level, NO_LIGHT))
+    color = divide(task.unlit[..., :3], task.unlit[..., 3:])
+    most = np.float32(BRIGHTEST) / np.maximum(color, _BLACK)
+    per_light = np.minimum(1 / below, most)
+    outwards = Continuation(np.minimum(coverage, old_coverage) > 0)
+
+    def factor(beauty: F32) -> F32:
+        above = new.light(beauty)
+        above *= per_light
+        return outwards(above, task.settings.background)
+
+    return factor
+
+
+ALBEDO = Mode(
+    name="albedo",
+    needs_captured=True,
+    uses_proxy_colours=True,
+    leaves_floor=False,
+    reads=frozenset({"delta", "background"}),
+    space="linear",
+    prepared=prepared,
+)

@@ -165,6 +165,15 @@ def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group
     return left, RenderSummary(rendered=0, skipped=there)
 
 
+def to_give(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], RenderSummary]:
+    """:func:`unfinished`, for work that goes to other processes: what is wrong with cameras and lights is said here,
+    once, unless the proxy is still to be made."""
+    left, done = unfinished(plan, store, progress)
+    if left and plan.job.proxy is not None and plan.job.made_proxy is None:
+        look(left, plan.job.proxy.value, progress)
+    return left, done
+
+
 def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
     """Keep the maps and suns of the job's environments and skies beside the layers, unless they are there."""
     if plan.job.output.store != "frames":

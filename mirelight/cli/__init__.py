@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import io
 import os
 import signal
@@ -110,6 +111,7 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _run(args: argparse.Namespace) -> int:
+    gc.set_threshold(100_000, 20, 100)  # plans of many frames hold a million objects and no cycles
     match args.command:
         case "new":
             from mirelight.cli.new import run_new

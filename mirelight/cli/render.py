@@ -9,7 +9,6 @@ from pathlib import Path
 
 from mirelight import executor
 from mirelight.cli import BAD, export, new, progress, say, stop
-from mirelight.dataset.export import check as check_sets
 from mirelight.errors import InputError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
@@ -40,7 +39,10 @@ def run_render(args: argparse.Namespace) -> int:
             work = _load(args, order, tally)
             whole = order.plan(work)
             check(work)
-            check_sets(work)
+            if work.dataset.layouts:
+                from mirelight.dataset import export as sets_of  # loads SciPy
+
+                sets_of.check(work)
             frames = whole if shard is None else shard.of(whole)
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")

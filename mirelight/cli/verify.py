@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mirelight.cli import say
@@ -31,12 +32,15 @@ def add_verify(commands: Any) -> None:
         action="store_true",
         help="remove damaged files, for the next render to make, and write a lost journal again",
     )
+    parser.add_argument("--json", action="store_true", help="as JSON, every finding")
 
 
 def run_verify(args: argparse.Namespace) -> int:
     """The command. What is wrong goes to stdout, the last line, too."""
     from mirelight.farm.verify import verify
 
+    if args.json:
+        return _as_json(args)
     said = _Said()
     found = verify(args.folder, said.hear, rebuild=args.rebuild, step=said.step)
     said.rest()
@@ -53,6 +57,16 @@ def run_verify(args: argparse.Namespace) -> int:
     wrong = f"{found.findings} things are wrong" if found.findings != 1 else "1 thing is wrong"
     say.result(f"{args.folder}: {found.frames} frames looked at; {wrong if found.findings else 'all is well'}")
     return 1 if found.findings else 0
+
+
+def _as_json(args: argparse.Namespace) -> int:
+    from mirelight.cli.report import print_json
+    from mirelight.farm.verify import verify
+
+    heard: list[Finding] = []
+    found = verify(args.folder, heard.append, rebuild=args.rebuild, step=_Said().step)
+    print_json({**asdict(found), "findings": [asdict(x) for x in heard], "folder": args.folder})
+    return 1 if heard else 0
 
 
 class _Said:

@@ -52,11 +52,9 @@ def run(order: Order, plan: Plan, store: Store, workers: int, progress: Progress
         RenderError: workers end before they have begun.
     """
     progress.started(plan.tasks)
-    left, done = executor.unfinished(plan, store, progress)
+    left, done = executor.to_give(plan, store, progress)
     if not left:
         return done
-    if plan.job.proxy is not None and plan.job.made_proxy is None:
-        executor.look(left, plan.job.proxy.value, progress)
     count = min(workers, len(left))
     if order.threads is None and plan.job.render.threads is None:
         order = replace(order, threads=str(threads_of(workers)))

@@ -30,37 +30,45 @@ def digest(*values: object) -> str:
     Raises:
         TypeError: a value of a type that the model does not use.
     """
+    found: list[bytes | memoryview] = []
+    _feed(found, values)
     sha = hashlib.sha256()
-    _feed(sha, values)
+    for part in found:
+        sha.update(part)
     return sha.hexdigest()
 
 
-def _feed(sha: hashlib._Hash, value: object) -> None:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and type(value) is not float:
-        value = float(value)
-    if value is None or isinstance(value, str | bool | int | float | Path):
-        _atom(sha, type(value).__name__, repr(str(value) if isinstance(value, Path) else value).encode())
+def _feed(found: list[bytes | memoryview], value: object) -> None:
+    """Add the bytes that stand for a value: atoms, each after its kind and length, so that no two sequences of atoms
+    give the same bytes."""
+    kind = type(value)
+    if kind is str or kind is float or kind is int or kind is bool or value is None:  # nearly all of them
+        _atom(found, kind.__name__, repr(value).encode())
+    elif names := _names(value):
+        _atom(found, "type", kind.__name__.encode())
+        _feed(found, {name: getattr(value, name) for name in names})
+    elif isinstance(value, tuple | list):
+        _atom(found, "list", b"%d" % len(value))
+        for item in value:
+            _feed(found, item)
+    elif isinstance(value, dict):
+        _atom(found, "dict", b"%d" % len(value))
+        for key in sorted(value):
+            _feed(found, key)
+            _feed(found, value[key])
     elif isinstance(value, np.ndarray):
         array = np.ascontiguousarray(value)
-        _atom(sha, f"array {array.dtype.str} {array.shape}", array.data.cast("B") if array.size else b"")
-    elif isinstance(value, tuple | list):
-        _atom(sha, "list", str(len(value)).encode())
-        for item in value:
-            _feed(sha, item)
-    elif isinstance(value, dict):
-        _atom(sha, "dict", str(len(value)).encode())
-        for key in sorted(value):
-            _feed(sha, key)
-            _feed(sha, value[key])
-    elif names := _names(value):
-        _atom(sha, "type", type(value).__name__.encode())
-        _feed(sha, {name: getattr(value, name) for name in names})
+        _atom(found, f"array {array.dtype.str} {array.shape}", array.data.cast("B") if array.size else b"")
+    elif isinstance(value, np.generic):
+        _feed(found, value.item())
+    elif isinstance(value, float):
+        _feed(found, float(value))
+    elif isinstance(value, str | int | Path):
+        _atom(found, kind.__name__, repr(str(value) if isinstance(value, Path) else value).encode())
     elif isinstance(value, Digested):  # last of all: it takes longer than the rest together
-        _atom(sha, "digest", value.digest.encode())
+        _atom(found, "digest", value.digest.encode())
     else:
-        raise TypeError(f"no digest for {type(value).__name__}")
+        raise TypeError(f"no digest for {kind.__name__}")
 
 
 def _names(value: object) -> tuple[str, ...]:
@@ -71,7 +79,6 @@ def _names(value: object) -> tuple[str, ...]:
     return _NAMES[kind]
 
 
-def _atom(sha: hashlib._Hash, kind: str, content: bytes | memoryview) -> None:
-    """Kind and length go first, so that no two sequences of atoms give the same bytes."""
-    sha.update(f"{kind} {len(content)}:".encode())
-    sha.update(content)
+def _atom(found: list[bytes | memoryview], kind: str, content: bytes | memoryview) -> None:
+    found.append(f"{kind} {len(content)}:".encode())
+    found.append(content)

@@ -123,7 +123,7 @@ def sync_folder(folder: Path) -> None:
 
 def _row(line: bytes) -> Row | None:
     try:
-        values = json.loads(line)
+        values = json.loads(line.decode())
         files = {suffix: FileRow(**entry) for suffix, entry in values["files"].items()}
         wanted = {str(suffix): str(key) for suffix, key in values.get("wanted", {}).items()}
         error = str(values.get("error", ""))

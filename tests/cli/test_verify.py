@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import struct
 import subprocess
@@ -115,6 +116,12 @@ def test_damage_is_found_forgotten_and_made_again(made: Path, out: Path, run: Ru
     assert sorted(heard) == sorted([*bad, ("missing", Path(exrs[2]).stem), kept])
     assert all("\n" not in str(x) and "mirelight render" in x.remedy for x in lines)
     assert found.findings == 4 and found.forgotten == 0 and names(out) == exrs  # nothing touched
+    told = run("verify", "out", "--json")
+    entry = json.loads(told.stdout)
+    assert told.returncode == 1 and entry["frames"] == found.frames and entry["forgotten"] == 0
+    assert [(x["kind"], x["what"], x["remedy"]) for x in entry["findings"]] == [
+        (x.kind, x.what, x.remedy) for x in lines
+    ]
 
     told = run("verify", "out", "--rebuild")
     assert told.returncode == 1 and "3 files forgotten; mirelight render makes them again" in told.stdout

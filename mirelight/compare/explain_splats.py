@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from mirelight import colour
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import EngineDrawing, engine_rank
-from mirelight.compositor.source import uploaded
 from mirelight.model import Camera, CompositorSettings, Job, SplatCloud, SplatLayer, rules_of
+from mirelight.realtime.captures import HeldSplats, held
 
 
 class SplatPictures:
     """What one camera sees of a cloud, by whatever settings."""
 
     def __init__(self, job: Job, splats: SplatCloud, camera: Camera) -> None:
-        self._render = job.render
+        self._job, self._render = job, job.render
         self._radial = job.compositor.sort == "radial" and rules_of(job.compositor.profile).splats.pipelines
         self._splats = splats
         self._camera = camera
@@ -34,22 +34,23 @@ class SplatPictures:
     def drawn(
         self, settings: CompositorSettings, *, bucketed: bool = True, corner_bits: int | None = None
     ) -> SplatLayer:
-        """The cloud from the engine's textures, which hold a PLY file in half floats.
+        """The cloud from the engine's textures.
 
         Args:
             settings: of the profile playcanvas.
             bucketed: sorted as the engine sorts, else exactly.
             corner_bits: of the sub-pixels that corners are snapped to; None: they are not.
         """
-        return self._exposed(self._uploaded, settings, EngineDrawing(self._rank if bucketed else None, corner_bits))
+        drawing = EngineDrawing(self._rank if bucketed else None, corner_bits)
+        return self._exposed(self._held.textures, settings, drawing)
 
     @cached_property
-    def _uploaded(self) -> SplatCloud:
-        return uploaded(self._splats)
+    def _held(self) -> HeldSplats:
+        return held(self._job, self._splats)
 
     @cached_property
     def _rank(self) -> NDArray[np.uint32]:
-        return engine_rank(self._splats, self._camera, radial=self._radial)
+        return engine_rank(self._splats, self._camera, radial=self._radial, loaded=self._held.loaded)
 
     def _exposed(self, splats: SplatCloud, settings: CompositorSettings, drawing: EngineDrawing | None) -> SplatLayer:
         """A composite. A bare exposure of the engine is applied here: the compositor has it within curves only."""

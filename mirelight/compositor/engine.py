@@ -33,26 +33,56 @@ class EngineDrawing:
 # --- order -----------------------------------------------------------------------------------------------------------
 
 
-def engine_rank(
-    splats: SplatCloud, camera: Camera, *, radial: bool = False, reordered: bool = True
-) -> NDArray[np.uint32]:
-    """(N,) the place of each splat, front to back, in the order that the engine sorts a PLY file of this cloud into.
+@dataclass(frozen=True, slots=True, eq=False)
+class Loaded:
+    """How the engine holds splats once it has loaded their file. N splats."""
 
-    It reorders an uncompressed file along a Morton curve, then sorts by counting: depths fall into buckets, finer near
-    the camera, and what shares one is blended in the file's order, the first in front.
+    place: NDArray[np.int64]  # (N,) of each of the file's splats in the engine's own order
+    corners: F64  # (8, 3) of the bounds that it takes for theirs, world space
+
+
+def loaded_ply(splats: SplatCloud, world_from_file: F64 | None = None, *, reordered: bool = True) -> Loaded:
+    """An uncompressed PLY file, which the engine reorders along a Morton curve.
+
+    Args:
+        splats: in the file's order and axes.
+        world_from_file: (4, 4); None: the file is in world space.
+        reordered: False: the file was loaded with `reorder: false`.
+    """
+    means = splats.means.astype(np.float64)
+    if not len(means):
+        return Loaded(np.zeros(0, dtype=np.int64), np.zeros((8, 3)))
+    reach = 2.0 * splats.scales.max(axis=1, keepdims=True)
+    corners = corners_of((means - reach).min(axis=0), (means + reach).max(axis=0), world_from_file)
+    return Loaded(_morton_place(means) if reordered else np.arange(len(means)), corners)
+
+
+def corners_of(low: F64, high: F64, world_from_file: F64 | None = None) -> F64:
+    """(8, 3) the corners of a box of the file's axes, world space."""
+    corners = np.array(list(product(*zip(low, high, strict=True))), dtype=np.float64)
+    m = np.eye(4) if world_from_file is None else world_from_file
+    return np.asarray(corners @ m[:3, :3].T + m[:3, 3])
+
+
+def engine_rank(
+    splats: SplatCloud, camera: Camera, *, radial: bool = False, loaded: Loaded | None = None
+) -> NDArray[np.uint32]:
+    """(N,) the place of each splat, front to back, in the order that the engine sorts them into.
+
+    It sorts by counting: depths fall into buckets, finer near the camera, and what shares one is blended in the order
+    in which it holds them, the first in front.
 
     Args:
         splats: in the file's order; world space.
         camera: perspective.
         radial: by distance to the eye instead of depth.
-        reordered: along that curve; False: the file was loaded with `reorder: false`.
+        loaded: how the engine holds them; None: as of an uncompressed PLY file of this cloud.
     """
     count = len(splats)
     if not count:
         return np.zeros(0, dtype=np.uint32)
-    means = splats.means.astype(np.float64)
-    reach = 2.0 * splats.scales.max(axis=1, keepdims=True)
-    corners = np.array(list(product(*zip((means - reach).min(axis=0), (means + reach).max(axis=0), strict=True))))
+    held = loaded_ply(splats) if loaded is None else loaded
+    means, corners = splats.means.astype(np.float64), held.corners
     if radial:
         far = float(np.linalg.norm(corners - camera.position, axis=1).max())
         keys = bucket_keys(far - np.linalg.norm(means - camera.position, axis=1), far, _BINS - 1)
@@ -62,7 +92,7 @@ def engine_rank(
         low, span = float(ends.min()), float(np.ptp(ends))
         camera_bin = int(np.clip(np.floor(-low / span * _BINS), 0, _BINS - 1)) if span > 0 else 0
         keys = bucket_keys((means - camera.position) @ back - low, span, camera_bin)
-    order = np.lexsort((_morton_place(means) if reordered else np.arange(count), -keys))
+    order = np.lexsort((held.place, -keys))
     rank = np.empty(count, dtype=np.uint32)
     rank[order] = np.arange(count, dtype=np.uint32)
     return rank

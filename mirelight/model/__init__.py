@@ -27,7 +27,7 @@ from mirelight.model.lights import (
 )
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
-from mirelight.model.scene import Material, ProxyMesh, SplatCloud, Wrap, Wraps
+from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatFile, Wrap, Wraps
 from mirelight.model.settings import (
     CompositorSettings,
     Compression,
@@ -88,6 +88,7 @@ __all__ = [
     "SkyModel",
     "Space",
     "SplatCloud",
+    "SplatFile",
     "SplatLayer",
     "SplatRules",
     "SpotLight",

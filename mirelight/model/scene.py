@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -44,6 +45,18 @@ class SplatCloud(ArrayHolder):
     def sh_degree(self) -> int:
         """0 to 3."""
         return round(float(self.sh.shape[1] ** 0.5)) - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SplatFile(ArrayHolder):
+    """One of the files that a cloud is read from."""
+
+    path: Path
+    world_from_file: F64 = field(default_factory=lambda: np.eye(4))  # (4, 4) similarity
+    lod: int | None = None  # level of detail, where the format has several
+
+    def __post_init__(self) -> None:
+        freeze(self, "world_from_file", (4, 4), np.float64)
 
 
 Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]  # what a texture shows outside 0..1

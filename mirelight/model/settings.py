@@ -12,7 +12,7 @@ from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, RelightMode, Space, rules_of
-from mirelight.model.scene import ProxyMesh, SplatCloud
+from mirelight.model.scene import ProxyMesh, SplatCloud, SplatFile
 
 Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 Indirect: TypeAlias = Literal["traced", "surface", "near"]
@@ -148,6 +148,7 @@ class Job:
 
     source: Path  # the job file, absolute
     splats: Deferred[SplatCloud] | None = None  # in world space
+    splat_files: tuple[SplatFile, ...] = ()  # that they come from, in their order; none: they were made otherwise
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
     made_proxy: Deferred[ProxyMesh] | None = (
         None  # what `proxy` is without its albedo, where it is made from the splats

@@ -28,7 +28,6 @@ from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
-from mirelight.io.splats import ply
 from mirelight.kept import KeptNowhere
 from mirelight.lighting.engine.raster import culling_warnings
 from mirelight.model import (
@@ -42,7 +41,7 @@ from mirelight.model import (
     ToneCurve,
     rules_of,
 )
-from mirelight.realtime import engine, pages
+from mirelight.realtime import captures, engine, pages
 from mirelight.scene import Scene
 
 PAGE = ("index.html", "live.mjs", "scene.mjs", "sides.mjs")  # what a person opens
@@ -105,8 +104,8 @@ def export(
     warnings = (*views, *_settings_warnings(job), *(f"proxy: {x}" for x in behind), *light_warnings)
     description = _describe(job, camera, engine_lighting)
     copy_page(folder, engine.install() if like is None else like / "engine", linked=like is not None)
-    if scene.splats is not None and not _linked(like, "splats.ply", folder):
-        ply.write(scene.splats, folder / "splats.ply")
+    if scene.splats is not None:
+        description["splat"] = captures.write(job, folder, lambda target, name: _linked(like, name, target))
     if scene.proxy is not None and not _linked(like, "proxy.glb", folder):
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
     if engine_lighting.environment is not None:
@@ -217,8 +216,6 @@ def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, A
         "lights": [_light(light, _furthest(camera, scene)) for light in lighting.lights],
         "ambient": lighting.ambient.tolist(),
     }
-    if scene.splats is not None:
-        out["splat"] = {"file": "splats.ply"}
     if scene.proxy is not None:
         albedo = scene.proxy.albedo
         surface = {"ownColors": True} if albedo is None else {"diffuse": engine_diffuse(albedo).tolist()}

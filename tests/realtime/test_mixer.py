@@ -15,7 +15,7 @@ import pytest
 import mirelight
 from mirelight import colour, mixing, sh, stages
 from mirelight.compositor import Compositor
-from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
+from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank, loaded_ply
 from mirelight.compositor.source import uploaded
 from mirelight.errors import RenderError
 from mirelight.io import job as jobs
@@ -203,7 +203,9 @@ def relit(job: Job, factor: np.ndarray) -> np.ndarray:
     shown = colour.srgb_encode(colour.srgb_decode(0.5 + sh.C0 * cloud.sh[:, 0]) * factor)
     new = replace(cloud, sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32))
     settings = CompositorSettings(profile="playcanvas", work_buffer="large")
-    drawing = EngineDrawing(engine_rank(cloud, job.cameras[0], reordered=False), SOFTWARE_BITS)
+    drawing = EngineDrawing(
+        engine_rank(cloud, job.cameras[0], loaded=loaded_ply(cloud, reordered=False)), SOFTWARE_BITS
+    )
     drawn = Compositor(uploaded(new), settings).composite(job.cameras[0], depth=False, drawing=drawing)
     return np.clip(drawn.color, 0, 1)
 

@@ -21,7 +21,7 @@ from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
-from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud
+from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud, SplatFile
 from mirelight.model.profiles import COLOURING
 
 if TYPE_CHECKING:
@@ -46,10 +46,14 @@ class Assets:
             self.digests[named] = digest(path)
         return path
 
-    def splats(self, tables: list[SplatsTable]) -> Deferred[SplatCloud]:
+    def splat_files(self, tables: list[SplatsTable]) -> tuple[SplatFile, ...]:
+        """The splat files, and how the job places them."""
+        placed = ((self.path(t.path), placing.matrix(t.transform), t.lod) for t in tables)
+        return tuple(SplatFile(path=path, world_from_file=m, lod=lod) for path, m, lod in placed)
+
+    def splats(self, tables: list[SplatsTable], files: tuple[SplatFile, ...]) -> Deferred[SplatCloud]:
         """All splat files in world space, as one cloud."""
-        files = tuple((self.path(t.path), placing.matrix(t.transform), t.lod) for t in tables)
-        known = [(self.digests[t.path], m, lod) for t, (_, m, lod) in zip(tables, files, strict=True)]
+        known = [(self.digests[t.path], x.world_from_file, x.lod) for t, x in zip(tables, files, strict=True)]
         return Deferred(model.digest("splats", known), partial(_cloud, files))
 
     def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
@@ -136,7 +140,8 @@ def build(source: Source, table: JobTable) -> Job:
         relit = partial(relight_settings, table)
         lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
     mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
-    splats = assets.splats(table.splats) if table.splats else None
+    files = assets.splat_files(table.splats) if table.splats else ()
+    splats = assets.splats(table.splats, files) if table.splats else None
     made = _made_of_splats(source, table, splats)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
     captured = captured or _estimated(table, splats, proxy)
@@ -145,6 +150,7 @@ def build(source: Source, table: JobTable) -> Job:
     return Job(
         source=source.path,
         splats=splats,
+        splat_files=files,
         proxy=proxy,
         made_proxy=made,
         albedo_from_splats=_wears_splats(table),
@@ -171,12 +177,12 @@ def _wears_splats(table: JobTable) -> bool:
     return by_default and relight_settings(table).mode in COLOURING
 
 
-def _cloud(files: tuple[tuple[Path, Matrix, int | None], ...]) -> SplatCloud:
+def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
     from mirelight.io import splats
 
     clouds = []
-    for path, m, lod in files:
-        cloud = splats.read(path, lod=lod)
+    for file in files:
+        cloud, m = splats.read(file.path, lod=file.lod), file.world_from_file
         clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
     return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
 

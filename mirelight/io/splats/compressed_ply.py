@@ -72,6 +72,19 @@ def read(path: Path) -> SplatCloud:
     return builder.cloud(antialiased=header.antialiased)
 
 
+def chunk_bounds(path: Path) -> tuple[F32, F32, F32]:
+    """Of each chunk, (C, 3) each: lowest corner, highest corner, largest logarithmic scales. Raises InputError."""
+    header = read_ply_header(path)
+    _checked(header)
+    chunks = header.elements["chunk"]
+    found = [
+        np.stack([table[name] for name in (*_BOUNDS, *_SCALE_BOUNDS[3:])], axis=1).astype(np.float32)
+        for table in blocks(path, chunks, ROWS // CHUNK)
+    ]
+    low, high, scale = np.split(np.concatenate(found), 3, axis=1)
+    return low, high, scale
+
+
 def write(cloud: SplatCloud, path: Path, comments: Sequence[str] = ()) -> None:
     """Write a compressed PLY file; splats come out in Morton order, so that a chunk is a small box.
 

@@ -1,6 +1,6 @@
 // The page that a program opens: renders the scene once and sends every buffer back by PUT, bottom row first.
 import * as pc from 'playcanvas';
-import { build } from './scene.mjs';
+import { build, splatFiles } from './scene.mjs';
 
 const SETTLING_FRAMES = 4;  // sorting runs in a worker and its result is used in a later frame
 
@@ -9,7 +9,7 @@ const frames = (app, count) => new Promise((resolve) => {
 });
 
 function splatsReady(app, description) {
-    if (!description.splat) return Promise.resolve();
+    if (splatFiles(description).length === 0) return Promise.resolve();
     return new Promise((resolve) => {
         const handle = app.systems.gsplat.on('frame:ready', (camera, layer, ready, loading) => {
             if (ready && loading === 0) { handle.off(); resolve(); }
@@ -69,7 +69,8 @@ function meta(view, description) {
     const device = app.graphicsDevice;
     const component = camera.camera;
     const debug = device.gl.getExtension('WEBGL_debug_renderer_info');
-    const splats = app.root.findByName('splats');
+    const splats = app.root.find((entity) => entity.gsplat?.asset);
+    const counts = splats.map((entity) => app.assets.get(entity.gsplat.asset)?.resource?.numSplats ?? 0);
     return {
         engine: { version: pc.version, revision: pc.revision },
         gl: { renderer: debug ? device.gl.getParameter(debug.UNMASKED_RENDERER_WEBGL) : '', version: device.gl.getParameter(device.gl.VERSION) },
@@ -83,7 +84,7 @@ function meta(view, description) {
             width: relighting.texture.width, height: relighting.texture.height, blend: relighting.blend,
             brightness: relighting.brightness, background: relighting.background
         },
-        splats: splats ? splats.gsplat.asset && app.assets.get(splats.gsplat.asset)?.resource?.numSplats : 0,
+        splats: counts.reduce((sum, count) => sum + count, 0),
         gsplat: { dataFormat: app.scene.gsplat.dataFormat, radialSorting: app.scene.gsplat.radialSorting },
         lights: lights.map((entity) => ({
             name: entity.name, type: entity.light.type, position: entity.getPosition().toArray(),

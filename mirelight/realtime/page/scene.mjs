@@ -18,6 +18,9 @@ const LIGHT_NAMES = [
 const constant = (value) => (typeof value === 'string' && value in pc ? pc[value] : value);
 const vector = (value) => new pc.Vec3(value ?? [0, 0, 0]);
 
+// scene.json has one file of splats or a list of them
+export const splatFiles = ({ splat }) => (splat ? [splat].flat() : []);
+
 export async function build(canvas, description) {
     const { width, height } = description;
     const app = await createApp(canvas, width, height);
@@ -26,7 +29,7 @@ export async function build(canvas, description) {
     const camera = addCamera(app, description);
     const relighting = addRelighting(camera, description.relighting);
     await Promise.all([
-        description.splat && addSplats(app, description.splat),
+        ...splatFiles(description).map((splat) => addSplats(app, splat)),
         description.proxy && addProxy(app, description.proxy, relighting),
         description.env && addEnvironment(app, description.env)
     ]);
@@ -96,7 +99,8 @@ function load(app, name, type, url, data) {
 
 function place(entity, transform) {
     entity.setLocalPosition(vector(transform.position));
-    entity.setLocalEulerAngles(vector(transform.eulerAngles));
+    if (transform.rotation) entity.setLocalRotation(new pc.Quat(...transform.rotation));
+    else entity.setLocalEulerAngles(vector(transform.eulerAngles));
     const scale = transform.scale ?? 1;
     entity.setLocalScale(...(Array.isArray(scale) ? scale : [scale, scale, scale]));
 }

@@ -14,11 +14,14 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.mixing import layers
-from mirelight.model import F32, F64, Lighting, SplatCloud
+from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
+from mirelight.relighting import gloss_of
 from mirelight.scene import Scene
 from mirelight.sh import C0
 
+_PLAIN = RelightSettings()
 _STEP = 1e-3  # of display values, for the slope
+_NO_FACTOR = 1e-6  # below, there is nothing to see
 
 
 def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: layers.Progress | None = None) -> F32:
@@ -41,16 +44,24 @@ def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: layers.Prog
     return np.asarray(1 - blend + blend * made.factor(made.weights(0)), np.float32)
 
 
-def relit(cloud: SplatCloud, factor: F32) -> SplatCloud:
+def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) -> SplatCloud:
     """Splats with the light in their colours.
 
     Args:
         cloud: N splats, in any axes.
-        factor: (N, 3) linear, 0 or more.
+        factor: (N, 3) linear, 0 or more, `blend` included.
+        settings: what becomes of colour that changes with the view: kept, faded or removed, as in a frame.
     """
     shown = 0.5 + C0 * cloud.sh[:, 0].astype(np.float64)
     new = _relit(shown, factor)
     slope = (_relit(shown + _STEP, factor) - _relit(shown - _STEP, factor)) / (2 * _STEP)
+    gloss = gloss_of(settings)
+    if gloss == "fade":  # the slope is of the display curve and of the factor: the latter is min(f, 1)
+        slope *= np.minimum(factor, 1) / np.maximum(factor, _NO_FACTOR)
+    elif gloss == "remove" and settings.blend == 1:
+        cloud = replace(cloud, sh=cloud.sh[:, :1])
+    elif gloss == "remove":
+        slope *= (1 - settings.blend) / np.maximum(factor, _NO_FACTOR)
     sh = cloud.sh * slope[:, None, :].astype(np.float32)
     sh[:, 0] = (new - 0.5) / C0
     return replace(cloud, sh=sh)

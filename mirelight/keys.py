@@ -107,7 +107,7 @@ class Keys:
         job = self.job
         if job.splats is None:
             return "no splats"
-        settings = _read(job.compositor, _compositor_reads(job.compositor)), wants_depth(job)
+        settings = _read(job.compositor, _compositor_reads(job.compositor)), wants_depth(job), wants_diffuse(job)
         return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
@@ -326,6 +326,12 @@ def wants_aovs(job: Job) -> bool:
 def wants_depth(job: Job) -> bool:
     """True where a file holds the splats' depth."""
     return job.output.wants("splat_depth", "splat_median_depth")
+
+
+def wants_diffuse(job: Job) -> bool:
+    """True where a frame treats colour that changes with the view apart."""
+    own = [job.relight, *(x.relight for x in job.lightings if x.relight is not None)]
+    return any(relighting.gloss_of(x) != "keep" for x in own)
 
 
 def exr_settings(output: OutputSettings) -> dict[str, object]:

@@ -58,7 +58,7 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
     _require("composite", scene=(scene, Scene), camera=(camera, Camera))
     if scene.job.splats is None:
         return None
-    return scene.compositor.composite(camera, depth=keys.wants_depth(scene.job))
+    return scene.compositor.composite(camera, depth=keys.wants_depth(scene.job), diffuse=keys.wants_diffuse(scene.job))
 
 
 # --- light -----------------------------------------------------------------------------------------------------------

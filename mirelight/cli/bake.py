@@ -63,7 +63,7 @@ def run_bake(args: argparse.Namespace) -> int:
             report(what, done / max(total, 1))
 
         factor = baking.factors(prepare(work), lighting, spp=args.spp, progress=hear)
-        baked = baking.relit(_as_named(source, table, work), factor)
+        baked = baking.relit(_as_named(source, table, work), factor, work.relight_of(lighting))
         comments = (f"relit by mirelight {__version__}: {work.source.name}, lighting {lighting.name}, {args.spp} spp",)
         splats.write(baked, out, comments=comments)
     if not args.quiet:

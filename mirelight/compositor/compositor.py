@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,8 +29,10 @@ from mirelight.compositor.order import depth_order
 from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Blended, empty_frame, layer_of, new_frame, values_of
+from mirelight.compositor.source import MOST_COLOR
 from mirelight.errors import BackendError
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
+from mirelight.sh import C0
 
 _DEFAULT = CompositorSettings()
 
@@ -64,17 +67,24 @@ class Compositor:
             allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
             self._cloud = upload(self._device, splats, settings) if len(splats) else None
 
-    def composite(self, camera: Camera, *, depth: bool = True, drawing: EngineDrawing | None = None) -> SplatLayer:
+    def composite(
+        self, camera: Camera, *, depth: bool = True, diffuse: bool = False, drawing: EngineDrawing | None = None
+    ) -> SplatLayer:
         """The splats as `camera` sees them.
 
         Args:
             depth: whether mean and median depth are wanted; without them they are 0 and the blend takes a quarter less.
+            diffuse: whether the same without what changes with the view is wanted, too (profile physical).
             drawing: the engine's own order and grid of pixels; None: exact order, exact places.
 
         Raises:
             RenderError: not even one row of tiles fits into memory.
             BackendError: a `drawing` is asked for and only the NumPy reference can run.
         """
+        if diffuse:
+            plain = np.clip(0.5 + C0 * self.splats.sh[:, 0], 0, MOST_COLOR).astype(np.float32)
+            layer, values = self.composite_with(camera, plain, depth=depth)
+            return replace(layer, diffuse=values)
         if self._device is None:
             if drawing is not None:
                 raise BackendError("the engine's drawing needs LLVM or CUDA, and neither was found")

@@ -17,6 +17,7 @@ RelightMode: TypeAlias = Literal["tint", "ratio", "albedo"]  # names; `mirelight
 COMPARING: frozenset[RelightMode] = frozenset({"ratio", "albedo"})  # must know the light of the capture
 COLOURING: frozenset[RelightMode] = frozenset({"albedo"})  # splats colour the proxy unless the job says else
 BRIGHTEST = 0.95  # albedo: no surface reflects more, fresh snow as much
+Gloss: TypeAlias = Literal["keep", "fade", "remove"]  # what becomes of colour that changes with the view
 Space: TypeAlias = Literal["linear", "display"]
 
 _MOST_ALPHA = 0.9900000095367432  # float32(0.99), as the CUDA code has it: a second one would leave just less than 1e-4
@@ -48,6 +49,7 @@ class ProfileRules:
     splats: SplatRules
     path_traced: bool  # light adds up as it does in nature: it can be re-weighted, and surfaces light each other
     unit_texels: bool  # the lighting texture has one sample a texel, covered or not, and its size rounds down
+    splits_colour: bool  # colour that changes with the view can be told from the rest, and be treated apart
     blending_space: bool  # a tint multiplies in the space that splats blend in, whatever the settings say
     modes: tuple[RelightMode, ...]  # what the thing that the profile stands for can do
 
@@ -82,6 +84,7 @@ PROFILES: Mapping[Profile, ProfileRules] = MappingProxyType(
                 ),
                 path_traced=True,
                 unit_texels=False,
+                splits_colour=True,
                 blending_space=False,
                 modes=("tint", "ratio", "albedo"),
             ),
@@ -103,6 +106,7 @@ PROFILES: Mapping[Profile, ProfileRules] = MappingProxyType(
                 ),
                 path_traced=False,
                 unit_texels=True,
+                splits_colour=False,
                 blending_space=True,
                 modes=("tint",),
             ),

@@ -23,12 +23,14 @@ class SplatLayer(ArrayHolder):
     transmittance: F32  # (H, W) what is left of a background, 0..1
     depth: F32  # (H, W) mean over blended splats of the view depth, world units; 0 where nothing is
     median_depth: F32  # (H, W) view depth where transmittance falls to 0.5; 0 where it does not
+    diffuse: F32 | None = None  # (H, W, 3) `color` without what changes with the view (SH above degree 0), if asked for
     profile: Profile = "physical"
     linear: bool = False  # color is linear light (playcanvas 'linear' pipeline)
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width
         freeze(self, "color", (h, w, 3))
+        freeze(self, "diffuse", (h, w, 3))
         for name in ("transmittance", "depth", "median_depth"):
             freeze(self, name, (h, w))
 

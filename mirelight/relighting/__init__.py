@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from mirelight.relighting.frame import apply, lighting_camera, relighter, splat_relighter, unlit_rgba
 from mirelight.relighting.mode import Lit, Mode, Task
-from mirelight.relighting.modes import MODES, mode_of, reads
+from mirelight.relighting.modes import MODES, gloss_of, mode_of, reads
 from mirelight.relighting.resample import upsample
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "Mode",
     "Task",
     "apply",
+    "gloss_of",
     "lighting_camera",
     "mode_of",
     "reads",

@@ -10,7 +10,7 @@ import numpy as np
 from mirelight import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
 from mirelight.relighting.mode import Lit, Task
-from mirelight.relighting.modes import mode_of, space_of
+from mirelight.relighting.modes import gloss_of, mode_of, space_of
 from mirelight.relighting.noise import noise as noise_of
 from mirelight.relighting.pixels import multiply
 from mirelight.relighting.resample import upsample
@@ -192,13 +192,44 @@ def _blended(factor: F32, blend: float) -> F32:
 
 
 def _multiplied(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSettings) -> F32:
-    """(H, W, 4) linear, premultiplied: the composite times the factor; `unlit` is it in linear light."""
+    """(H, W, 4) linear, premultiplied: the composite times the factor; `unlit` is it in linear light.
+
+    Colour that changes with the view takes a factor of its own where the settings say so.
+    """
+    gloss = gloss_of(settings)
+    if gloss != "keep":
+        return _split(splats, unlit, factor, np.float32(1 - settings.blend) if gloss == "remove" else None, settings)
     out = np.empty_like(unlit)
     out[..., 3] = unlit[..., 3]
     if space_of(splats, settings) == "display":
         _decode_premultiplied(splats.color * factor, splats, out)
     else:
         multiply(unlit[..., :3], factor, out)
+    return out
+
+
+def _split(splats: SplatLayer, unlit: F32, factor: F32, least: np.float32 | None, settings: RelightSettings) -> F32:
+    """D f + (C - D) g: C the composite, D the same without what changes with the view, f the factor and g that of the
+    rest: `least`, or else min(f, 1), so that gloss of the capture darkens with its surface and is never brightened.
+
+    It is summed up as C g + D (f - g), which has no negative term unless gloss is taken away.
+    """
+    if splats.diffuse is None:
+        raise ValueError("the composite has no `diffuse`, which settings.sh asks for: composite with diffuse=True")
+    of_gloss = np.minimum(factor, np.float32(1)) if least is None else least
+    out = np.empty_like(unlit)
+    out[..., 3] = unlit[..., 3]
+    if space_of(splats, settings) == "display":
+        color = splats.color * of_gloss + splats.diffuse * (factor - of_gloss)
+        _decode_premultiplied(np.maximum(color, np.float32(0)), splats, out)
+        return out
+    if splats.linear:
+        out[..., :3] = splats.diffuse
+    else:
+        _decode_premultiplied(splats.diffuse, splats, out)
+    out[..., :3] *= factor - of_gloss
+    out[..., :3] += unlit[..., :3] * of_gloss
+    np.maximum(out[..., :3], np.float32(0), out=out[..., :3])
     return out
 
 

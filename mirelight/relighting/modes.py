@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from mirelight.model import RelightMode, RelightSettings, SplatLayer, rules_of
-from mirelight.model.profiles import Space
+from mirelight.model.profiles import Gloss, Space
 from mirelight.relighting.albedo import ALBEDO
 from mirelight.relighting.mode import Mode
 from mirelight.relighting.ratio import RATIO
@@ -27,7 +27,13 @@ def reads(settings: RelightSettings) -> frozenset[str]:
     """
     mode = mode_of(settings)
     own = mode.reads | ({"space"} if mode.space is None and not rules_of(settings.profile).blending_space else set())
+    own |= {"sh"} if rules_of(settings.profile).splits_colour else set()
     return frozenset(own | {"mode", "profile", "blend"})
+
+
+def gloss_of(settings: RelightSettings) -> Gloss:
+    """What becomes of colour that changes with the view."""
+    return settings.sh if rules_of(settings.profile).splits_colour else "keep"
 
 
 def space_of(splats: SplatLayer, settings: RelightSettings) -> Space:

@@ -10,7 +10,8 @@ import pytest
 from mirelight import baking, colour, prepare, stages
 from mirelight.compositor import Compositor
 from mirelight.io import job, splats
-from mirelight.model import SplatCloud
+from mirelight.model import RelightSettings, SplatCloud
+from mirelight.model.profiles import Gloss
 from mirelight.relighting.frame import unlit_rgba
 from mirelight.sh import C0
 
@@ -74,6 +75,26 @@ def test_what_a_colour_does_with_the_view_follows_to_first_order() -> None:
     wanted = colour.srgb_encode(colour.srgb_decode(0.5 + C0 * cloud.sh[:, 0] + step * cloud.sh[:, 1]) * factor)
     found = 0.5 + C0 * new.sh[:, 0] + step * new.sh[:, 1]
     np.testing.assert_allclose(found, wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize(("sh", "share"), [("keep", 4.0), ("fade", 1.0), ("remove", 0.0)])
+def test_gloss_of_the_capture_is_baked_as_it_is_relit(sh: Gloss, share: float) -> None:
+    """What direction adds, in linear light and to first order: four times, once or not at all under four times the
+    light."""
+    cloud = floor()
+    settings = RelightSettings(sh=sh)
+    new = baking.relit(cloud, np.full((len(cloud), 3), 4, np.float32), settings)
+    np.testing.assert_array_equal(new.sh[:, 0], baking.relit(cloud, np.full((len(cloud), 3), 4, np.float32)).sh[:, 0])
+    if sh == "remove":
+        assert new.sh.shape[1] == 1
+        return
+    step = 1e-3
+    before, after = (
+        colour.srgb_decode((0.5 + C0 * x.sh[:, 0] + step * x.sh[:, 1]).astype(np.float64))
+        - colour.srgb_decode((0.5 + C0 * x.sh[:, 0]).astype(np.float64))
+        for x in (cloud, new)
+    )
+    np.testing.assert_allclose(after, share * before, rtol=5e-3, atol=1e-6)
 
 
 def test_baked_splats_look_like_the_relit_frame(folder: Path) -> None:

@@ -159,6 +159,16 @@ def test_other_values_share_the_blend(settings: CompositorSettings) -> None:
     np.testing.assert_array_equal(again, layer.color)
 
 
+def test_what_changes_with_the_view_is_told_from_the_rest() -> None:
+    splats = cloud(degree=1)
+    layer = Compositor(splats).composite(VIEW, diffuse=True)
+    assert same_bits(replace(layer, diffuse=None), Compositor(splats).composite(VIEW))
+    plain = Compositor(replace(splats, sh=splats.sh[:, :1])).composite(VIEW)
+    assert layer.diffuse is not None and not np.allclose(layer.color, plain.color, atol=1e-2)
+    np.testing.assert_allclose(layer.diffuse, plain.color, atol=1e-6)
+    assert Compositor(replace(splats, sh=splats.sh[:, :1])).composite(VIEW).diffuse is None
+
+
 def test_other_values_are_checked() -> None:
     compositor = Compositor(cloud(5))
     for wrong in (np.zeros((4, 1)), np.zeros((5, 0)), np.full((5, 1), np.nan)):

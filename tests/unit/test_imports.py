@@ -73,7 +73,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "mixing": {"*"},
     "showing": {"*"},
     "watching": {"*"},
-    "baking": {"colour", "mixing", "model", "scene", "sh"},
+    "baking": BASE | TOOLS | {"mixing", "relighting", "scene"},
     "doctor": {"*"},
     "cli": {"*"},
     "__main__": {"cli"},

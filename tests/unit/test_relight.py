@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from mirelight.model import (
     RelightSettings,
     SplatLayer,
 )
+from mirelight.model.profiles import Gloss
 
 H, W = 12, 17
 TINT = RelightSettings(mode="tint")
@@ -522,6 +523,50 @@ def test_nothing_sends_out_more_than_the_brightest_surface_would(old: float) -> 
     assert "100% of the splats' pixels were brighter than any surface" in found.text
     right = relighting.apply(of_surface(np.full(3, 0.5), 1.0), lit(0.5 * new), ALBEDO, captured=lit(0.5))
     assert "albedo" not in [x.kind for x in advice.of_frame(right, DisplaySettings())]
+
+
+# --- colour that changes with the view -------------------------------------------------------------------------------
+
+
+def glossy(diffuse: Any, color: Any) -> SplatLayer:
+    """An opaque picture that shows `color` where its surface alone would show `diffuse`, both linear."""
+    own = [colour.srgb_encode(np.broadcast_to(np.asarray(x, np.float64), (H, W, 3))) for x in (color, diffuse)]
+    return splat_layer(color=own[0], diffuse=own[1], transmittance=np.zeros((H, W)))
+
+
+@pytest.mark.parametrize("blend", [1.0, 0.6, 0.0])
+@pytest.mark.parametrize("settings", [RATIO, TINT, ALBEDO])
+def test_gloss_is_kept_faded_or_removed(settings: RelightSettings, blend: float) -> None:
+    """D f + (C - D) g, the highlight's factor g: f, at most 1, or none. The picture stays between what both allow."""
+    diffuse = np.random.default_rng(30).uniform(0.05, 0.4, (H, W, 3))
+    color = diffuse + np.random.default_rng(31).uniform(-0.04, 0.4, (H, W, 3))
+    layer, new, old = glossy(diffuse, color), lit(varied(32)), lit(varied(33) * 0.3 + 1)
+    settings = replace(settings, blend=blend)
+
+    def relit(sh: Gloss) -> Any:
+        return relighting.apply(layer, new, replace(settings, sh=sh), captured=old).rgba[..., :3]
+
+    frame = relighting.apply(layer, new, settings, captured=old)
+    f = frame.factor
+    assert f is not None and frame.unlit is not None
+    np.testing.assert_allclose(relit("keep"), color * f, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(relit("fade"), diffuse * f + (color - diffuse) * np.minimum(f, 1), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(relit("remove"), diffuse * f + (color - diffuse) * (1 - blend), rtol=1e-4, atol=1e-5)
+    if blend == 0:
+        for sh in get_args(Gloss):
+            assert np.array_equal(relit(sh), frame.unlit[..., :3])
+
+
+def test_a_captured_highlight_is_never_brightened_by_fading() -> None:
+    """A hundred times the light: the surface follows, the highlight on it stays as it was."""
+    layer, settings = glossy(0.1, 0.9), RelightSettings(mode="ratio", sh="fade", max_ratio=1000, delta=1e-6)
+    frame = relighting.apply(layer, lit(100.0), settings, captured=lit(1.0))
+    np.testing.assert_allclose(frame.rgba[..., :3], 100 * 0.1 + 0.8, rtol=1e-4)
+
+
+def test_a_composite_without_its_diffuse_part_is_refused() -> None:
+    with pytest.raises(ValueError, match="no `diffuse`"):
+        relighting.apply(splat_layer(), lit(1.0), replace(TINT, sh="fade"))
 
 
 # --- splats instead of pixels ----------------------------------------------------------------------------------------

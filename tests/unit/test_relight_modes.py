@@ -21,6 +21,7 @@ OTHER: dict[str, Any] = {  # another value for every setting
     "background": 0.3,
     "delta": 0.2,
     "max_ratio": 1.5,
+    "sh": "remove",
     "texture_scale": 0.5,
 }
 
@@ -32,7 +33,8 @@ def view(x: float = 0.0) -> Camera:
 def splats(camera: Camera, profile: Profile = "physical") -> SplatLayer:
     flat = np.full((H, W), 0.25, np.float32)
     color = np.random.default_rng(0).uniform(0, 0.75, (H, W, 3)).astype(np.float32)
-    return SplatLayer(camera=camera, color=color, transmittance=flat, depth=flat, median_depth=flat, profile=profile)
+    own: dict[str, Any] = {"color": color, "diffuse": 0.8 * color, "transmittance": flat}
+    return SplatLayer(camera=camera, profile=profile, depth=flat, median_depth=flat, **own)
 
 
 def lit(radiance: Any, camera: Camera) -> LightingBuffer:

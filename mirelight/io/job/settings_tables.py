@@ -12,6 +12,7 @@ from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, S
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import Compression, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
 from mirelight.model.planes import EXACT, NAMEABLE
+from mirelight.model.profiles import Gloss
 
 _RENDER = model.RenderSettings()
 _COMPOSITOR = model.CompositorSettings()
@@ -112,6 +113,11 @@ class RelightTable(Table):
         description="ratio, albedo: regularisation, as share of the captured light's mean luminance.",
     )
     max_ratio: Positive = Field(default=_RELIGHT.max_ratio, description="ratio: largest factor.")
+    sh: Gloss = Field(
+        default=_RELIGHT.sh,
+        description="Colour that changes with the view (SH above degree 0): keep (relit as all else), fade (darkened "
+        "as all else, never brightened) or remove. playcanvas: keep.",
+    )
 
 
 class DisplayTable(Table):

@@ -45,6 +45,6 @@ class Sight:
         """
         from mirelight.lighting.kernel import probes
 
-        if self._surface is None:
+        if self._surface is None or not len(directions):
             return np.full(len(directions), -1, np.int32), np.full(len(directions), np.inf)
         return probes.first_hits(self._surface, np.broadcast_to(origins, directions.shape), directions)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting.sight import Sight
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture, axes_of
 from mirelight.proxy.polygons import Polygons, octagons
+from mirelight.proxy.sides import seen_sides
 from mirelight.proxy.tidy import compact
-from mirelight.proxy.types import Int, Progress, Soup
+from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
 NEIGHBOURS = 20  # that cut a cell
 SAME_PLANE = 0.8  # cosine between normals of discs of one surface
@@ -27,11 +29,11 @@ FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it t
 _CHUNK = 200_000  # cells cut at once
 
 
-def cells_of(capture: Capture, progress: Progress) -> Soup:
+def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> Soup:
     """Triangles of the cells of all discs of a capture.
 
     A neighbour on the same plane cuts at the bisector, moved outwards by a tenth; one on another plane cuts at that
-    plane, so that edges between surfaces stay sharp.
+    plane, so that edges between surfaces stay sharp. Faces turn their front to the side that was seen.
     """
     axes, scales = axes_of(capture.splats)
     discs, s = _Discs(capture.splats.means.astype(np.float64), axes, scales), capture.spacing
@@ -42,17 +44,23 @@ def cells_of(capture: Capture, progress: Progress) -> Soup:
     radius = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept]
     discs = _Discs(discs.at[kept], discs.axes[kept], discs.scales[kept])
     near, distance = _neighbours(discs.at, NEIGHBOURS)
-    corners, faces, start = [], [], 0
+    corners, faces, owners, start = [], [], [], 0
     for first in range(0, len(discs.at), _CHUNK):
         progress("cutting cells", 0.2 + 0.6 * first / len(discs.at))
         rows = np.arange(first, min(first + _CHUNK, len(discs.at)))
         cells = _cut(discs, rows, near[rows], radius[rows], s)
-        found, triangles = _in_space(discs, rows, cells)
+        found, triangles, cell = _in_space(discs, rows, cells)
         corners.append(found)
         faces.append(triangles + start)
+        owners.append(rows[cell])
         start += len(found)
-    progress("welding cells", 0.85)
-    return welded(Soup(np.concatenate(corners), np.concatenate(faces)), WELD * s)
+    progress("telling the sides apart", 0.8)
+    soup = Soup(np.concatenate(corners), np.concatenate(faces))
+    sight = Sight(soup.mesh(), settings.variant, settings.threads)
+    front = seen_sides(capture, discs.at, discs.normal, sight) * np.sign(np.linalg.det(discs.axes))
+    behind = front[np.concatenate(owners)] < 0
+    progress("welding cells", 0.95)
+    return welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), WELD * s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,8 +139,8 @@ def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, s: float) -> Polygons
     return cells
 
 
-def _in_space(discs: _Discs, rows: Int, cells: Polygons) -> tuple[F64, Int]:
-    """Corners (C, 3) of all cells, one after the other, and the triangles of their fans."""
+def _in_space(discs: _Discs, rows: Int, cells: Polygons) -> tuple[F64, Int, Int]:
+    """Corners (C, 3) of all cells, one after the other, the triangles of their fans, and (T,) the cell of each."""
     plane = discs.axes[rows][:, :, 1:]
     corners = discs.at[rows][:, None] + np.einsum("rvj,rij->rvi", cells.corners, plane)
     used = np.arange(cells.corners.shape[1]) < cells.count[:, None]
@@ -141,7 +149,7 @@ def _in_space(discs: _Discs, rows: Int, cells: Polygons) -> tuple[F64, Int]:
     there = fan < (cells.count - 2)[:, None]
     cell, k = np.nonzero(there)
     faces = first[cell][:, None] + np.stack([np.zeros_like(k), k + 1, k + 2], axis=1)
-    return corners[used], faces
+    return corners[used], faces, cell
 
 
 def welded(soup: Soup, reach: float) -> Soup:

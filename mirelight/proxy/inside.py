@@ -33,15 +33,15 @@ def hidden_share(capture: Capture, views: Sequence[DepthMap]) -> float:
     return float(weight[far].sum() / weight.sum())
 
 
-def places(capture: Capture) -> F64:
-    """(PLACES, 3) points with room around them, far from each other."""
+def places(capture: Capture, count: int = PLACES) -> F64:
+    """(count, 3) points with room around them, far from each other."""
     from scipy.spatial import cKDTree
 
     line = np.linspace(-_INNER, _INNER, _GRID)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3) * capture.half
     room, _ = cKDTree(capture.splats.means).query(grid, workers=-1)
     chosen = [int(np.argmax(np.minimum(room, 0.5 * capture.half.min())))]
-    for _ in range(PLACES - 1):
+    for _ in range(count - 1):
         apart = np.min([np.linalg.norm(grid - grid[i], axis=1) for i in chosen], axis=0)
         wide = room >= 0.25 * room[chosen[0]]
         chosen.append(int(np.argmax(np.where(wide, apart + _APART * room, -1))))

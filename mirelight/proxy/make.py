@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight import extras
 from mirelight.errors import InputError
-from mirelight.model import Camera, ProxyMesh, SplatCloud
+from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
@@ -63,7 +63,7 @@ def make(
     maps = DepthMaps(capture, settings)
     method: Method = settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
     if method == "cells":
-        soup = cells_of(capture, part(report, 0.05, 0.9))
+        soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
         soup = _fused(capture, maps, settings, part(report, 0.05, 0.9), source)
     if not len(soup.faces):
@@ -71,15 +71,11 @@ def make(
     if settings.triangles is not None:
         report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
-    local = _mesh(soup)
+    local = soup.mesh()
     report("judging the proxy", 0.95)
     quality = judged(capture, maps, local, None, settings)
-    mesh = _mesh(Soup(soup.vertices + capture.middle, soup.faces))
+    mesh = Soup(soup.vertices + capture.middle, soup.faces).mesh()
     return MadeProxy(mesh=mesh, method=method, quality=quality, seconds=time.monotonic() - began)
-
-
-def _mesh(soup: Soup) -> ProxyMesh:
-    return ProxyMesh(vertices=soup.vertices.astype(np.float32), faces=soup.faces.astype(np.int32))
 
 
 def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path) -> Soup:

@@ -84,6 +84,10 @@ class Soup:
     vertices: F64  # (V, 3)
     faces: Int  # (F, 3)
 
+    def mesh(self) -> ProxyMesh:
+        """In single precision."""
+        return ProxyMesh(vertices=self.vertices.astype(np.float32), faces=self.faces.astype(np.int32))
+
 
 def quiet(what: str, done: float) -> None:
     """A `Progress` that says nothing."""

@@ -19,14 +19,10 @@ _BORDER = 0.02  # of the longer side, kept free around the splats' centres
 
 
 def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
-    """Views of points about the origin from evenly spread sides (a Fibonacci lattice), so no axis need be up.
+    """Views of points about the origin from evenly spread sides, so no axis need be up.
 
     Each shows just what holds the points, `pixels` along its longer side.
     """
-    k = np.arange(count) + 0.5
-    z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
-    flat = np.sqrt(1 - z * z)
-    directions = np.stack([flat * np.cos(turn), z, flat * np.sin(turn)], axis=1)
     away = radius / np.sin(np.radians(YFOV / 2))
     return tuple(
         _framed(
@@ -34,8 +30,16 @@ def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera,
             points,
             pixels,
         )
-        for i, way in enumerate(directions)
+        for i, way in enumerate(lattice(count))
     )
+
+
+def lattice(count: int) -> F64:
+    """(count, 3) unit directions, evenly spread (a Fibonacci lattice)."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
+    flat = np.sqrt(1 - z * z)
+    return np.stack([flat * np.cos(turn), z, flat * np.sin(turn)], axis=1)
 
 
 def _framed(camera: Camera, points: F32, pixels: int) -> Camera:

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,12 +57,15 @@ NORMAL_OFFSET_BIAS = 0.02  # world units; of exported lights: half of it shows a
 ENVIRONMENT_LIMIT = 64.0  # brightest radiance that the engine's RGBP encoding holds
 
 
+EngineKind: TypeAlias = Literal["omni", "spot", "directional"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EngineLight:
     """A light component of the engine, in its own units."""
 
     name: str
-    kind: Literal["omni", "spot", "directional"]
+    kind: EngineKind
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) display-encoded, 2.2 power
     intensity: float = 1.0  # see linear_color
     position: F64 = field(default_factory=lambda: np.zeros(3))  # (3,) world units
@@ -72,9 +75,9 @@ class EngineLight:
     inner_cone_angle: float = 40.0  # degrees, half angle
     outer_cone_angle: float = 45.0  # degrees, half angle
     cast_shadows: bool = False
-    penumbra: float = (
-        0.0  # rad, angular diameter of the light seen from the proxy; above 0: PCSS instead of PCF shadows
-    )
+    penumbra: float = 0.0  # its penumbraSize, of a sun the angular diameter in rad; above 0: PCSS shadows, not PCF
+    penumbra_falloff: float = 1.0  # of directional ones
+    clustered: bool = True  # shaded by clustered lighting, which narrows cones
 
     def __post_init__(self) -> None:
         for name in ("color", "position", "direction"):
@@ -86,6 +89,17 @@ class EngineLight:
         if self.intensity >= 1:
             return np.asarray(self.color**colour.ENGINE_GAMMA * self.intensity)
         return np.asarray((self.color * self.intensity) ** colour.ENGINE_GAMMA)
+
+    @property
+    def cone(self) -> tuple[float, float]:
+        """Inner and outer half angle that the shader fades a spot between, rad."""
+        shrink = CONE_SHRINK if self.clustered else 1.0
+        return math.radians(self.inner_cone_angle * shrink), math.radians(self.outer_cone_angle * shrink)
+
+    @property
+    def luminance(self) -> float:
+        """What `intensity` is in the engine's physicalUnits: lumens, of directional lights lux."""
+        return self.intensity * lumens(self.kind, self.inner_cone_angle, self.outer_cone_angle)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,6 +129,16 @@ def engine_color(linear: ArrayLike) -> tuple[F64, float]:
     return (value / intensity) ** (1 / colour.ENGINE_GAMMA), intensity
 
 
+def lumens(kind: EngineKind, inner_cone_angle: float, outer_cone_angle: float) -> float:
+    """The luminance of the engine's light of intensity 1 (its `Light.getLightUnitConversion`); angles in degrees."""
+    if kind == "directional":
+        return 1.0
+    if kind == "omni":
+        return 4 * math.pi
+    inner, outer = math.cos(math.radians(inner_cone_angle)), math.cos(math.radians(outer_cone_angle))
+    return 2 * math.pi * (1 - inner + (inner - outer) / 2)
+
+
 def engine_rotation(rotation: float) -> float:
     """Degrees for scene.skyboxRotation about Y from an environment's rotation, in -180..180.
 
@@ -127,16 +151,19 @@ def engine_rotation(rotation: float) -> float:
 # --- physical to engine ----------------------------------------------------------------------------------------------
 
 
-def to_engine(lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True) -> tuple[EngineLighting, tuple[str, ...]]:
+def to_engine(
+    lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True, clustered: bool = True
+) -> tuple[EngineLighting, tuple[str, ...]]:
     """The engine's lights for a physical lighting, and a line for each thing that the engine cannot follow.
 
     Args:
         lighting: physical units.
         proxy: what is lit, world space; lights without a range reach all of it.
         shadows: False: no light casts shadow maps.
+        clustered: whether the engine's clustered lighting is on; a spot is as wide either way.
     """
     warnings: list[str] = []
-    lights = tuple(_engine_light(light, proxy, shadows, warnings) for light in lighting.lights)
+    lights = tuple(_engine_light(light, proxy, shadows, clustered, warnings) for light in lighting.lights)
     native = {x.name for x in lighting.lights if isinstance(x, PointLight | SpotLight) and x.falloff}
     warnings += _distance_warnings([light for light in lights if light.name not in native], proxy)
     if any(material.emissive.any() for material in proxy.materials):
@@ -158,7 +185,7 @@ def to_engine(lighting: Lighting, proxy: ProxyMesh, *, shadows: bool = True) -> 
     return EngineLighting(lights=lights, environment=environment), tuple(warnings)
 
 
-def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, warnings: list[str]) -> EngineLight:
+def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, clustered: bool, warnings: list[str]) -> EngineLight:
     if isinstance(light, AreaLight):
         light = _without_area(light, warnings)
     if isinstance(light, DirectionalLight | SunLight):
@@ -170,7 +197,8 @@ def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, warnings: list[
             intensity=intensity,
             direction=light.direction,
             cast_shadows=shadows and (isinstance(light, SunLight) or light.shadows),
-            penumbra=math.radians(light.angular_diameter) if isinstance(light, SunLight) else 0.0,
+            penumbra=math.radians(light.angular_diameter) if isinstance(light, SunLight) else light.penumbra,
+            penumbra_falloff=1.0 if isinstance(light, SunLight) else light.penumbra_falloff,
         )
     if isinstance(light, PointLight) and light.profile is not None:
         warnings.append(f"{light.name}: the engine has no IES profile; it shines as its brightest direction all around")
@@ -191,15 +219,18 @@ def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, warnings: list[
         range=light.range if math.isfinite(light.range) else RANGE_FACTOR * _furthest(light.position, proxy),
         falloff=light.falloff or "inverse-squared",
         cast_shadows=shadows and light.shadows,
+        penumbra=light.penumbra,
+        clustered=clustered,
     )
     if isinstance(light, PointLight):
         return omni
+    shrink = CONE_SHRINK if clustered else 1.0
     return replace(
         omni,
         kind="spot",
         direction=light.direction,
-        inner_cone_angle=math.degrees(light.inner_cone_angle) / CONE_SHRINK,
-        outer_cone_angle=min(math.degrees(light.outer_cone_angle) / CONE_SHRINK, 90.0),
+        inner_cone_angle=math.degrees(light.inner_cone_angle) / shrink,
+        outer_cone_angle=min(math.degrees(light.outer_cone_angle) / shrink, 90.0),
     )
 
 
@@ -268,11 +299,21 @@ def _distance_warnings(lights: list[EngineLight], proxy: ProxyMesh) -> list[str]
 
 
 def physical_warnings(lights: tuple[Light, ...]) -> tuple[str, ...]:
-    """A line for each light whose engine's falloff physical light does not follow."""
-    return tuple(
+    """A line for each light whose engine's falloff physical light does not follow, or whose penumbra."""
+    falloffs = tuple(
         f"{light.name}: linear falloff becomes the inverse square law, equal at half the range"
         for light in lights
         if isinstance(light, PointLight | SpotLight) and light.falloff == "linear"
+    )
+    return falloffs + penumbra_warnings(lights)
+
+
+def penumbra_warnings(lights: tuple[Light, ...]) -> tuple[str, ...]:
+    """A line for each light whose soft shadows are the engine's alone: mirelight follows it with hard ones."""
+    return tuple(
+        f"{light.name}: its penumbra is the engine's own; shadows are hard here (a sun or a radius makes soft ones)"
+        for light in lights
+        if isinstance(light, DirectionalLight | PointLight | SpotLight) and light.penumbra > 0
     )
 
 
@@ -288,6 +329,8 @@ def physical_light(light: EngineLight) -> DirectionalLight | PointLight | SpotLi
             color=color,
             intensity=peak * math.pi,
             shadows=light.cast_shadows,
+            penumbra=light.penumbra,
+            penumbra_falloff=light.penumbra_falloff,
         )
     gain = _linear_candela(light.range) if light.falloff == "linear" else math.pi * INVERSE_SQUARED_GAIN
     if light.kind == "omni":
@@ -299,7 +342,9 @@ def physical_light(light: EngineLight) -> DirectionalLight | PointLight | SpotLi
             range=light.range,
             falloff=light.falloff,
             shadows=light.cast_shadows,
+            penumbra=light.penumbra,
         )
+    outer = light.cone[1]
     return SpotLight(
         name=light.name,
         position=light.position,
@@ -307,9 +352,10 @@ def physical_light(light: EngineLight) -> DirectionalLight | PointLight | SpotLi
         color=color,
         intensity=peak * gain,
         range=light.range,
-        inner_cone_angle=math.radians(min(light.inner_cone_angle, light.outer_cone_angle - 1e-6) * CONE_SHRINK),
-        outer_cone_angle=math.radians(light.outer_cone_angle * CONE_SHRINK),
+        inner_cone_angle=min(light.cone[0], outer - 1e-8),
+        outer_cone_angle=outer,
         cone="playcanvas",
         falloff=light.falloff,
         shadows=light.cast_shadows,
+        penumbra=light.penumbra,
     )

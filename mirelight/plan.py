@@ -126,6 +126,9 @@ def _engine_warnings(
         found.append(("proxy", culling_warnings(proxy, cameras, job.render.variant)))
         known = [x for x in lightings if not isinstance(x.sky, EstimatedSky)]
         found += [(x.name, engine_lights.to_engine(scene.resolved(x), proxy)[1]) for x in known]
+    found += [(x.name, engine_lights.penumbra_warnings(x.lights)) for x in lightings]
+    if job.engine.hdr_format is not None:
+        found.append(("engine.hdr_format", ("mirelight blends in 32-bit floats; the engine's own frames follow it",)))
     return found
 
 

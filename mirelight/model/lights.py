@@ -30,6 +30,8 @@ class DirectionalLight(ArrayHolder):
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear Rec.709
     intensity: float = 1.0  # lux (illuminance on a facing surface)
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
+    penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
+    penumbra_falloff: float = 1.0  # of those, directional ones (its penumbraFalloff)
     group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
@@ -51,6 +53,7 @@ class PointLight(ArrayHolder):
     profile: IesProfile | None = None  # by direction, times the candela; None: the same all around
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
+    penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
     group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
@@ -74,6 +77,7 @@ class SpotLight(ArrayHolder):
     radius: float = 0.0  # world units; 0: a point with hard shadows
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
+    penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
     group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
 Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "orb"]
 HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
+HdrFormat: TypeAlias = Literal["111110F", "RGBA16F", "RGBA32F"]  # pixels as the real-time engine names them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +144,15 @@ class DatasetSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EngineSettings:
+    """What `mirelight realtime` sets in the real-time engine, and lights written in its terms count on."""
+
+    clustered: bool = True  # scene.clusteredLightingEnabled; on, cones are narrowed by a hundredth of their angles
+    physical_units: bool = False  # scene.physicalUnits: lights have luminance instead of intensity
+    hdr_format: HdrFormat | None = None  # of the linear pipeline's target; None: the engine's own choice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
     """A job file, loaded: what it says, checked. Files are known by their digests and read when they are needed, so a
     job is small. `mirelight.prepare` makes it ready."""
@@ -165,6 +175,7 @@ class Job:
     display: DisplaySettings = DisplaySettings()
     output: OutputSettings = OutputSettings()
     dataset: DatasetSettings = DatasetSettings()
+    engine: EngineSettings = EngineSettings()
     inputs: Mapping[str, str] = field(default_factory=dict)  # path as the job names it -> SHA-256 hex
     notes: tuple[str, ...] = ()  # what to know about files that were read, a line each; counts for no picture
 

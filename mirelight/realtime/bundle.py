@@ -34,6 +34,7 @@ from mirelight.model import (
     PROFILES,
     Camera,
     CompositorSettings,
+    EngineSettings,
     Job,
     Lighting,
     ProxyMesh,
@@ -98,7 +99,9 @@ def export(
             "the engine's relighting follows perspective cameras only",
         )
     lighting = Scene(job, KeptNowhere()).resolved(lighting)  # unchecked: the engine shows what no frame is rendered of
-    engine_lighting, light_warnings = to_engine(lighting, scene.proxy or _NO_PROXY, shadows=shadows)
+    clustered = job.engine.clustered
+    proxy = scene.proxy or _NO_PROXY
+    engine_lighting, light_warnings = to_engine(lighting, proxy, shadows=shadows, clustered=clustered)
     behind = () if scene.proxy is None else culling_warnings(scene.proxy, [camera], job.render.variant)
     views = (f"camera {x}" for x in camera_warnings(camera))
     warnings = (*views, *_settings_warnings(job), *(f"proxy: {x}" for x in behind), *light_warnings)
@@ -213,13 +216,17 @@ def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, A
             "textureScale": relight.texture_scale,
         },
         "gsplat": _gsplat(job.compositor),
-        "lights": [_light(light, _furthest(camera, scene)) for light in lighting.lights],
+        "lights": [_light(light, _furthest(camera, scene), job.engine) for light in lighting.lights],
+        "clusteredLighting": job.engine.clustered,
+        "physicalUnits": job.engine.physical_units,
         "ambient": lighting.ambient.tolist(),
     }
     if scene.proxy is not None:
         albedo = scene.proxy.albedo
         surface = {"ownColors": True} if albedo is None else {"diffuse": engine_diffuse(albedo).tolist()}
         out["proxy"] = {"file": "proxy.glb", "twoSidedShadows": True, **surface}
+    if job.engine.hdr_format is not None:
+        out["hdrFormat"] = job.engine.hdr_format
     if lighting.environment is not None:
         out["env"] = {
             "equirect": "environment.hdr",
@@ -260,12 +267,13 @@ def _gsplat(settings: CompositorSettings) -> dict[str, Any]:
     }
 
 
-def _light(light: EngineLight, shadow_distance: float) -> dict[str, Any]:
+def _light(light: EngineLight, shadow_distance: float, settings: EngineSettings) -> dict[str, Any]:
+    strength = {"luminance": light.luminance} if settings.physical_units else {"intensity": light.intensity}
     out: dict[str, Any] = {
         "name": light.name,
         "type": light.kind,
         "color": light.color.tolist(),
-        "intensity": light.intensity,
+        **strength,
         "castShadows": light.cast_shadows,
     }
     if light.cast_shadows:
@@ -277,7 +285,7 @@ def _light(light: EngineLight, shadow_distance: float) -> dict[str, Any]:
             "normalOffsetBias": NORMAL_OFFSET_BIAS,
         }
     if light.penumbra > 0:
-        out["penumbraSize"] = light.penumbra
+        out |= {"penumbraSize": light.penumbra, "penumbraFalloff": light.penumbra_falloff}
     if light.kind != "omni":
         out["direction"] = light.direction.tolist()
     if light.kind != "directional":

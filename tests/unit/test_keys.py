@@ -18,6 +18,7 @@ from mirelight.model import (
     DatasetSettings,
     Deferred,
     DisplaySettings,
+    EngineSettings,
     Environment,
     Job,
     LayerFactor,
@@ -38,6 +39,7 @@ SETTINGS: Mapping[str, type[Any]] = {
     "display": DisplaySettings,
     "output": OutputSettings,
     "dataset": DatasetSettings,
+    "engine": EngineSettings,
 }
 OTHER: dict[str, Any] = {  # another value, where the type alone does not tell a fitting one
     "render.noise": 0.1,

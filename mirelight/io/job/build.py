@@ -36,6 +36,7 @@ class Assets:
 
     folder: Path
     proxy: ProxyTable | None
+    engine: model.EngineSettings  # what lights in its terms count on
     digests: dict[str, str] = field(default_factory=dict)
     notes: dict[str, None] = field(default_factory=dict)  # lines about what the files hold, each once
 
@@ -133,7 +134,7 @@ def build(source: Source, table: JobTable) -> Job:
         ManyInputsError: several names that the files do not have.
     """
     wrong: list[Mistake] = []
-    assets = Assets(source.folder, table.proxy)
+    assets = Assets(source.folder, table.proxy, model.EngineSettings(**_settings(table.engine)))
     lightings = _lightings(table, assets, wrong)
     captured = _captured(table, lightings, assets, wrong)
     if table.sweep is not None and not wrong:
@@ -164,6 +165,7 @@ def build(source: Source, table: JobTable) -> Job:
         display=model.DisplaySettings(**_settings(table.display)),
         output=_output(source, table),
         dataset=model.DatasetSettings(**_settings(table.dataset)),
+        engine=assets.engine,
         inputs=dict(sorted(assets.digests.items())),
         notes=tuple(assets.notes),
     )

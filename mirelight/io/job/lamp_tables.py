@@ -303,6 +303,11 @@ class PlayCanvasTable(LightTable):
     kind: Literal["omni", "spot", "directional"] = Field(description="The component's type.")
     color: DisplayColor = Field(default=[1.0, 1.0, 1.0], description="Display-encoded [r, g, b], 0 to 1 (2.2 power).")
     intensity: NotNegative = Field(default=1.0, description="The component's intensity.")
+    luminance: NotNegative | None = Field(
+        default=None,
+        description="The component's luminance, with `engine.physical_units`: lumens of an omni or spot, lux of a "
+        "directional light; instead of intensity.",
+    )
     position: Vec3 | None = Field(default=None, description="[x, y, z] in world units; not of directional.")
     direction: Direction | None = Field(default=None, description="[x, y, z], the way the light travels; not of omni.")
     target: Vec3 | None = Field(default=None, description=_TARGET)
@@ -317,6 +322,14 @@ class PlayCanvasTable(LightTable):
         default=45.0, description="Half angle in degrees at which it is gone."
     )
     cast_shadows: bool = Field(default=False, description="Whether it casts shadows, in the profile playcanvas.")
+    penumbra_size: Positive | None = Field(
+        default=None,
+        description="With cast_shadows: soft shadows (PCSS) of this penumbraSize, the engine's own frames alone. "
+        "Default: hard ones (PCF3).",
+    )
+    penumbra_falloff: Positive = Field(
+        default=1.0, description="The penumbraFalloff of a directional light's soft shadows."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> PlayCanvasTable:
@@ -332,6 +345,14 @@ class PlayCanvasTable(LightTable):
             if self.inner_cone_angle > self.outer_cone_angle:
                 found = f"{self.inner_cone_angle:g}, and outer_cone_angle is {self.outer_cone_angle:g}"
                 raise wrong(found, "make the inner angle the smaller one", at="inner_cone_angle")
+        if self.penumbra_size is not None and not self.cast_shadows:
+            raise wrong("a penumbra without shadows", "add cast_shadows = true", at="penumbra_size")
+        if "penumbra_falloff" in self.model_fields_set:
+            if self.penumbra_size is None:
+                raise wrong("the falloff of a penumbra that has no size", "add penumbra_size", at="penumbra_falloff")
+            if self.kind != "directional":
+                found = f"a penumbra's falloff of a light of kind {self.kind}"
+                raise wrong(found, "leave it out; the engine has it of directional ones", at="penumbra_falloff")
         return self
 
 

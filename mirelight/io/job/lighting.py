@@ -11,7 +11,7 @@ import numpy as np
 
 from mirelight import conventions
 from mirelight.conventions import Matrix
-from mirelight.engine_lights import EngineLight, physical_light
+from mirelight.engine_lights import EngineLight, lumens, physical_light
 from mirelight.io.ies import IesFile
 from mirelight.io.job.lamp_tables import (
     AnyLight,
@@ -35,6 +35,7 @@ from mirelight.model import (
     AreaLight,
     Deferred,
     DirectionalLight,
+    EngineSettings,
     Environment,
     IesProfile,
     Light,
@@ -53,6 +54,8 @@ ENVIRONMENT = "environment"  # its layer's name
 class LightFiles(Protocol):
     """Reads what a lighting names."""
 
+    engine: EngineSettings  # what lights in the real-time engine's terms count on
+
     def gltf_lights(self, path: str, unit: LightUnit | None = None) -> tuple[tuple[Light, ...], Matrix]:
         """The lights of a glTF file ("proxy": the proxy's) in physical units, and the transform that they have by
         default."""
@@ -66,6 +69,8 @@ class LightFiles(Protocol):
 
 def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mistake]) -> Lighting:
     """The lighting of a table that stands `at` a path of the job; what is wrong is added to `wrong`."""
+    for i, lamp in enumerate(table.lights):
+        wrong += _engine_mistakes(lamp, (*at, "lights", i), files.engine)
     lights = [_light(light, files) for light in table.lights]
     for i, one in enumerate(table.lights_from):
         lights += _from_file(one, (*at, "lights_from", i), files, wrong)
@@ -143,7 +148,7 @@ def _with_cone(light: Light, cone: ConeName) -> Light:
 
 def _light(table: AnyLight, files: LightFiles) -> Light:
     if isinstance(table, PlayCanvasTable):
-        return _engine_light(table)
+        return _engine_light(table, files.engine)
     name, color = table.name or table.type, table.rgb
     match table:
         case DirectionalTable():
@@ -218,13 +223,16 @@ def _measured(table: PointTable, path: str, files: LightFiles) -> tuple[float, I
     return table.brightest(found.peak, profile.solid_angle), profile
 
 
-def _engine_light(table: PlayCanvasTable) -> Light:
+def _engine_light(table: PlayCanvasTable, engine: EngineSettings) -> Light:
     """In physical units; the profile playcanvas gets the engine's own numbers back."""
+    intensity = table.intensity
+    if table.luminance is not None:
+        intensity = table.luminance / lumens(table.kind, table.inner_cone_angle, table.outer_cone_angle)
     light = EngineLight(
         name=table.name or table.kind,
         kind=table.kind,
         color=np.asarray(table.color),
-        intensity=table.intensity,
+        intensity=intensity,
         position=np.asarray(table.position or (0, 0, 0)),
         direction=np.array([0.0, -1.0, 0.0]) if table.kind == "omni" else _direction(table),
         range=table.range,
@@ -232,8 +240,28 @@ def _engine_light(table: PlayCanvasTable) -> Light:
         inner_cone_angle=table.inner_cone_angle,
         outer_cone_angle=table.outer_cone_angle,
         cast_shadows=table.cast_shadows,
+        penumbra=table.penumbra_size or 0.0,
+        penumbra_falloff=table.penumbra_falloff,
+        clustered=engine.clustered,
     )
     return replace(physical_light(light), group=table.group)
+
+
+def _engine_mistakes(table: AnyLight, at: Path, engine: EngineSettings) -> Iterator[Mistake]:
+    """What of a light the engine would not count by the job's settings of it."""
+    if not isinstance(table, PlayCanvasTable):
+        return
+    if engine.physical_units and table.luminance is None:
+        yield Mistake(at, "no luminance, and engine.physical_units counts by it", "give luminance")
+    if engine.physical_units and "intensity" in table.model_fields_set:
+        remedy = "leave it out, or give it without physical_units"
+        yield Mistake((*at, "intensity"), "intensity, which engine.physical_units does not count", remedy)
+    if not engine.physical_units and table.luminance is not None:
+        remedy = "add physical_units = true to [engine], or give intensity"
+        yield Mistake((*at, "luminance"), "luminance, which the engine counts with physicalUnits alone", remedy)
+    if engine.clustered and table.penumbra_size is not None and table.kind != "directional":
+        found = f"a penumbra of a light of kind {table.kind}, which clustered lighting does not have"
+        yield Mistake((*at, "penumbra_size"), found, "leave it out, or add clustered = false to [engine]")
 
 
 def _direction(table: SpotTable | AreaTable | PlayCanvasTable) -> Matrix:

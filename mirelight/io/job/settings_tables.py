@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from mirelight import model
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
-from mirelight.model import Compression, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
+from mirelight.model import Compression, HdrFormat, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
 from mirelight.model.planes import EXACT, NAMEABLE
 from mirelight.model.profiles import Gloss
 
@@ -20,6 +20,7 @@ _RELIGHT = model.RelightSettings()
 _DISPLAY = model.DisplaySettings()
 _OUTPUT = model.OutputSettings()
 _DATASET = model.DatasetSettings()
+_ENGINE = model.EngineSettings()
 
 
 class RenderTable(Table):
@@ -227,6 +228,24 @@ class DatasetTable(Table):
         if not is_license(value):
             raise wrong(f"{shown(value)} cannot be a licence's name", f"give one such as {LICENSE}")
         return value
+
+
+class EngineTable(Table):
+    """Settings of the real-time engine: of `mirelight realtime`, and of what lights of type playcanvas mean."""
+
+    clustered: bool = Field(
+        default=_ENGINE.clustered,
+        description="The engine's clustered lighting, its default: cones of spots are narrower by a hundredth of their "
+        "angles, and omni and spot lights have no penumbra.",
+    )
+    physical_units: bool = Field(
+        default=_ENGINE.physical_units,
+        description="The engine's physicalUnits: lights of type playcanvas give luminance instead of intensity.",
+    )
+    hdr_format: HdrFormat | None = Field(
+        default=_ENGINE.hdr_format,
+        description="Linear pipeline: the pixels that splats are blended in. Default: the engine's choice, 111110F.",
+    )
 
 
 LICENSE = "cc-by-4.0"

@@ -17,6 +17,7 @@ from mirelight.io.job.settings_tables import (
     CompositorTable,
     DatasetTable,
     DisplayTable,
+    EngineTable,
     OutputTable,
     RelightTable,
     RenderTable,
@@ -76,6 +77,7 @@ class JobTable(Lit):
     display: DisplayTable = Field(default=DisplayTable(), description="How linear light becomes a PNG.")
     output: OutputTable = Field(default=OutputTable(), description="Where frames go, and what is in them.")
     dataset: DatasetTable = Field(default=DatasetTable(), description="Data sets that are written from the frames.")
+    engine: EngineTable = Field(default=EngineTable(), description="The real-time engine's own settings.")
 
 
 def json_schema() -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight import colour
-from mirelight.engine_lights import CONE_SHRINK, EngineLight, EngineLighting
+from mirelight.engine_lights import EngineLight, EngineLighting
 from mirelight.lighting.engine.ambient import ambient_light
 from mirelight.model import F64
 
@@ -31,7 +31,7 @@ def received(light: EngineLight, position: F64, normal: F64) -> F64:
     towards = towards / np.maximum(distance, 1e-12)[:, None]
     share = np.maximum(np.einsum("ni,ni->n", normal, towards), 0) * _falloff(light, distance)
     if light.kind == "spot":
-        inner, outer = (np.cos(np.radians(a * CONE_SHRINK)) for a in (light.inner_cone_angle, light.outer_cone_angle))
+        inner, outer = np.cos(light.cone)
         share = share * _smoothstep(outer, inner, towards @ -light.direction)
     return np.asarray(share[:, None] * light.linear_color)
 

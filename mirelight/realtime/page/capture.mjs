@@ -44,6 +44,11 @@ function readBackBuffer(device) {
 const send = (name, body) => fetch(`captured/${name}`, { method: 'PUT', body });
 const rows = (matrix) => [0, 1, 2, 3].map((r) => [0, 1, 2, 3].map((c) => matrix.data[4 * c + r]));
 
+const formatName = (format) => {
+    const name = Object.keys(pc).find((key) => key.startsWith('PIXELFORMAT_') && pc[key] === format);
+    return name?.replace('PIXELFORMAT_', '') ?? String(format);
+};
+
 function floatTarget(device) {
     const colorBuffer = new pc.Texture(device, {
         name: 'FloatFrame', width: device.width, height: device.height, format: pc.PIXELFORMAT_RGBA32F,
@@ -89,9 +94,11 @@ function meta(view, description) {
         lights: lights.map((entity) => ({
             name: entity.name, type: entity.light.type, position: entity.getPosition().toArray(),
             direction: entity.up.mulScalar(-1).toArray(), colorLinear: Array.from(entity.light.light._colorLinear),
+            penumbraSize: entity.light.light.penumbraSize, penumbraFalloff: entity.light.light.penumbraFalloff,
             range: entity.light.range, falloffMode: entity.light.falloffMode, castShadows: entity.light.castShadows
         })),
-        clusteredLighting: app.scene.clusteredLightingEnabled
+        clusteredLighting: app.scene.clusteredLightingEnabled, physicalUnits: app.scene.physicalUnits,
+        hdrFormat: view.frame ? formatName(view.frame.renderPassCamera.rt.colorBuffer.format) : null
     };
 }
 

@@ -10,7 +10,7 @@ const TONE_CURVES = {
 
 // A light component's defaults where scene.json says nothing; constants of the engine may be named as strings.
 const LIGHT_NAMES = [
-    'color', 'intensity', 'range', 'innerConeAngle', 'outerConeAngle', 'falloffMode', 'castShadows', 'shadowType',
+    'color', 'intensity', 'luminance', 'range', 'innerConeAngle', 'outerConeAngle', 'falloffMode', 'castShadows', 'shadowType',
     'shadowResolution', 'shadowDistance', 'shadowBias', 'normalOffsetBias', 'penumbraSize', 'penumbraFalloff',
     'shadowSamples', 'shadowBlockerSamples'
 ];
@@ -24,6 +24,7 @@ export const splatFiles = ({ splat }) => (splat ? [splat].flat() : []);
 export async function build(canvas, description) {
     const { width, height } = description;
     const app = await createApp(canvas, width, height);
+    app.scene.clusteredLightingEnabled = description.clusteredLighting ?? true;
     app.start();
 
     const camera = addCamera(app, description);
@@ -37,11 +38,21 @@ export async function build(canvas, description) {
     const ambient = description.ambient ?? [0, 0, 0];
     app.scene.ambientLight = new pc.Color(ambient);
     app.scene.exposure = description.exposure ?? 1;
+    if (description.physicalUnits) usePhysicalUnits(app.scene, camera, description);
     for (const [name, value] of Object.entries(description.gsplat ?? {})) {
         app.scene.gsplat[name] = constant(value);
     }
     const frame = description.pipeline === 'linear' ? addCameraFrame(app, camera, description) : null;
     return { app, camera, relighting, lights, frame };
+}
+
+// Lights count by their luminance; exposure and surroundings get the same values by the names they then have.
+function usePhysicalUnits(scene, camera, description) {
+    scene.physicalUnits = true;
+    scene.ambientLuminance = 1;
+    scene.skyboxLuminance = description.env?.intensity ?? 1;
+    const aperture = Math.sqrt(1 / (1.2 * (description.exposure ?? 1)));  // exposure 1 / (1.2 aperture²) at 1 s, ISO 100
+    Object.assign(camera.camera, { aperture, shutter: 1, sensitivity: 100 });
 }
 
 async function createApp(canvas, width, height) {

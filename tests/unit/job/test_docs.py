@@ -52,6 +52,7 @@ SECTIONS = {
     "display": "DisplayTable",
     "output": "OutputTable",
     "dataset": "DatasetTable",
+    "engine": "EngineTable",
 }
 
 

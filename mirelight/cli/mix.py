@@ -4,8 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mirelight.cli import say
+from mirelight.io.atomic import output_error
+
+if TYPE_CHECKING:
+    from mirelight.mixing import Exported
+    from mirelight.mixing.saved import Saved
+    from mirelight.model import Job
+    from mirelight.scene import Scene
 
 
 def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -15,7 +25,7 @@ def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
         help="write a page that mixes the job's lights live",
         description="Trace each light, group and environment of a job's lightings once, on every splat, and write a "
         "static page that shows the capture in PlayCanvas with a slider and a colour for each of them. What the page "
-        "exports, `mirelight render` takes.",
+        "exports, `mirelight render` takes. With --serve, lights can be moved on the page and are traced anew.",
     )
     parser.add_argument("job", metavar="JOB", help="job file (TOML)")
     parser.add_argument("-o", "--out", metavar="DIR", required=True, help="write the page there")
@@ -24,29 +34,52 @@ def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
     parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
     )
+    parser.add_argument("--serve", action="store_true", help="serve the page on this machine, until Ctrl-C")
+    parser.add_argument("--port", metavar="N", type=int, help="of the server (default: a free one)")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but warnings and errors")
 
 
 def run_mix(args: argparse.Namespace) -> int:
     """The command. The page's path goes to stdout, the rest to stderr."""
-    from mirelight import mixing
     from mirelight.errors import InputError
     from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
     from mirelight.mixing.layers import check
-    from mirelight.scene import prepare
-    from mirelight.store import Store
+    from mirelight.mixing.saved import Saved
+    from mirelight.mixing.server import claimed
 
-    work = job.load(args.job, [parse(text) for text in args.set])
+    overrides = [parse(text) for text in args.set]
+    work = job.load(args.job, overrides)
     check(work)
     if not 1 <= args.spp <= 1_000_000:
         raise InputError("--spp", str(args.spp), "give 1 to 1000000")
+    if args.port is not None and not (args.serve and 1 <= args.port <= 65535):
+        found = str(args.port) if args.serve else "a port, but nothing is served"
+        raise InputError("--port", found, "give 1 to 65535" if args.serve else "add --serve")
     there = [x.name for x in work.lightings]
     wanted = named(args.lighting, there)
     for name in wanted or ():
         if name not in there:
             raise InputError(work.source, f"no lighting named {name!r}", f"there are: {', '.join(there[:20])}")
+    saved = Saved(job.parse(args.job, overrides)[0]) if args.serve else None
+    folder = Path(args.out)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(folder, "a file", "name a folder to write into")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from None
+    with claimed(folder):
+        _mix(args, work, wanted, saved)
+    return 0
+
+
+def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, saved: Saved | None) -> None:
+    from mirelight import mixing
+    from mirelight.scene import prepare
+    from mirelight.store import Store
+
     live = sys.stderr.isatty() and not args.quiet
 
     def report(what: str, done: int, total: int) -> None:
@@ -55,19 +88,38 @@ def run_mix(args: argparse.Namespace) -> int:
     store = Store(work)
     store.open()
     try:
+        scene = prepare(work, store)
         made = mixing.export(
-            prepare(work, store),
+            scene,
             args.out,
             spp=args.spp,
             lightings=None if wanted is None else tuple(wanted),
             progress=report if live else None,
         )
+        if live:
+            say.cleared()
+        for line in made.warnings:
+            say.remark(line)
+        if saved is None:
+            if not args.quiet:
+                say.result(made.folder / "index.html")
+        else:
+            _serve(scene, made, saved, args.port or 0)
     finally:
         store.close()
         if live:
             say.cleared()
-    for line in made.warnings:
-        say.remark(line)
-    if not args.quiet:
-        say.result(made.folder / "index.html")
-    return 0
+
+
+def _serve(scene: Scene, made: Exported, saved: Saved, port: int) -> None:
+    """Until Ctrl-C, which ends it well."""
+    from mirelight.mixing.server import serving
+    from mirelight.mixing.session import Session
+
+    try:
+        session = Session(scene, made.layers)
+        with serving(session, made.folder, saved, port) as address:
+            say.result(address)
+            session.run()
+    except KeyboardInterrupt:
+        say.remark("the page is no longer served")

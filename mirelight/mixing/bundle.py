@@ -24,7 +24,8 @@ from mirelight.realtime import engine
 from mirelight.relighting.modes import mode_of
 from mirelight.scene import Scene
 
-PAGE = ("index.html", "style.css", "mixer.mjs", "view.mjs", "panel.mjs", "files.mjs", "colors.mjs")
+_MODULES = ("mixer", "view", "panel", "files", "colors", "handles", "live", "served")
+PAGE = ("index.html", "style.css", *(f"{name}.mjs" for name in _MODULES))
 SPLATS, LAYERS, DESCRIPTION = "splats.ply", "layers.bin", "layers.json"
 _MOST_CAMERAS = 500  # bookmarks
 
@@ -125,7 +126,10 @@ def _lighting(lighting: Mixed) -> dict[str, Any]:
         {"layer": f.layer, "name": f.name, "weight": f.weight.tolist(), "factor": f.factor.tolist()}
         for f in lighting.faders
     ]
-    return {"name": lighting.name, "faders": faders}
+    handles = [
+        {"name": h.name, "layer": h.layer, "light": h.light, "position": h.position.tolist()} for h in lighting.handles
+    ]
+    return {"name": lighting.name, "faders": faders, "handles": handles}
 
 
 def _bookmarks(job: Job) -> list[Camera]:

@@ -7,7 +7,9 @@ factor. Modes `tint` (brightness a L) and `albedo` have no base.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -20,9 +22,10 @@ from mirelight.lighting.fill import rounds_of
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.lighting.points import own_glow
 from mirelight.model import F32, F64, Job, Lighting, SplatCloud, SurfaceCells, rules_of
+from mirelight.model.lights import position_of
 from mirelight.scene import Scene
 from mirelight.sh import C0
-from mirelight.units import GLOW, LightSet, LightSets, Rules, terms
+from mirelight.units import GLOW, LightSet, LightSets, Rules, Unit, terms
 
 BASE, EMISSION = "base", "emission"
 MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them up to seven textures of the splats
@@ -45,11 +48,22 @@ class Fader:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Handle:
+    """A light of a lighting that is somewhere."""
+
+    name: str
+    layer: int
+    light: int  # of the layer's unit light
+    position: F64  # (3,) world space
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Mixed:
     """A lighting of the job."""
 
     name: str
     faders: tuple[Fader, ...]
+    handles: tuple[Handle, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +76,8 @@ class MixLayers:
     lightings: tuple[Mixed, ...]
     limit: float | None  # of the sum
     near: float  # share of splats that lie on the proxy
+    units: tuple[Unit, ...]  # what each of the first layers is the light of
+    layer_of: Callable[[F32], F32]  # (N, 3) irradiance / pi of a unit light -> (N, 3) its layer
 
     def weights(self, lighting: int) -> F64:
         """(L, 3) of a lighting as the job has it."""
@@ -135,7 +151,7 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
             field="captured",
         )
     sets = LightSets((*plain, *captured), rules)
-    splats = _OnSplats(scene, spp, progress)
+    splats = OnSplats(scene, spp, progress)
     values = np.zeros((len(names) + len(extra), len(scene.splats), 3), np.float32)
     old = np.zeros((len(scene.splats), 3), np.float64)
     every = {s.digest: s for x in (*plain, *captured) for s in sets.mixture(x).sets}
@@ -159,8 +175,12 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         captured_level=(scene.captured_level or 0.0) if compares else None,
     )
     base = factor(np.zeros_like(values[0]))
+
+    def layer_of(light: F32) -> F32:
+        return np.asarray(factor(light) - base, np.float32)
+
     for k in range(len(values) - floor):
-        values[k] = factor(values[k]) - base
+        values[k] = layer_of(values[k])
     if floor:
         values[-1] = base
     return MixLayers(
@@ -170,6 +190,8 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         lightings=tuple(_mixed(x, index) for x in lightings),
         limit=job.relight.max_ratio if compares and "max_ratio" in mode.reads else None,
         near=splats.near,
+        units=tuple(units.values()),
+        layer_of=layer_of,
     )
 
 
@@ -185,50 +207,82 @@ def _mixed(lighting: Lighting, index: dict[str, int]) -> Mixed:
         Fader(index[t.unit.digest], t.layer, t.weight, factors.get(t.layer, one))
         for t in terms(replace(lighting, mix=()))
     ]
-    return Mixed(lighting.name, tuple(faders))
+    return Mixed(lighting.name, tuple(faders), tuple(_handles(lighting, faders)))
+
+
+def _handles(lighting: Lighting, faders: list[Fader]) -> Iterator[Handle]:
+    layers = {x.name: x.layer for x in faders}
+    seen: Counter[str] = Counter()
+    for light in lighting.lights:
+        name = light.group or light.name
+        place = position_of(light)
+        if place is not None:
+            yield Handle(light.name, layers[name], seen[name], place)
+        seen[name] += 1
 
 
 def _layer_name(unit: str, lightings: tuple[Lighting, ...]) -> str:
     return next(t.layer for x in lightings for t in terms(x) if t.unit.digest == unit)
 
 
-class _OnSplats:
-    """Sets of unit lights on the splats: kept, or traced now."""
+class OnSplats:
+    """Sets of unit lights on the splats: kept, or traced now.
+
+    Args:
+        scene: of a job that :func:`check` lets through.
+        spp: samples a splat.
+        progress: hears what is traced; what it raises ends the tracing.
+    """
 
     def __init__(self, scene: Scene, spp: int, progress: Progress | None) -> None:
         self._scene, self._spp, self._progress = scene, spp, progress
         job = scene.job
         assert scene.proxy is not None and scene.splats is not None
-        self._tracer = splat_light.tracer_for(scene.proxy, job.render)
+        self.tracer = splat_light.tracer_for(scene.proxy, job.render)
         kept = scene.kept.array(scene.keys.splat_places)
         count = len(scene.splats)
         if kept is None or kept.shape != (2 * count + 1, 3):
             self._say("where splats lie", 0, 1)
             reference = scene.resolved(job.captured) if job.captured is not None else None
-            places = splat_light.places_of(scene.splats, scene.proxy, self._tracer, reference)
+            places = splat_light.places_of(scene.splats, scene.proxy, self.tracer, reference)
             kept = np.concatenate([places.points, places.normals, np.full((1, 3), places.near)])
             scene.kept.keep_array(scene.keys.splat_places, kept)
-        self._places = splat_light.Places(
+        self.places = splat_light.Places(
             np.asarray(kept[:count], np.float64), np.asarray(kept[count:-1], np.float64), float(kept[-1, 0])
         )
-        self.near = self._places.near
+        self.near = self.places.near
         self.albedo: F32 = np.ones((count, 3), np.float32)
 
+    def with_samples(self, spp: int) -> OnSplats:
+        """The same splats with other samples."""
+        out = copy(self)
+        out._spp = spp
+        return out
+
     def light(self, one: LightSet, what: str) -> F32:
-        """(units, N, 3) irradiance / pi; of GLOW one."""
+        """(units, N, 3) irradiance / pi; of GLOW one.
+
+        Args:
+            one: the set.
+            what: it is called.
+        """
         key = self._scene.keys.splat_light(one, self._spp)
         kept = self._scene.kept.array(key)
         layers = [EMISSION] if one.glow else [str(i) for i in range(len(one.units))]
-        count = len(self._places.points)
+        count = len(self.places.points)
         if kept is None or kept.shape != (len(layers) + 1, count, 3):
             kept = np.stack([*self._traced(one, layers, what), self._materials[0]])
             self._scene.kept.keep_array(key, kept)
         self.albedo = kept[-1]
         return kept[:-1]
 
+    def unit_light(self, unit: Unit) -> F32:
+        """(N, 3) irradiance / pi of one unit light, as it may be for a moment: it is not kept."""
+        return next(self._traced(LightSet((unit,)), ["0"], ""))
+
     def _traced(self, one: LightSet, layers: list[str], what: str) -> Iterator[F32]:
-        points, normals = self._places.points, self._places.normals
-        lighting, tracer = self._scene.lighting_of(one), self._tracer
+        points, normals = self.places.points, self.places.normals
+        lighting, tracer = self._scene.lighting_of(one), self.tracer
         say = partial(self._say, what)
         cache, spp = None, self._spp
         if self._reads_surface:
@@ -243,18 +297,18 @@ class _OnSplats:
     @cached_property
     def _materials(self) -> tuple[F32, F32]:
         """(N, 3) albedo; (N, 3) what the places send out themselves over it."""
-        points, normals = self._places.points, self._places.normals
-        albedo, _ = self._tracer.materials_at(points, normals)
-        return albedo, own_glow(self._tracer, points, normals)
+        points, normals = self.places.points, self.places.normals
+        albedo, _ = self.tracer.materials_at(points, normals)
+        return albedo, own_glow(self.tracer, points, normals)
 
     @cached_property
     def _cells(self) -> SurfaceCells:
-        return self._tracer.cells_at(self._places.points, self._places.normals)
+        return self.tracer.cells_at(self.places.points, self.places.normals)
 
     @property
     def _reads_surface(self) -> bool:
         """Whether indirect light is gathered on the surface first: where that is less work than paths from splats."""
-        paths = len(self._places.points) * self._spp
+        paths = len(self.places.points) * self._spp
         if self._scene.job.render.max_depth == 1 or paths <= FEWEST_PATHS:
             return False
         return paths > len(self._cells) * sum(rounds_of(self._spp))

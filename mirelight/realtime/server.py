@@ -10,8 +10,9 @@ import hmac
 import queue
 import re
 import secrets
+import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -38,6 +39,37 @@ _TYPES = {
 }
 _LENGTH = re.compile(r"[0-9]{1,12}")
 _SILENCE = 60.0  # seconds after which a connection that says nothing is closed
+_POLL = 0.02  # seconds between two looks whether the block has ended
+
+
+@contextmanager
+def answering(handler: Callable[..., BaseHTTPRequestHandler], port: int = 0) -> Iterator[str]:
+    """Serve on the loopback address until the block ends, a thread for each request.
+
+    Args:
+        handler: as `http.server` makes it, but for the argument `token`.
+        port: 0: a free one.
+
+    Yields:
+        The address, a token in it.
+
+    Raises:
+        InputError: the port is in use.
+    """
+    token = secrets.token_urlsafe(16)
+    try:
+        made = _Server(("127.0.0.1", port), partial(handler, token=token))
+    except OSError as error:
+        said = f"{port} cannot be used ({error.strerror or error})"
+        raise InputError("--port", said, "name another port, or none for a free one") from None
+    with made as server:
+        thread = threading.Thread(target=server.serve_forever, args=(_POLL,), daemon=True)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_address[1]}/{token}"
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 @contextmanager
@@ -53,44 +85,45 @@ def serve(folder: Path, pages: Mapping[str, bytes], limits: Mapping[str, int]) -
         The address, a token in it, and what was PUT.
     """
     inbox: Inbox = queue.Queue()
-    token = secrets.token_urlsafe(16)
-    handler = partial(_Handler, folder=folder.resolve(), pages=pages, limits=limits, inbox=inbox, token=token)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_address[1]}/{token}", inbox
-        finally:
-            server.shutdown()
-            thread.join()
+    handler = partial(_Captures, folder=folder.resolve(), pages=pages, limits=limits, inbox=inbox)
+    with answering(handler) as address:
+        yield address, inbox
 
 
-class _Handler(BaseHTTPRequestHandler):
-    """Answers GET with files and PUT with nothing."""
+class _Server(ThreadingHTTPServer):
+    """Quiet where a browser has gone before its answer."""
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Says what went wrong, unless the other side is no longer there."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Answers GET with files, for those who know the token and come by the right name.
+
+    Args:
+        folder: its files and those below are served.
+        pages: more files by name.
+        token: first part of every path.
+    """
 
     timeout = _SILENCE
 
-    def __init__(
-        self,
-        *args: Any,
-        folder: Path,
-        pages: Mapping[str, bytes],
-        limits: Mapping[str, int],
-        inbox: Inbox,
-        token: str,
-    ) -> None:
-        self._folder, self._pages, self._limits = folder, pages, limits
-        self._inbox, self._token = inbox, token
+    def __init__(self, *args: Any, folder: Path, pages: Mapping[str, bytes], token: str) -> None:
+        self._folder, self._pages, self._token = folder, pages, token
         super().__init__(*args)
 
     def do_GET(self) -> None:
         """A page or a file of the folder."""
-        name = self._name()
-        if name is None:
-            return
+        name = self.asked()
+        if name is not None:
+            self.give(name)
+
+    def give(self, name: str) -> None:
+        """Answer with a file."""
         if name in self._pages:
-            self._head(name, len(self._pages[name]))
-            self.wfile.write(self._pages[name])
+            self.answer(200, self._pages[name], name)
             return
         try:
             with open_binary(self._file(name)) as file:
@@ -102,36 +135,50 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
 
     def do_PUT(self) -> None:
-        """Takes ``captured/NAME``."""
-        name = (self._name() or "").removeprefix("captured/")
-        if not name:
+        """What may be sent."""
+        name = self.asked()
+        if name is None:
             return
-        length = self.headers.get("Content-Length", "")
-        if name not in self._limits:
-            self._refuse(404)
+        most, length = self.limit(name), self.headers.get("Content-Length", "")
+        if most is None:
+            self.refuse(404)
         elif not _LENGTH.fullmatch(length) or "Transfer-Encoding" in self.headers:
-            self._refuse(411 if not length else 400)
-        elif int(length) > self._limits[name]:
-            self._refuse(413)
+            self.refuse(411 if not length else 400)
+        elif int(length) > most:
+            self.refuse(413)
         else:
             body = self.rfile.read(int(length))
-            if len(body) < int(length):
-                self._refuse(400)
-                return
-            self._inbox.put((name, body))  # before the answer, or "done" could overtake a buffer
-            self.send_response(204)
+            if len(body) == int(length):
+                self.take(name, body)
+            else:
+                self.refuse(400)
+
+    def limit(self, name: str) -> int | None:
+        """The most bytes that are taken there; None: nothing is."""
+        return None
+
+    def take(self, name: str, body: bytes) -> None:
+        """What was sent; to be answered."""
+
+    def answer(self, code: int = 204, body: bytes = b"", name: str = "") -> None:
+        """What was asked for, its type by the name."""
+        if body or name:
+            self._head(name, len(body), code)
+            self.wfile.write(body)
+        else:
+            self.send_response(code)
             self.end_headers()
 
     def log_message(self, format: str, *args: Any) -> None:
         """Quiet: a missing file shows as the page's own error."""
 
-    def _name(self) -> str | None:
+    def asked(self) -> str | None:
         """What is asked for, below the token; None where the asker is refused, which it is told."""
         host = f"127.0.0.1:{self.connection.getsockname()[1]}"
         _, token, name = [*self.path.partition("?")[0].split("/", 2), "", ""][:3]
         own = self.headers.get("Host") == host and self.headers.get("Origin", f"http://{host}") == f"http://{host}"
         if not own or not hmac.compare_digest(token.encode(), self._token.encode()):
-            self._refuse(403)
+            self.refuse(403)
             return None
         return unquote(name)
 
@@ -147,13 +194,30 @@ class _Handler(BaseHTTPRequestHandler):
             raise InputError(path, "not a file of the folder")
         return path
 
-    def _head(self, name: str, length: int) -> None:
-        self.send_response(200)
+    def _head(self, name: str, length: int, code: int = 200) -> None:
+        self.send_response(code)
         self.send_header("Content-Type", _TYPES.get(PurePosixPath(name).suffix, "application/octet-stream"))
         self.send_header("Content-Length", str(length))
         self.end_headers()
 
-    def _refuse(self, code: int) -> None:
+    def refuse(self, code: int) -> None:
         """Answer, and read nothing more from this connection."""
         self.close_connection = True
         self.send_error(code)
+
+
+class _Captures(Handler):
+    """Takes ``captured/NAME`` by PUT."""
+
+    def __init__(self, *args: Any, limits: Mapping[str, int], inbox: Inbox, **named: Any) -> None:
+        self._limits, self._inbox = limits, inbox
+        super().__init__(*args, **named)
+
+    def limit(self, name: str) -> int | None:
+        """Of a buffer."""
+        return self._limits.get(name.removeprefix("captured/")) if name.startswith("captured/") else None
+
+    def take(self, name: str, body: bytes) -> None:
+        """Answers with nothing."""
+        self._inbox.put((name.removeprefix("captured/"), body))  # before the answer, or "done" could overtake a buffer
+        self.answer()

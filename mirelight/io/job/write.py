@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
@@ -63,6 +63,33 @@ def with_lighting(source: Source, job: Job, lighting: Lighting, path: Path, comm
     data = {key: value for key, value in data.items() if key != "mix"} | ({"mix": mix} if mix else {})
     moved = _moved(data, source.folder, path.absolute().parent)
     return "\n".join([*(f"# {' '.join(x.split())}" for x in comments), *_lines(moved), ""])
+
+
+def with_mix(
+    source: Source,
+    mix: Mapping[str, Any],
+    moved: Mapping[str, Mapping[str, Any]],
+    exposure: float,
+    path: Path,
+    comments: Sequence[str],
+) -> str:
+    """The text of the job with another `mix`, with lights moved, and with another exposure.
+
+    Args:
+        source: the job as it was read, overrides included.
+        mix: in place of the job's.
+        moved: by lighting the lights that are moved; others stay where the job has them.
+        exposure: of the display, in stops.
+        path, comments: as for :func:`with_lighting`.
+    """
+    places = dict(source.data.get("moved", {}))
+    for name, own in moved.items():
+        places[name] = {**places.get(name, {}), **own}
+    tables = {"mix": dict(mix), "moved": places, "display": {**source.data.get("display", {}), "exposure": exposure}}
+    data = {key: value for key, value in source.data.items() if key not in tables}
+    data |= {key: value for key, value in tables.items() if value}
+    moved_files = _moved(data, source.folder, path.absolute().parent)
+    return "\n".join([*(f"# {' '.join(x.split())}" for x in comments), *_lines(moved_files), ""])
 
 
 def _relit(table: dict[str, Any], lighting: Lighting) -> dict[str, Any]:

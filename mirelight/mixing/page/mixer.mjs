@@ -1,7 +1,9 @@
 // The page: controls that change the mix, and the view that shows it.
 import { blackBody, picker } from './colors.mjs';
 import { loadFiles } from './files.mjs';
-import { createMix, exported, sliderOf, weightOf, weights } from './panel.mjs';
+import { createHandles } from './handles.mjs';
+import { createMix, exported, move, sliderOf, weightOf, weights } from './panel.mjs';
+import { serve } from './served.mjs';
 
 const FADE = matchMedia('(prefers-reduced-motion: reduce)').matches ? 0 : 600;  // milliseconds
 const find = (id) => document.getElementById(id);
@@ -43,7 +45,15 @@ function fader(state, refresh) {
 function start(view, description) {
     let mix = createMix(description);
     let shown = { weights: weights(mix, description), share: description.blend };
-    let running = 0;
+    let running = 0, served = null;
+    const handles = createHandles(find('handles'), view, {
+        pick: (handle) => pick(handle.layer),
+        move: description.live && ((handle, position, ended) => {
+            move(mix, handle, position);
+            served.moved(handle, position);
+            if (!ended) pick(handle.layer);
+        })
+    });
 
     const paint = () => view.show(shown.weights, shown.share, mix.exposure);
     const aim = () => ({ weights: weights(mix, description), share: mix.captured ? 0 : description.blend });
@@ -64,10 +74,12 @@ function start(view, description) {
         requestAnimationFrame(step);
     };
 
+    const changed = () => served?.changed();
     const mark = () => {
         [...find('lightings').children].forEach((button, i) => button.setAttribute('aria-pressed', i === mix.chosen));
         find('captured').setAttribute('aria-pressed', mix.captured);
         find('exposure').value = mix.exposure;
+        changed();
         find('exposure').nextElementSibling.value = `${mix.exposure > 0 ? '+' : ''}${mix.exposure.toFixed(2)} EV`;
     };
     const rows = () => {
@@ -81,6 +93,17 @@ function start(view, description) {
         }));
         solos();
         find('faders').replaceChildren(...made.map(({ row }) => row));
+        handles.show(lighting.handles);
+        pick(null);
+    };
+    const pick = (layer) => {
+        const faders = mix.lightings[mix.chosen].faders;
+        handles.select(layer);
+        [...find('faders').children].forEach((row, i) => {
+            const picked = faders[i].layer === layer;
+            row.classList.toggle('picked', picked);
+            if (picked) row.scrollIntoView({ block: 'nearest' });
+        });
     };
     const choose = (index) => {
         if (index >= mix.lightings.length) return;
@@ -96,7 +119,14 @@ function start(view, description) {
     };
     const actions = {
         captured: () => { mix.captured = !mix.captured; mark(); fade(); },
-        reset: () => { mix = { ...createMix(description), chosen: mix.chosen }; rows(); mark(); fade(); },
+        reset: () => {
+            const before = mix.lightings.flatMap((lighting) => lighting.handles);
+            mix = { ...createMix(description), chosen: mix.chosen };
+            mix.lightings.flatMap((lighting) => lighting.handles).forEach((handle, i) => {
+                if (served && before[i].position !== handle.first) served.moved(handle, handle.first);
+            });
+            rows(); mark(); fade();
+        },
         export: () => {
             find('exported').querySelector('pre').textContent = exported(mix, description);
             find('exported').showModal();
@@ -130,21 +160,33 @@ function start(view, description) {
         make('a', { href: url, download: 'mix.toml' }).click();
         URL.revokeObjectURL(url);
     });
-    const keys = { c: 'captured', r: 'reset', e: 'export', h: 'fold' };
+    const keys = { c: 'captured', r: 'reset', e: 'export', h: 'fold', p: 'render' };
     addEventListener('keydown', (event) => {
         if (event.ctrlKey || event.metaKey || event.altKey || find('exported').open) return;
         if (event.target.matches?.('select, input[type=color]')) return;
         if (/^[1-9]$/.test(event.key)) choose(Number(event.key) - 1);
-        else if (keys[event.key.toLowerCase()]) actions[keys[event.key.toLowerCase()]]();
+        else actions[keys[event.key.toLowerCase()]]?.();
     });
+    if (description.live) {
+        served = serve(view, {
+            mix: () => mix, text: () => exported(mix, description), paint,
+            moved: (place, position) => { move(mix, place, position); handles.place(); }
+        });
+        Object.assign(actions, { render: served.render, save: served.save });
+        for (const id of ['render', 'save']) {
+            find(id).hidden = false;
+            find(id).addEventListener('click', actions[id]);
+        }
+    }
     rows();
     mark();
     find('panel').hidden = false;
     fit();
     addEventListener('resize', fit);
     view.go(description.cameras[0]);
+    view.watch(() => { handles.place(); served?.seen(); });
     paint();
-    return { mix: () => mix, choose, actions, jump };
+    return { mix: () => mix, choose, actions, jump, served };
 }
 
 export async function open() {

@@ -65,21 +65,23 @@ async function createApp(canvas) {
     return app;
 }
 
+// Gives what replaces a layer.
 function upload(app, component, resource, count, layers, layerCount) {
     const textures = Math.ceil(layerCount / 4);
     const names = Array.from({ length: textures }, (_, k) => `mix${k}`);
     resource.format.addExtraStreams(names.map((name) => ({ name, format: pc.PIXELFORMAT_RGBA32U })));
     resource.streams?.syncWithFormat?.(resource.format);
+    const put = (texels, c, packed, start) => { for (let i = 0; i < count; i++) texels[4 * i + c] = packed[start + i]; };
     names.forEach((name, k) => {
-        const texture = resource.getTexture(name);
-        const texels = new Uint32Array(4 * texture.width * texture.height);
-        for (let c = 0; c < 4 && 4 * k + c < layerCount; c++) {
-            const start = (4 * k + c) * count;
-            for (let i = 0; i < count; i++) texels[4 * i + c] = layers[start + i];
-        }
-        texture.lock().set(texels);
-        texture.unlock();
+        const texels = resource.getTexture(name).lock();
+        for (let c = 0; c < 4 && 4 * k + c < layerCount; c++) put(texels, c, layers, (4 * k + c) * count);
+        resource.getTexture(name).unlock();
     });
+    return (layer, packed) => {
+        const texture = resource.getTexture(names[layer >> 2]);
+        put(texture.lock(), layer & 3, packed, 0);
+        texture.unlock();
+    };
 }
 
 export async function createView(canvas, description, layers) {
@@ -102,7 +104,7 @@ export async function createView(canvas, description, layers) {
     const count = description.layers.length;
     const entity = new pc.Entity('splats');
     entity.addComponent('gsplat', { asset, unified: true });
-    upload(app, entity.gsplat, asset.resource, description.count, layers, count);
+    const replaced = upload(app, entity.gsplat, asset.resource, description.count, layers, count);
     entity.gsplat.setWorkBufferModifier({ glsl: modifier(count, description.space) });
     app.root.addChild(entity);
 
@@ -114,8 +116,37 @@ export async function createView(canvas, description, layers) {
         camera.camera.fov = 2 * Math.atan(Math.tan(bookmark.fov * Math.PI / 360) * narrower) * 180 / Math.PI;
     };
 
+    const column = (k) => Array.from(camera.getWorldTransform().data.slice(4 * k, 4 * k + 3));
+    const eye = () => ({
+        position: column(3), right: column(0), up: column(1), forward: column(2).map((x) => -x),
+        world: [0, 1, 0], fov: camera.camera.fov * Math.PI / 180, width, height, near: camera.camera.nearClip
+    });
+
     return {
-        app, camera,
+        app, camera, eye,
+        // packed: Uint32Array of RGB9E5 over scale, one of each splat; seen from the next `show` on
+        replace(layer, packed, scale) {
+            replaced(layer, packed);
+            description.layers[layer].scale = scale;
+        },
+        // [x, y] in pixels of the canvas; null: not in the picture
+        project(point) {
+            const { position, right, up, forward, fov, near } = eye();
+            const d = point.map((x, k) => x - position[k]);
+            const [x, y, z] = [right, up, forward].map((axis) => d[0] * axis[0] + d[1] * axis[1] + d[2] * axis[2]);
+            const size = height / (2 * Math.tan(fov / 2) * z);
+            const at = [width / 2 + x * size, height / 2 - y * size];
+            return z > near && at[0] >= 0 && at[0] <= width && at[1] >= 0 && at[1] <= height ? at : null;
+        },
+        get size() { return [width, height]; },
+        // calls when the camera or the picture's size has changed
+        watch(seen) {
+            let before = '';
+            app.on('frameend', () => {
+                const now = [...camera.getWorldTransform().data, camera.camera.fov, width, height].join();
+                if (now !== before) { before = now; seen(); }
+            });
+        },
         // weights: an array of [r, g, b] for each layer; share: 0 as captured, 1 the mix; exposure in stops
         show(weights, share, exposure) {
             const values = new Float32Array(3 * count);

@@ -1,6 +1,6 @@
 """Relit splats: new light written into the splats' own colours, for any viewer.
 
-Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy (`mirelight.mixing.layers`,
+Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy (`mirelight.splat_light`,
 the same light as the mixer's). Splats are blended in display space, so a surface whose splats share a factor keeps its
 look up to the curvature of enc(f dec(c)) over the colours that meet in a pixel. What a colour does with the view
 (SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
@@ -13,18 +13,19 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight import colour
-from mirelight.mixing import layers
-from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
+from mirelight.errors import InputError
+from mirelight.model import F32, F64, Job, Lighting, RelightSettings, SplatCloud, rules_of
 from mirelight.relighting import gloss_of
 from mirelight.scene import Scene
 from mirelight.sh import C0
+from mirelight.splat_light import Progress, SplatLight
 
 _PLAIN = RelightSettings()
 _STEP = 1e-3  # of display values, for the slope
 _NO_FACTOR = 1e-6  # below, there is nothing to see
 
 
-def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: layers.Progress | None = None) -> F32:
+def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: Progress | None = None) -> F32:
     """(N, 3) what the linear colours of the scene's splats are multiplied by under one of the job's lightings.
 
     Args:
@@ -38,10 +39,23 @@ def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: layers.Prog
         RenderError: no splat lies on the proxy.
         BackendError: the variant cannot be used on this machine.
     """
-    layers.check(scene.job)
-    made = layers.make(scene, spp=spp, lightings=(lighting,), progress=progress)
-    blend = scene.job.relight.blend
-    return np.asarray(1 - blend + blend * made.factor(made.weights(0)), np.float32)
+    check(scene.job)
+    blend = np.float32(scene.job.relight_of(lighting).blend)
+    return np.asarray(1 - blend + blend * SplatLight(scene, spp, progress).factor(lighting), np.float32)
+
+
+def check(job: Job) -> None:
+    """Raises InputError, in one line, where a job has nothing to bake."""
+    if job.splats is None:
+        raise InputError(job.source, "no splats", "name a capture to write relit", field="splats")
+    if job.proxy is None:
+        found = "no proxy mesh for light to fall on"
+        raise InputError(job.source, found, 'add the line proxy = "splats"', field="proxy")
+    if not job.lightings:
+        raise InputError(job.source, "no light", "a bake needs lights", field="lights")
+    if not rules_of(job.render.profile).path_traced:
+        found = "the profile playcanvas, whose light is not traced"
+        raise InputError(job.source, found, "use profile physical", field="profile")
 
 
 def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) -> SplatCloud:

@@ -24,7 +24,7 @@ from mirelight.model import (
 )
 from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of
-from mirelight.units import GLOW, LightSet, LightSets, Mixture, Rules, terms
+from mirelight.units import ALIKE, GLOW, LightSet, LightSets, Mixture, Rules, terms
 
 FILE_SUFFIXES = (".exr", ".png")
 
@@ -81,6 +81,13 @@ class Keys:
         assert job.splats is not None
         parts = job.splats.digest, self.proxy, job.captured and _light(job.captured), job.render.seed
         return digest("places", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm", "scipy"))
+
+    @cached_property
+    def splat_sets(self) -> LightSets:
+        """The sets of unit lights whose light on splats makes the job's lightings, then the captured one."""
+        job = self.job
+        captured = (job.captured,) if job.captured is not None and compares(job) else ()
+        return LightSets((*job.lightings, *captured), ALIKE)
 
     def splat_light(self, light_set: LightSet, spp: int) -> str:
         """The light of a set on each splat."""
@@ -180,7 +187,18 @@ class Keys:
             if seen not in self._old:
                 self._old[seen] = [*self._lit(job.captured, seen), self.captured_level]
             parts += self._old[seen]
+        if job.splats is not None and relighting.per_splat(job.relight_of(lighting)):
+            parts += self._on_splats(lighting)
         return _joined("frame", *parts)
+
+    def _on_splats(self, lighting: Lighting) -> Iterator[str]:
+        """What a frame reads of the light on splats."""
+        captured = self.job.captured if compares_in(self.job, lighting) else None
+        for one in (lighting, captured):
+            if one is not None:
+                mixture = self.splat_sets.mixture(one)
+                yield from (self.splat_light(s, self.job.render.spp) for s in mixture.sets)
+                yield mixture.digest
 
     def _lit(self, lighting: Lighting, seen: str) -> Iterable[str]:
         """`seen`: the view of the lighting's camera."""

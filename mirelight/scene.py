@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mirelight import advice, backend, extras, keys
+from mirelight import advice, backend, extras, keys, relighting
 from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
@@ -25,10 +25,12 @@ from mirelight.model import (
     Lighting,
     Matte,
     ProxyMesh,
+    RelightSettings,
     SplatCloud,
     SurfaceCache,
 )
 from mirelight.model.profiles import COMPARING
+from mirelight.splat_light import SplatLight
 from mirelight.surface_light import SurfaceLight
 from mirelight.units import LightSet, Mixture
 from mirelight.view_light import ViewLight
@@ -69,6 +71,14 @@ def check(job: Job) -> None:
         extras.require("denoise")
     if job.splats is None and (job.proxy is None or not job.lightings):
         raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
+    kept_apart = job.output.store == "layers" or job.dataset.layouts
+    if kept_apart and job.splats is not None and any(relighting.per_splat(x) for x in _relights(job)):
+        raise InputError(
+            job.source,
+            "splats that are relit one by one, and frames that are mixed from the layers of pixels",
+            'set per to "pixel", or leave dataset.layouts and output.store = "layers" out',
+            field="relight.per",
+        )
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
     if job.lightings and job.splats is not None and keys.compares(job) and job.captured is None:
@@ -82,8 +92,12 @@ def check(job: Job) -> None:
 
 def _comparing(job: Job) -> str:
     """The first mode that compares with the captured light."""
-    modes = [job.relight_of(x).mode for x in (None, *job.lightings)]
-    return next(x for x in modes if x in COMPARING)
+    return next(x.mode for x in _relights(job) if x.mode in COMPARING)
+
+
+def _relights(job: Job) -> list[RelightSettings]:
+    """How any of the job's lightings meets the splats."""
+    return [job.relight_of(x) for x in (None, *job.lightings)]
 
 
 def _digest(part: Deferred[Any] | None) -> str:
@@ -265,6 +279,18 @@ class Scene:
         if not keys.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
             return None
         return SurfaceLight(self, self.tracer, self._tell)
+
+    @cached_property
+    def splat_light(self) -> SplatLight:
+        """Light on the splats, for all of the job's cameras."""
+        said: set[str] = set()
+
+        def say(what: str, done: int, total: int) -> None:
+            if what not in said:
+                said.add(what)
+                self._tell(f"light on {len(self.splats or ()):,} splats: {what}; it is kept for the next time")
+
+        return SplatLight(self, self.job.render.spp, say)
 
     @cached_property
     def compositor(self) -> Compositor:

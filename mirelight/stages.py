@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from mirelight import keys, provenance, relighting
-from mirelight.model import Camera, Frame, Lighting, LightingBuffer, SplatLayer
+from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, RelightSettings, SplatLayer
 from mirelight.scene import Scene
 from mirelight.view_light import Progress, ViewStopped
 
@@ -29,6 +29,7 @@ class Lit:
     lighting: Lighting
     new: LightingBuffer
     captured: LightingBuffer | None = None
+    factor: F32 | None = None  # (N, 3) of each splat, linear, where splats are relit one by one
 
     def __repr__(self) -> str:
         return f"Lit({self.camera.name} under {self.lighting.name}: {self.new!r})"
@@ -87,9 +88,13 @@ def light(
     view = scene.view_light(seen)
     view.expect([lighting] if compared is None else [compared, lighting], progress)
     captured: LightingBuffer | None = None
+    try:
+        factor = _factor(scene, lighting)
+    except KeyboardInterrupt:
+        raise Stopped(None) from None
 
     def lit(buffer: LightingBuffer) -> Lit:
-        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured)
+        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured, factor=factor)
 
     def offer(so_far: Callable[[], LightingBuffer]) -> None:
         assert look is not None
@@ -101,6 +106,14 @@ def light(
     except ViewStopped:
         so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None
         raise Stopped(None if so_far is None else lit(so_far)) from None
+
+
+def _factor(scene: Scene, lighting: Lighting) -> F32 | None:
+    """What each splat is multiplied by; None where pixels are."""
+    job = scene.job
+    if job.splats is None or not relighting.per_splat(job.relight_of(lighting)):
+        return None
+    return scene.splat_light.factor(lighting)
 
 
 def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progress: Progress | None = None) -> None:
@@ -148,17 +161,31 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     key = "" if unfinished else scene.keys.frame(camera, lit.lighting if lit else None)
     settings = job.relight_of(lit.lighting if lit else None)
     made_by = provenance.of_frame(replace(job, relight=settings), lit.lighting.name if lit else "", key)
-    made = relighting.apply(
-        splats,
-        lit.new if lit else None,
-        settings,
-        captured=lit.captured if lit else None,
-        captured_level=scene.captured_level if lit and lit.captured else None,
-        made_by=replace(made_by, partial=unfinished),
-        noise=keys.wants_noise(job),
-    )
+    made_by = replace(made_by, partial=unfinished)
+    if splats is not None and lit is not None and lit.factor is not None:
+        made = relighting.frame_of_splats(splats, _blended(scene, splats, lit.factor, settings), lit.new, made_by)
+    else:
+        made = relighting.apply(
+            splats,
+            lit.new if lit else None,
+            settings,
+            captured=lit.captured if lit else None,
+            captured_level=scene.captured_level if lit and lit.captured else None,
+            made_by=made_by,
+            noise=keys.wants_noise(job),
+        )
     mattes = scene.mattes(camera)
     return replace(made, mattes=mattes) if mattes else made
+
+
+def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSettings) -> F32:
+    """(H, W, 3) the composite of relit splats."""
+    if settings.blend == 0:
+        return splats.color
+    compositor, camera = scene.compositor, splats.camera
+    colors = compositor.colors(camera)
+    new = relighting.relit_colors(splats, colors, compositor.plain_colors, factor, settings)
+    return compositor.composite_with(camera, new, depth=False)[1]
 
 
 def frame(scene: Scene, camera: Camera, lighting: Lighting | None) -> Frame:

@@ -130,6 +130,9 @@ class Rules:
     suns_apart: bool  # sun visibility is wanted: it is the mean over suns by strength, so each needs a set of its own
 
 
+ALIKE = Rules(linear=True, most_lights=1 << 30, most_layers=1 << 30, suns_apart=False)  # on splats, any number
+
+
 class LightSets:
     """The sets of a job, found once from its lightings in their order."""
 

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source
     from mirelight.model import Job, SplatCloud
 
-_SUFFIXES = (".compressed.ply", ".ply", ".spz", ".splat")
+_SUFFIXES = (".compressed.ply", ".ply", ".sog", ".spz", ".splat", ".glb")
+_WORLD = ".glb"  # has a world of its own, which is the job's
 
 
 def add_bake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -63,7 +64,7 @@ def run_bake(args: argparse.Namespace) -> int:
             report(what, done / max(total, 1))
 
         factor = baking.factors(prepare(work), lighting, spp=args.spp, progress=hear)
-        baked = baking.relit(_as_named(source, table, work), factor, work.relight_of(lighting))
+        baked = baking.relit(_as_named(source, table, work, out), factor, work.relight_of(lighting))
         comments = (f"relit by mirelight {__version__}: {work.source.name}, lighting {lighting.name}, {args.spp} spp",)
         splats.write(baked, out, comments=comments)
     if not args.quiet:
@@ -73,12 +74,13 @@ def run_bake(args: argparse.Namespace) -> int:
     return 0
 
 
-def _as_named(source: Source, table: JobTable, work: Job) -> SplatCloud:
-    """The splats in their file's own axes, as the capture's viewer had them; of several files, in world space."""
+def _as_named(source: Source, table: JobTable, work: Job, out: Path) -> SplatCloud:
+    """The splats in their file's own axes, as the capture's viewer had them; of several files and as glTF, in world
+    space."""
     from mirelight.io import splats
 
     assert work.splats is not None
     tables = table.splats or []
-    if len(tables) == 1:
+    if len(tables) == 1 and out.suffix.lower() != _WORLD:
         return splats.read(source.folder / tables[0].path, lod=tables[0].lod)
     return work.splats.value

@@ -82,8 +82,7 @@ class Compositor:
             BackendError: a `drawing` is asked for and only the NumPy reference can run.
         """
         if diffuse:
-            plain = np.clip(0.5 + C0 * self.splats.sh[:, 0], 0, MOST_COLOR).astype(np.float32)
-            layer, values = self.composite_with(camera, plain, depth=depth)
+            layer, values = self.composite_with(camera, self.plain_colors, depth=depth)
             return replace(layer, diffuse=values)
         if self._device is None:
             if drawing is not None:
@@ -118,6 +117,11 @@ class Compositor:
         ]
         images = [values_of(frame, camera) for frame in frames]
         return layer_of(frames[0], camera, self.settings), np.concatenate(images, axis=2)
+
+    @property
+    def plain_colors(self) -> F32:
+        """(N, 3) the splats' colours averaged over directions, as the profile physical blends them."""
+        return np.asarray(np.clip(0.5 + C0 * self.splats.sh[:, 0], 0, MOST_COLOR), np.float32)
 
     def colors(self, camera: Camera) -> F32:
         """(N, 3) the splats' colours as they are blended for that camera (SH evaluated, tone curve applied)."""

@@ -95,6 +95,10 @@ class DataSet:
         self._index: Index = indexing.read(self.folder)
         if self._index.denoised:
             raise InputError(self.folder, "frames that are denoised after mixing", "render with render.denoise = false")
+        ways = [self._index.relight, *(x.relight for x in self._index.lightings if x.relight is not None)]
+        if any(relighting.per_splat(x) for x in ways):
+            found = "frames whose splats are relit one by one"
+            raise InputError(self.folder, found, 'render with relight.per = "pixel"')
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)
         there = self._kept.there()

@@ -18,11 +18,11 @@ from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import ply
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import Mixed, MixLayers, check, make
-from mirelight.mixing.layers import Progress as Progress
 from mirelight.model import F64, Camera, Job, SplatCloud
 from mirelight.realtime import engine
 from mirelight.relighting.modes import mode_of
 from mirelight.scene import Scene
+from mirelight.splat_light import Progress
 
 _MODULES = ("mixer", "view", "panel", "files", "colors", "handles", "live", "served")
 PAGE = ("index.html", "style.css", *(f"{name}.mjs" for name in _MODULES))

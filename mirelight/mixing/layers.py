@@ -9,32 +9,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 
 import numpy as np
 
-from mirelight import colour, keys, relighting
+from mirelight import keys, relighting
 from mirelight.errors import InputError
-from mirelight.lighting import splat_light
-from mirelight.lighting.fill import rounds_of
 from mirelight.lighting.layers import MAX_LAYERS
-from mirelight.lighting.points import own_glow
-from mirelight.model import F32, F64, Job, Lighting, SplatCloud, SurfaceCells, rules_of
+from mirelight.model import F32, F64, Job, Lighting, rules_of
 from mirelight.model.lights import position_of
 from mirelight.scene import Scene
-from mirelight.sh import C0
-from mirelight.units import GLOW, LightSet, LightSets, Rules, Unit, terms
+from mirelight.splat_light import EMISSION, Progress, SplatLight
+from mirelight.units import ALIKE, GLOW, LightSets, Unit, terms
 
-BASE, EMISSION = "base", "emission"
+BASE = "base"
 MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them up to seven textures of the splats
-FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
-READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
-_MANY = 1 << 30
 _UNLIMITED = 1e30
-
-Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +131,6 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
             f"give lights a group, or choose lightings: the page holds {MOST_LAYERS}",
             field="lights",
         )
-    rules = Rules(linear=True, most_lights=_MANY, most_layers=_MANY, suns_apart=False)
     captured = (job.captured,) if compares and job.captured is not None else ()
     if captured and len(list(terms(captured[0]))) > MAX_LAYERS:
         raise InputError(
@@ -150,8 +139,8 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
             "give them a group",
             field="captured",
         )
-    sets = LightSets((*plain, *captured), rules)
-    splats = OnSplats(scene, spp, progress)
+    sets = LightSets((*plain, *captured), ALIKE)
+    splats = SplatLight(scene, spp, progress)
     values = np.zeros((len(names) + len(extra), len(scene.splats), 3), np.float32)
     old = np.zeros((len(scene.splats), 3), np.float64)
     every = {s.digest: s for x in (*plain, *captured) for s in sets.mixture(x).sets}
@@ -168,7 +157,7 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         values[len(names)] = glow
         old += glow
     factor = relighting.splat_relighter(
-        captured_color(scene.splats),
+        relighting.captured_color(scene.splats),
         splats.albedo,
         replace(job.relight, max_ratio=_UNLIMITED),
         captured=old.astype(np.float32) if compares else None,
@@ -195,11 +184,6 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     )
 
 
-def captured_color(splats: SplatCloud) -> F32:
-    """(N, 3) the splats' colours averaged over directions, linear."""
-    return np.asarray(colour.srgb_decode(np.maximum(0.5 + C0 * splats.sh[:, 0], 0)), np.float32)
-
-
 def _mixed(lighting: Lighting, index: dict[str, int]) -> Mixed:
     factors = lighting.factors()
     one = np.ones(3)
@@ -223,96 +207,3 @@ def _handles(lighting: Lighting, faders: list[Fader]) -> Iterator[Handle]:
 
 def _layer_name(unit: str, lightings: tuple[Lighting, ...]) -> str:
     return next(t.layer for x in lightings for t in terms(x) if t.unit.digest == unit)
-
-
-class OnSplats:
-    """Sets of unit lights on the splats: kept, or traced now.
-
-    Args:
-        scene: of a job that :func:`check` lets through.
-        spp: samples a splat.
-        progress: hears what is traced; what it raises ends the tracing.
-    """
-
-    def __init__(self, scene: Scene, spp: int, progress: Progress | None) -> None:
-        self._scene, self._spp, self._progress = scene, spp, progress
-        job = scene.job
-        assert scene.proxy is not None and scene.splats is not None
-        self.tracer = splat_light.tracer_for(scene.proxy, job.render)
-        kept = scene.kept.array(scene.keys.splat_places)
-        count = len(scene.splats)
-        if kept is None or kept.shape != (2 * count + 1, 3):
-            self._say("where splats lie", 0, 1)
-            reference = scene.resolved(job.captured) if job.captured is not None else None
-            places = splat_light.places_of(scene.splats, scene.proxy, self.tracer, reference)
-            kept = np.concatenate([places.points, places.normals, np.full((1, 3), places.near)])
-            scene.kept.keep_array(scene.keys.splat_places, kept)
-        self.places = splat_light.Places(
-            np.asarray(kept[:count], np.float64), np.asarray(kept[count:-1], np.float64), float(kept[-1, 0])
-        )
-        self.near = self.places.near
-        self.albedo: F32 = np.ones((count, 3), np.float32)
-
-    def with_samples(self, spp: int) -> OnSplats:
-        """The same splats with other samples."""
-        out = copy(self)
-        out._spp = spp
-        return out
-
-    def light(self, one: LightSet, what: str) -> F32:
-        """(units, N, 3) irradiance / pi; of GLOW one.
-
-        Args:
-            one: the set.
-            what: it is called.
-        """
-        key = self._scene.keys.splat_light(one, self._spp)
-        kept = self._scene.kept.array(key)
-        layers = [EMISSION] if one.glow else [str(i) for i in range(len(one.units))]
-        count = len(self.places.points)
-        if kept is None or kept.shape != (len(layers) + 1, count, 3):
-            kept = np.stack([*self._traced(one, layers, what), self._materials[0]])
-            self._scene.kept.keep_array(key, kept)
-        self.albedo = kept[-1]
-        return kept[:-1]
-
-    def unit_light(self, unit: Unit) -> F32:
-        """(N, 3) irradiance / pi of one unit light, as it may be for a moment: it is not kept."""
-        return next(self._traced(LightSet((unit,)), ["0"], ""))
-
-    def _traced(self, one: LightSet, layers: list[str], what: str) -> Iterator[F32]:
-        points, normals = self.places.points, self.places.normals
-        lighting, tracer = self._scene.lighting_of(one), self.tracer
-        say = partial(self._say, what)
-        cache, spp = None, self._spp
-        if self._reads_surface:
-            cache = tracer.fill(self._cells, lighting, samples=spp, emission=one.glow, progress=say)
-            spp = max(spp // READS, 1)
-        made = tracer.point_layers(lighting, points, normals, spp, emission=one.glow, cache=cache, progress=say)
-        for name in layers:
-            k = made.names.index(name)
-            light = (made.direct[k] + made.indirect[k]) * np.float32(1 / np.pi)
-            yield light + self._materials[1] if one.glow else light
-
-    @cached_property
-    def _materials(self) -> tuple[F32, F32]:
-        """(N, 3) albedo; (N, 3) what the places send out themselves over it."""
-        points, normals = self.places.points, self.places.normals
-        albedo, _ = self.tracer.materials_at(points, normals)
-        return albedo, own_glow(self.tracer, points, normals)
-
-    @cached_property
-    def _cells(self) -> SurfaceCells:
-        return self.tracer.cells_at(self.places.points, self.places.normals)
-
-    @property
-    def _reads_surface(self) -> bool:
-        """Whether indirect light is gathered on the surface first: where that is less work than paths from splats."""
-        paths = len(self.places.points) * self._spp
-        if self._scene.job.render.max_depth == 1 or paths <= FEWEST_PATHS:
-            return False
-        return paths > len(self._cells) * sum(rounds_of(self._spp))
-
-    def _say(self, what: str, done: int, total: int) -> None:
-        if self._progress is not None:
-            self._progress(what, done, total)

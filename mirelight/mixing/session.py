@@ -17,11 +17,12 @@ import numpy as np
 from mirelight.errors import MirelightError
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.first_light import SAMPLES, FirstLight
-from mirelight.mixing.layers import MixLayers, OnSplats
+from mirelight.mixing.layers import MixLayers
 from mirelight.mixing.stills import Still, Stills, View
 from mirelight.model import F64, Job
 from mirelight.model.lights import moved_to
 from mirelight.scene import Scene
+from mirelight.splat_light import SplatLight
 from mirelight.units import LightSet, Unit
 
 STAGES = (SAMPLES, 64, 256)  # samples a splat, one after another
@@ -78,9 +79,9 @@ class Session:
         self._working: tuple[float, int, int | None] = (np.inf, 0, None)  # urgency, number of the request, layer
         self._numbers: dict[int, int] = {}  # layer -> number of its newest request
         self._tracing, self._done, self._trouble = "", 0.0, ""
-        self._splats = OnSplats(scene, stages[0], self._heard)
+        self._splats = SplatLight(scene, stages[0], self._heard)
         self._first = FirstLight(self._splats.tracer, self._splats.places)
-        self._finer: dict[int, OnSplats] = {}
+        self._finer: dict[int, SplatLight] = {}
         self._stills: Stills | None = None
 
     # --- asked by any thread ---

@@ -11,7 +11,7 @@ from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
-from mirelight.model.profiles import Gloss, Profile, RelightMode, Space, rules_of
+from mirelight.model.profiles import Gloss, Per, Profile, RelightMode, Space, rules_of
 from mirelight.model.scene import ProxyMesh, SplatCloud, SplatFile
 
 Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
@@ -83,6 +83,7 @@ class RelightSettings:
     texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 1]
     delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
     max_ratio: float = 16.0  # ratio: upper clamp
+    per: Per = "pixel"  # light is found for each pixel of a view, or for each splat, wherever it is seen from
     sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)
 
 

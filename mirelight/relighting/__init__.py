@@ -8,10 +8,11 @@ docs/relighting.md.
 
 from __future__ import annotations
 
-from mirelight.relighting.frame import apply, lighting_camera, relighter, splat_relighter, unlit_rgba
+from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.mode import Lit, Mode, Task
-from mirelight.relighting.modes import MODES, gloss_of, mode_of, reads
+from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads
 from mirelight.relighting.resample import upsample
+from mirelight.relighting.splats import captured_color, frame_of_splats, relit_colors, splat_relighter
 
 __all__ = [
     "MODES",
@@ -19,11 +20,15 @@ __all__ = [
     "Mode",
     "Task",
     "apply",
+    "captured_color",
+    "frame_of_splats",
     "gloss_of",
     "lighting_camera",
     "mode_of",
+    "per_splat",
     "reads",
     "relighter",
+    "relit_colors",
     "splat_relighter",
     "unlit_rgba",
     "upsample",

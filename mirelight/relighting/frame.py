@@ -72,7 +72,7 @@ def apply(
                 captured_level=captured_level,
                 settings=settings,
             )
-            return _blended(mode.factor(task), settings.blend)
+            return blended(mode.factor(task), settings.blend)
 
         if settings.blend > 0:
             factor = factor_of(Lit.of(lighting), None if old is None else Lit.of(old))
@@ -118,44 +118,7 @@ def relighter(
         return lambda beauty: unlit
     task = Task(size=size, unlit=unlit, new=surface, captured=old, captured_level=captured_level, settings=settings)
     factor = mode.prepared(task)
-    return lambda beauty: _multiplied(composite, unlit, _blended(factor(beauty), settings.blend), settings)
-
-
-def splat_relighter(
-    color: F32,
-    albedo: F32,
-    settings: RelightSettings,
-    *,
-    captured: F32 | None = None,
-    captured_level: float | None = None,
-) -> Callable[[F32], F32]:
-    """The same for splats instead of pixels, each lit at its own place on the proxy: a function from light (N, 3),
-    irradiance / pi, to what the splats' linear colours are multiplied by (N, 3), at full strength.
-
-    Args:
-        color: (N, 3) of the splats, linear, as captured.
-        albedo: (N, 3) of the proxy at their places.
-        settings: mode and the modes' own numbers.
-        captured: (N, 3) the light that they were captured under, irradiance / pi, for modes that need it.
-        captured_level: as for :func:`apply`; None: the mean over the splats.
-    """
-    mode, count = mode_of(settings), len(color)
-    whole = np.ones((count, 1), np.float32)
-    # the mode divides by the proxy's albedo, or means the lit proxy's own colour
-    own = np.ones((count, 1, 3), np.float32) if mode.uses_proxy_colours else albedo[:, None].astype(np.float32)
-    unlit = np.concatenate([color[:, None].astype(np.float32), whole[..., None]], axis=-1)
-    old = None if captured is None else Lit(beauty=captured[:, None].astype(np.float32), coverage=whole, albedo=own)
-    factor = mode.prepared(
-        Task(
-            size=(count, 1),
-            unlit=unlit,
-            new=Lit(beauty=np.zeros_like(own), coverage=whole, albedo=own),
-            captured=old if mode.needs_captured else None,
-            captured_level=captured_level,
-            settings=settings,
-        )
-    )
-    return lambda light: factor(np.asarray(light[:, None] * own, np.float32))[:, 0]
+    return lambda beauty: _multiplied(composite, unlit, blended(factor(beauty), settings.blend), settings)
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:
@@ -169,7 +132,7 @@ def unlit_rgba(splats: SplatLayer) -> F32:
     if splats.linear:
         out[..., :3] = splats.color
     else:
-        _decode_premultiplied(splats.color, splats, out)
+        decode_premultiplied(splats.color, splats, out)
     return out
 
 
@@ -183,7 +146,7 @@ def lighting_camera(camera: Camera, settings: RelightSettings) -> Camera:
     return camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
 
 
-def _blended(factor: F32, blend: float) -> F32:
+def blended(factor: F32, blend: float) -> F32:
     """mix(1, factor, blend)."""
     if blend == 1:
         return factor
@@ -202,7 +165,7 @@ def _multiplied(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSe
     out = np.empty_like(unlit)
     out[..., 3] = unlit[..., 3]
     if space_of(splats, settings) == "display":
-        _decode_premultiplied(splats.color * factor, splats, out)
+        decode_premultiplied(splats.color * factor, splats, out)
     else:
         multiply(unlit[..., :3], factor, out)
     return out
@@ -221,19 +184,19 @@ def _split(splats: SplatLayer, unlit: F32, factor: F32, least: np.float32 | None
     out[..., 3] = unlit[..., 3]
     if space_of(splats, settings) == "display":
         color = splats.color * of_gloss + splats.diffuse * (factor - of_gloss)
-        _decode_premultiplied(np.maximum(color, np.float32(0)), splats, out)
+        decode_premultiplied(np.maximum(color, np.float32(0)), splats, out)
         return out
     if splats.linear:
         out[..., :3] = splats.diffuse
     else:
-        _decode_premultiplied(splats.diffuse, splats, out)
+        decode_premultiplied(splats.diffuse, splats, out)
     out[..., :3] *= factor - of_gloss
     out[..., :3] += unlit[..., :3] * of_gloss
     np.maximum(out[..., :3], np.float32(0), out=out[..., :3])
     return out
 
 
-def _decode_premultiplied(color: F32, splats: SplatLayer, out: F32) -> None:
+def decode_premultiplied(color: F32, splats: SplatLayer, out: F32) -> None:
     """Decoded colour (H, W, 3), premultiplied like the given one, into `out` (H, W, 4), which holds the alpha."""
     alpha = out[..., 3]
     decoded = colour.decode(colour.straight(color, alpha), splats.profile)

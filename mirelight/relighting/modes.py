@@ -27,8 +27,14 @@ def reads(settings: RelightSettings) -> frozenset[str]:
     """
     mode = mode_of(settings)
     own = mode.reads | ({"space"} if mode.space is None and not rules_of(settings.profile).blending_space else set())
+    own |= {"per"} if rules_of(settings.profile).path_traced else set()
     own |= {"sh"} if rules_of(settings.profile).splits_colour else set()
     return frozenset(own | {"mode", "profile", "blend"})
+
+
+def per_splat(settings: RelightSettings) -> bool:
+    """Whether splats are relit one by one, and not the pixels that they make."""
+    return settings.per == "splat" and rules_of(settings.profile).path_traced
 
 
 def gloss_of(settings: RelightSettings) -> Gloss:

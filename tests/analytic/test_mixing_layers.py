@@ -11,7 +11,6 @@ import pytest
 from mirelight.errors import InputError
 from mirelight.lighting import Tracer, splat_light
 from mirelight.lighting.points import shown
-from mirelight.mixing import layers as module
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import MixLayers, check, make
 from mirelight.model import (
@@ -30,6 +29,7 @@ from mirelight.model import (
     SurfaceCells,
 )
 from mirelight.scene import prepare
+from mirelight.splat_light import SplatLight
 
 from .test_surface_cache import stage
 
@@ -211,8 +211,7 @@ def test_layers_read_from_the_surface_are_the_traced_ones(monkeypatch: pytest.Mo
     monkeypatch.setattr(Tracer, "fill", counted)
     traced = make(prepare(job), spp=128, lightings=job.lightings)
     assert not fills
-    monkeypatch.setattr(module, "FEWEST_PATHS", 0)
-    monkeypatch.setattr(module, "rounds_of", lambda samples: [0])
+    monkeypatch.setattr(SplatLight, "_reads_surface", True)
     read = make(prepare(job), spp=128, lightings=job.lightings)
     assert fills == [128, 128] and read.names == traced.names == ("lamp", "sun", "environment", "emission")
     for one, other in zip(read.values, traced.values, strict=True):

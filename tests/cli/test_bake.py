@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from mirelight import baking, colour, prepare, stages
+from mirelight.cli import main
 from mirelight.compositor import Compositor
-from mirelight.io import job, splats
+from mirelight.errors import InputError
+from mirelight.io import image, job, splats
+from mirelight.lighting import Tracer
 from mirelight.model import RelightSettings, SplatCloud
 from mirelight.model.profiles import Gloss
 from mirelight.relighting.frame import unlit_rgba
 from mirelight.sh import C0
-
-from .conftest import Run
 
 FLOOR = """\
 splats = "floor.ply"
@@ -110,24 +113,90 @@ def test_baked_splats_look_like_the_relit_frame(folder: Path) -> None:
     assert -10 * np.log10(np.mean((a - b) ** 2)) > 35 > 25 > -10 * np.log10(np.mean((old - b) ** 2))
 
 
-@pytest.mark.parametrize("name", ["relit.ply", "relit.compressed.ply", "relit.spz", "relit.splat"])
-def test_every_format_is_written(run: Run, folder: Path, name: str) -> None:
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory, assets: Path) -> Path:
+    """A folder with the floor's job, whose splats are relit one by one."""
+    folder = tmp_path_factory.mktemp("per splat")
+    shutil.copyfile(assets / "proxy.glb", folder / "proxy.glb")
     splats.write(floor(), folder / "floor.ply")
-    (folder / "job.toml").write_text(FLOOR, encoding="utf-8")
-    done = run("bake", "job.toml", "-o", name, "--spp", "4")
-    assert done.returncode == 0, done.stderr
-    assert len(splats.read(folder / name)) == 2500
+    (folder / "job.toml").write_text(f'{FLOOR}\n[relight]\nper = "splat"\n', encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("sh", get_args(Gloss))
+@pytest.mark.parametrize("mode", ["ratio", "albedo"])
+def test_a_frame_relit_splat_by_splat_is_what_its_bake_shows(place: Path, mode: str, sh: str) -> None:
+    """To first order of what direction adds."""
+    work = job.load(place / "job.toml", [f"relight.mode={mode}", f"relight.sh={sh}", "render.spp=4"])
+    scene = prepare(work)
+    frame = stages.frame(scene, work.cameras[0], work.lightings[0])
+    settings = work.relight
+    baked = baking.relit(floor(), baking.factors(scene, work.lightings[0], spp=4), settings)
+    a, b = shown(unlit_rgba(Compositor(baked).composite(work.cameras[0]))), shown(frame.rgba)
+    assert -10 * np.log10(np.mean((a - b) ** 2)) > (40 if sh == "keep" else 42)
+    assert frame.noise is None and frame.lighting is not None
+    assert frame.unlit is not None and frame.factor is not None
+    np.testing.assert_allclose(frame.rgba[..., :3], frame.unlit[..., :3] * frame.factor, rtol=1e-4, atol=1e-6)
+    np.testing.assert_array_equal(frame.rgba[..., 3], frame.unlit[..., 3])
+
+
+def test_splats_relit_one_by_one_are_mixed_without_tracing(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A brighter lamp of another colour: all of its light is there; and blend 0 is the capture, bit for bit."""
+    traced: list[int] = []
+    point_layers = Tracer.point_layers
+
+    def counted(self: Tracer, *args: Any, **more: Any) -> Any:
+        traced.append(1)
+        return point_layers(self, *args, **more)
+
+    monkeypatch.setattr(Tracer, "point_layers", counted)
+    monkeypatch.chdir(place)
+    assert main(["render", "job.toml", "-q", "--set", "render.spp=2"]) == 0
+    first, count = image.read(next((place / "out").glob("*.exr"))).rgba, len(traced)
+    assert count
+    brighter = ["--set", "lights[0].intensity=45", "--set", "lights[0].color=[0.2, 1, 1]"]
+    assert main(["render", "job.toml", "-q", "--set", "render.spp=2", *brighter]) == 0
+    assert len(traced) == count
+    share = image.read(next((place / "out").glob("*.exr"))).rgba.sum(axis=(0, 1)) / first.sum(axis=(0, 1))
+    np.testing.assert_allclose(share, [0.6, 5, 10, 1], rtol=0.03)  # 3 * 0.2, 3 / 0.6, 3 / 0.3, less delta
+    work = job.load(place / "job.toml", ["relight.blend=0", "render.spp=2"])
+    frame = stages.frame(prepare(work), work.cameras[0], work.lightings[0])
+    assert frame.unlit is not None and frame.rgba.tobytes() == frame.unlit.tobytes()
+
+
+def test_layers_of_pixels_do_not_hold_splats_relit_one_by_one(place: Path) -> None:
+    work = job.load(place / "job.toml", ['output.store="layers"'])
+    with pytest.raises(InputError, match=r"relight\.per: splats that are relit one by one"):
+        prepare(work)
+
+
+@pytest.mark.parametrize(
+    "name", ["relit.ply", "relit.compressed.ply", "relit.sog", "relit.spz", "relit.splat", "relit.glb"]
+)
+def test_every_format_is_written(place: Path, name: str) -> None:
+    """glTF in the job's world, all else in the file's own axes."""
+    moved = 'splats = { path = "floor.ply", transform = { translation = [0, 0.1, 0] } }'
+    job_file = place / "moved.toml"
+    job_file.write_text(FLOOR.replace('splats = "floor.ply"', moved), encoding="utf-8")
+    assert main(["bake", str(job_file), "-o", str(place / name), "--spp", "1", "-q"]) == 0
+    found = splats.read(place / name)
+    assert len(found) == 2500
+    np.testing.assert_allclose(found.means[:, 1], -0.9 if name.endswith(".glb") else -1, atol=1e-3)
     if name.endswith(".ply"):
-        assert b"comment relit by mirelight" in (folder / name).read_bytes()[:2000]
+        assert b"comment relit by mirelight" in (place / name).read_bytes()[:2000]
 
 
-def test_what_is_wrong_is_said_in_a_line(run: Run, folder: Path) -> None:
+def test_what_is_wrong_is_said_in_a_line(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(place)
     cases = {
-        ("-o", "relit.sog"): "splats are written as",
+        ("-o", "relit.ksplat"): "splats are written as",
         ("-o", "none/relit.ply"): "folder does not exist",
         ("-o", "relit.ply", "--spp", "0"): "0 samples",
         ("-o", "relit.ply", "--lighting", "dusk"): "no lighting named 'dusk'",
     }
     for arguments, said in cases.items():
-        done = run("bake", "job.toml", *arguments)
-        assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+        assert main(["bake", "job.toml", *arguments]) == 2
+        error = capsys.readouterr().err
+        assert said in error and len(error.splitlines()) == 1, error

@@ -22,6 +22,7 @@ from mirelight.mixing.session import Session
 from mirelight.mixing.stills import View
 from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, ProxyMesh, RenderSettings, SplatCloud
 from mirelight.scene import Scene, prepare
+from mirelight.splat_light import SplatLight
 from mirelight.units import LightSet, terms
 
 JOB = """
@@ -115,7 +116,7 @@ def moved(job: Job, text: str) -> Job:
 def traced(job: Job, layer: str, made: layers.MixLayers) -> np.ndarray:
     """A layer of a job's first lighting with the last stage's samples, as it is packed."""
     unit = next(x.unit for x in terms(job.lightings[0]) if x.layer == layer)
-    light = layers.OnSplats(prepare(job), STAGES[-1], None).light(LightSet((unit,)), layer)[0]
+    light = SplatLight(prepare(job), STAGES[-1], None).light(LightSet((unit,)), layer)[0]
     packed, _ = rgb9e5.pack(made.layer_of(light)[None])
     return np.asarray(packed[0])
 

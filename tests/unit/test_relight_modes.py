@@ -22,6 +22,7 @@ OTHER: dict[str, Any] = {  # another value for every setting
     "delta": 0.2,
     "max_ratio": 1.5,
     "sh": "remove",
+    "per": None,  # decides who is asked, not what comes of it
     "texture_scale": 0.5,
 }
 

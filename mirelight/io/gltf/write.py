@@ -22,7 +22,7 @@ from mirelight.model import F32, Camera, DirectionalLight, Light, Material, Poin
 
 _LIGHTS = "KHR_lights_punctual"
 _STRENGTH = "KHR_materials_emissive_strength"
-_ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963
+ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963
 
 
 def write_glb(
@@ -43,7 +43,7 @@ def write_glb(
     Raises:
         OutputError: a kind of light or camera that glTF cannot hold, or a file that cannot be written.
     """
-    builder = _Builder(Path(path))
+    builder = GlbBuilder(Path(path))
     if mesh is not None:
         builder.add_mesh(mesh)
     for light in lights:
@@ -55,8 +55,8 @@ def write_glb(
 
 
 @dataclass
-class _Builder:
-    """Collects the JSON and the binary chunk of one file."""
+class GlbBuilder:
+    """Collects the JSON and the binary chunk of one GLB file; `used`: the extensions that its parts name."""
 
     path: Path
     binary: bytearray = field(default_factory=bytearray)
@@ -80,14 +80,16 @@ class _Builder:
         return self.add("bufferViews", entry)
 
     def add_accessor(self, values: NDArray[Any], target: int, bounds: bool = False) -> int:
-        """Store (n,) uint32 or (n, k) float32."""
+        """Store (n,) or (n, k) uint32, float32, or uint8 that stands for 0 to 1."""
         values = np.ascontiguousarray(values)
         entry: dict[str, Any] = {
             "bufferView": self.add_view(values.tobytes(), target),
-            "componentType": 5126 if values.dtype.kind == "f" else 5125,
+            "componentType": {"f": 5126, "u": 5125}[values.dtype.kind] if values.itemsize == 4 else 5121,
             "count": len(values),
             "type": "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}",
         }
+        if values.itemsize == 1:
+            entry["normalized"] = True
         if bounds:
             entry["min"], entry["max"] = values.min(axis=0).tolist(), values.max(axis=0).tolist()
         return self.add("accessors", entry)
@@ -95,10 +97,10 @@ class _Builder:
     def add_mesh(self, mesh: ProxyMesh) -> None:
         if not len(mesh.vertices) or not len(mesh.faces):
             raise OutputError(f"{self.path}: a mesh without triangles cannot be stored; nothing was written")
-        attributes = {"POSITION": self.add_accessor(mesh.vertices, _ARRAY_BUFFER, bounds=True)}
+        attributes = {"POSITION": self.add_accessor(mesh.vertices, ARRAY_BUFFER, bounds=True)}
         for name, values in (("NORMAL", mesh.normals), ("TEXCOORD_0", mesh.uvs), ("COLOR_0", mesh.vertex_colors)):
             if values is not None:
-                attributes[name] = self.add_accessor(values, _ARRAY_BUFFER)
+                attributes[name] = self.add_accessor(values, ARRAY_BUFFER)
         owners = np.zeros(len(mesh.faces), dtype=np.int32) if mesh.face_materials is None else mesh.face_materials
         primitives = []
         for index, material in enumerate(mesh.materials):

@@ -12,7 +12,7 @@ from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, S
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import Compression, HdrFormat, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
 from mirelight.model.planes import EXACT, NAMEABLE
-from mirelight.model.profiles import Gloss
+from mirelight.model.profiles import Gloss, Per
 
 _RENDER = model.RenderSettings()
 _COMPOSITOR = model.CompositorSettings()
@@ -114,6 +114,11 @@ class RelightTable(Table):
         description="ratio, albedo: regularisation, as share of the captured light's mean luminance.",
     )
     max_ratio: Positive = Field(default=_RELIGHT.max_ratio, description="ratio: largest factor.")
+    per: Per = Field(
+        default=_RELIGHT.per,
+        description="What light is found for: each pixel of a view, or each splat, wherever it is seen from "
+        "(docs/relighting.md: which is better where). playcanvas: pixel.",
+    )
     sh: Gloss = Field(
         default=_RELIGHT.sh,
         description="Colour that changes with the view (SH above degree 0): keep (relit as all else), fade (darkened "

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mirelight.errors import InputError
 from mirelight.io.safety import existing, open_binary
-from mirelight.io.splats import compressed_ply, dot_splat, external, ply, sog, spz, streamed
+from mirelight.io.splats import compressed_ply, dot_splat, external, ply, sog, sog_write, spz, streamed
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import read_ply_header
@@ -66,9 +66,11 @@ def summary(path: str | Path, *, lod: int | None = None) -> SplatFileInfo:
 
 
 def write(cloud: SplatCloud, path: str | Path, *, comments: Sequence[str] = ()) -> None:
-    """Write splats; the suffix names the format: .compressed.ply, .ply, .spz (version 3) or .splat.
+    """Write splats; the suffix names the format.
 
-    Values go as they are: a cloud moved by :func:`transform` is written moved. SPZ is written in its own axes.
+    They are .compressed.ply, .ply, .spz (version 3), .sog (version 2), .splat and .glb (KHR_gaussian_splatting).
+    Values go as they are: a cloud moved by :func:`transform` is written moved. SPZ is written in its own axes. A .glb
+    is read as glTF's world, so give it a cloud with Y up.
     `comments` are lines of text in PLY headers; other formats have no place for them.
 
     Raises:
@@ -81,12 +83,20 @@ def write(cloud: SplatCloud, path: str | Path, *, comments: Sequence[str] = ()) 
         ".compressed.ply": partial(compressed_ply.write, comments=comments),
         ".ply": partial(ply.write, comments=comments),
         ".spz": spz.write,
+        ".sog": sog_write.write,
+        ".glb": _write_glb,
         ".splat": dot_splat.write,
     }
     for suffix, writer in writers.items():
         if name.endswith(suffix):
             return writer(cloud, path)
     raise ValueError(f"{path.name}: splats are written as one of {', '.join(writers)}")
+
+
+def _write_glb(cloud: SplatCloud, path: Path) -> None:
+    from mirelight.io.splats import khr
+
+    khr.write(cloud, path)
 
 
 def _recognise(path: Path, lod: int | None) -> _Format:

@@ -9,16 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight import colour
+from mirelight.errors import InputError, OutputError
+from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import HANDLED_EXTENSIONS, Document, read_document
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.nodes import Matrix, instance_worlds, place_nodes
+from mirelight.io.gltf.write import ARRAY_BUFFER, GlbBuilder
 from mirelight.io.safety import require_memory
+from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
@@ -63,6 +68,41 @@ def read(path: Path) -> SplatCloud:
             except ValueError as e:
                 raise node.fail("", str(e)) from None
     return merge(clouds)
+
+
+def write(cloud: SplatCloud, path: Path) -> None:
+    """Write a GLB file: one node with one primitive of points, every value a float.
+
+    Values go as they are, so the cloud has to stand in glTF's world: Y up. Viewers that do not know the extension see
+    coloured points.
+
+    Raises:
+        OutputError: it cannot be written.
+        ValueError: no splats, which glTF cannot hold.
+    """
+    if not len(cloud):
+        raise ValueError("no splats; a glTF file holds at least one")
+    builder = GlbBuilder(path)
+    builder.used.add(_NAME)
+    shown = colour.srgb_decode(np.clip(values.rgb_from_dc(cloud.sh[:, 0]), 0, 1))  # COLOR_0 is linear
+    points = np.concatenate([shown, np.clip(cloud.opacities, 0, 1)[:, None]], axis=1)
+    columns: dict[str, NDArray[Any]] = {
+        "COLOR_0": np.round(points * 255).astype(np.uint8),
+        f"{_NAME}:ROTATION": np.roll(cloud.quats, -1, axis=1),  # stored xyzw
+        f"{_NAME}:SCALE": cloud.scales,
+        f"{_NAME}:OPACITY": cloud.opacities,
+    }
+    names = [name for band in range(cloud.sh_degree + 1) for name in _coefficient_names(band)]
+    columns |= {f"{_NAME}:{name}": cloud.sh[:, k] for k, name in enumerate(names)}
+    attributes = {"POSITION": builder.add_accessor(cloud.means, ARRAY_BUFFER, bounds=True)}
+    attributes |= {name: builder.add_accessor(column, ARRAY_BUFFER) for name, column in columns.items()}
+    about = {"kernel": "ellipse", "colorSpace": _ENCODED}
+    primitive = {"attributes": attributes, "mode": 0, "extensions": {_NAME: about}}
+    builder.add("nodes", {"name": "splats", "mesh": builder.add("meshes", {"primitives": [primitive]})})
+    if len(builder.binary) >= 2**32 - 2**20:
+        raise OutputError(f"{path}: {len(cloud):,} splats are more than the 4 GB of a GLB file; nothing was written")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(builder.glb())
 
 
 def _open(path: Path) -> Document:

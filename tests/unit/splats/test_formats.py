@@ -18,6 +18,7 @@ from mirelight.conventions import rotation_from_quaternion
 from mirelight.errors import InputError
 from mirelight.io import splats
 from mirelight.io.splats.builder import ROWS
+from mirelight.io.splats.sog_write import codebook
 from mirelight.model import SplatCloud
 
 from . import truth
@@ -368,13 +369,87 @@ def test_writing_spz_of_a_wide_scene(tmp_path: Path) -> None:
         splats.write(splats.transform(base, np.diag([1e7, 1e7, 1e7, 1])), tmp_path / "b.spz")
 
 
+@pytest.mark.parametrize(("count", "degree"), [(1, 0), (2, 3), (300, 0), (300, 2), (300, 3)])
+def test_writing_sog(tmp_path: Path, count: int, degree: int) -> None:
+    wanted = truth.cloud(count, degree, antialiased=degree == 2)
+    splats.write(wanted, tmp_path / "a.sog")
+    found = splats.read(tmp_path / "a.sog")
+    assert (found.sh_degree, found.antialiased, splats.summary(tmp_path / "a.sog").format) == (
+        degree,
+        degree == 2,
+        "SOG v2",
+    )
+    limits = {"position": 2e-4, "scale": 0.02, "opacity": 0.002, "colour": 0.01, "sh": 0.005, "angle": 0.012}
+    assert_within(worst(found, wanted), **limits)
+
+
+def test_a_sog_of_more_harmonics_than_its_palette_holds(tmp_path: Path) -> None:
+    """Splats of 70,000 different colours share 65,536 entries, and each is near its own."""
+    count = 70_000
+    u = np.random.default_rng(2).uniform(-0.5, 0.5, (count, 2)).astype(np.float32)
+    sh = np.zeros((count, 4, 3), np.float32)
+    sh[:, 1:, 0], sh[:, 1:, 1] = u[:, :1], u[:, 1:]
+    many = SplatCloud(
+        means=np.arange(count, dtype=np.float32)[:, None] * np.array([1e-3, 0, 0], np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        scales=np.full((count, 3), 0.1, np.float32),
+        opacities=np.full(count, 0.5, np.float32),
+        sh=sh,
+    )
+    splats.write(many, tmp_path / "a.sog")
+    found = splats.read(tmp_path / "a.sog")
+    place = np.argsort(np.argsort(found.means[:, 0], kind="stable"), kind="stable")  # in Morton order: along x
+    error = found.sh[:, 1] - sh[place, 1]
+    assert np.sqrt((error**2).mean()) < 0.005  # one part in two hundred of what they span
+
+
+def test_a_codebook_is_near_the_least_error() -> None:
+    """Of evenly spread numbers the best 256 are evenly spread: errors of a width / sqrt(12); few numbers are kept."""
+    even = np.random.default_rng(3).uniform(-2, 5, 100_000)
+    book = codebook(even)
+    nearest = book[np.abs(even[:2000, None] - book).argmin(axis=1)]
+    assert np.sqrt(((even[:2000] - nearest) ** 2).mean()) < 1.25 * 7 / 256 / np.sqrt(12)
+    few = np.repeat([-1.0, 0.25, 7.0], [1, 1000, 1])
+    assert np.isin(few, codebook(few)).all()
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_writing_glb(tmp_path: Path, degree: int) -> None:
+    """Bit for bit, in the order given."""
+    wanted = truth.cloud(70, degree)
+    splats.write(wanted, tmp_path / "a.glb")
+    found = splats.read(tmp_path / "a.glb")
+    for name in ("means", "scales", "opacities", "sh"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+    np.testing.assert_allclose(found.quats, wanted.quats, atol=1e-6)
+    data = (tmp_path / "a.glb").read_bytes()
+    size = int.from_bytes(data[12:16], "little")
+    primitive = json.loads(data[20 : 20 + size])["meshes"][0]["primitives"][0]
+    assert primitive["mode"] == 0 and primitive["attributes"]["COLOR_0"] == 1
+    assert primitive["extensions"]["KHR_gaussian_splatting"]["colorSpace"] == "srgb_rec709_display"
+
+
+def test_formats_that_cannot_hold_no_splats_say_so(tmp_path: Path) -> None:
+    for name in ("a.sog", "a.glb"):
+        with pytest.raises(ValueError, match="no splats"):
+            splats.write(truth.cloud(0, 0), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_same_cloud_gives_the_same_bytes(tmp_path: Path) -> None:
-    for name in ("a.ply", "a.compressed.ply", "a.splat", "a.spz"):
+    for name in ("a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.sog", "a.glb"):
         splats.write(truth.cloud(50), tmp_path / name)
         first = (tmp_path / name).read_bytes()
         splats.write(truth.cloud(50), tmp_path / name)
         assert (tmp_path / name).read_bytes() == first
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.compressed.ply", "a.ply", "a.splat", "a.spz"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "a.compressed.ply",
+        "a.glb",
+        "a.ply",
+        "a.sog",
+        "a.splat",
+        "a.spz",
+    ]
 
 
 def test_writing_to_an_unknown_suffix(tmp_path: Path) -> None:

@@ -150,7 +150,8 @@ def run(
 def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], RenderSummary]:
     """The groups with something left to make, and how many frames of the others are there. Writes the index of what is
     kept besides frames."""
-    if plan.job.output.store != "frames" and plan.job.lightings:
+    whole = all(x.time is None for x in plan.job.lightings)  # every camera under every lighting, as an index has it
+    if plan.job.output.store != "frames" and plan.job.lightings and whole:
         index.write(describe.describe(plan), store.folder)
     known = store.index()
     left: list[Group] = []

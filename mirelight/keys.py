@@ -39,6 +39,7 @@ class Keys:
         self._composites: dict[str, str] = {}  # by view
         self._old: dict[str, list[str]] = {}  # what a frame reads of the captured light, by view
         self._relights: dict[RelightSettings, str] = {}
+        self._moments: dict[int, Mixture] = {}  # of lightings for single cameras
         self._named: dict[int, tuple[Lighting, str]] = {}
 
     # --- made once a scene ---
@@ -98,7 +99,15 @@ class Keys:
         """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
         job = self.job
         captured = (job.captured,) if job.captured is not None and compares(job) else ()
-        return LightSets((*job.lightings, *captured), rules(job), job.lightings if job.pooled else ())
+        shared = tuple(x for x in job.lightings if x.time is None)
+        return LightSets((*shared, *captured), rules(job), shared if job.pooled else ())
+
+    def _moment(self, lighting: Lighting) -> Mixture:
+        """Lights for one camera alone: traced together, for no other frame has a use for a part of them."""
+        known = self._moments.get(id(lighting))
+        if known is None:
+            known = self._moments[id(lighting)] = LightSets((lighting,), rules(self.job)).mixture(lighting)
+        return known
 
     # --- made once a camera ---
 
@@ -157,9 +166,11 @@ class Keys:
         job = self.job
         captured = (job.captured,) if job.captured is not None and compares(job) else ()
         every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
+        shared = {s.digest: s for x in (*job.lightings, *captured) if x.time is None for s in self.mixture(x).sets}
         for camera in job.cameras:
+            own = [s for x in job.lightings if x.time is not None and x.lights_up(camera) for s in self.mixture(x).sets]
             seen = relighting.lighting_camera(camera, job.relight)
-            yield from (self.light(s, seen) for s in (*every.values(), GLOW))
+            yield from (self.light(s, seen) for s in (*shared.values(), *own, GLOW))
         if reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
@@ -215,7 +226,7 @@ class Keys:
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made of sets."""
-        return self.sets.mixture(lighting)
+        return self.sets.mixture(lighting) if lighting.time is None else self._moment(lighting)
 
     def _relit(self, settings: RelightSettings) -> str:
         """How light meets splats; that of one kind of settings is kept."""
@@ -385,8 +396,8 @@ def _light_reads(job: Job) -> set[str]:
 
 
 def view(camera: Camera) -> str:
-    """What a camera sees: all of it but its name."""
-    return digest("view", _read(camera, (field.name for field in fields(camera) if field.name != "name")))
+    """What a camera sees: all of it but its name and time."""
+    return digest("view", _read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
 
 
 def _light(lighting: Lighting) -> str:

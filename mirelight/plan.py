@@ -76,11 +76,19 @@ def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str
         return FrameTask(camera=camera, lighting=lighting, name=names[id(camera), id(lighting)], files=files)
 
     def group(camera: Camera) -> Group:
-        layers = tuple(made.layers(camera, chosen_lightings)) if not made.files else ()
-        name = names[id(camera), id(every_lighting[0])]
-        return Group(name, tuple(task(camera, x) for x in chosen_lightings), layers)
+        own = [x for x in chosen_lightings if _lit(camera, x)]
+        layers = tuple(made.layers(camera, own)) if not made.files else ()
+        name = names[id(camera), id(next(x for x in every_lighting if _lit(camera, x)))]
+        return Group(name, tuple(task(camera, x) for x in own), layers)
 
-    return Plan(job, tuple(group(camera) for camera in chosen_cameras), made)
+    lit = [camera for camera in chosen_cameras if any(_lit(camera, x) for x in chosen_lightings)]
+    if not lit:
+        raise InputError(job.source, "no frame of these cameras and lightings", "choose lightings of their times")
+    return Plan(job, tuple(group(camera) for camera in lit), made)
+
+
+def _lit(camera: Camera, lighting: Lighting | None) -> bool:
+    return lighting is None or lighting.lights_up(camera)
 
 
 def lightings_of(groups: Iterable[Group]) -> tuple[Lighting, ...]:
@@ -165,6 +173,8 @@ def _unique_names(cameras: tuple[Camera, ...], lightings: tuple[Lighting | None,
     safe = {id(x): _safe(x.name) for x in (*cameras, *lightings) if x is not None}
     for camera in cameras:
         for lighting in lightings:
+            if not _lit(camera, lighting):
+                continue
             stem = safe[id(camera)] + (f".{safe[id(lighting)]}" if lighting else "")
             name, count = stem, taken.get(stem.casefold(), 0) + 1  # case-blind: some file systems are
             while count > 1 and (name := f"{stem}-{count}").casefold() in taken:

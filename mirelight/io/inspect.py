@@ -198,7 +198,7 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         lightings=tuple(lighting_facts(x) for x in work.lightings),
         captured=lighting_facts(work.captured) if work.captured else None,
         cameras=tuple(camera_facts(x) for x in work.cameras),
-        frames=len(work.cameras) * max(len(work.lightings), 1),
+        frames=sum(x.lights_up(camera) for camera in work.cameras for x in work.lightings) or len(work.cameras),
         inputs=tuple(work.inputs),
         mode=work.relight.mode,
         profile=work.compositor.profile,

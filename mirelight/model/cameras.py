@@ -29,6 +29,7 @@ class Camera(ArrayHolder):
     projection: Literal["perspective", "orthographic"] = "perspective"
     near: float = 0.01  # world units along the view axis; nearer splats and surfaces are not seen
     far: float = float("inf")  # world units
+    time: float | None = None  # s, of the animation that it was taken from; not part of what it sees
 
     def __post_init__(self) -> None:
         freeze(self, "world_from_camera", (4, 4), np.float64)

@@ -16,6 +16,7 @@ from mirelight.model.deferred import Deferred
 from mirelight.model.ies import IesProfile
 
 if TYPE_CHECKING:
+    from mirelight.model.cameras import Camera
     from mirelight.model.settings import RelightSettings
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
@@ -233,6 +234,7 @@ class Lighting:
     sky: SkyModel | EstimatedSky | None = None
     mix: tuple[LayerFactor, ...] = ()  # multiply light as given above; of layers that are not named: 1
     relight: RelightSettings | None = None  # how it meets the splats; None: as the job says
+    time: float | None = None  # s: lights of a moment, for the cameras of that moment alone; None: for all cameras
 
     def __repr__(self) -> str:
         named = shown.names([x.name for x in self.lights])
@@ -245,6 +247,10 @@ class Lighting:
         """One name per layer: the lights in order, then the environment or the sky model's two."""
         around = (self.environment.name,) if self.environment else (SUN, SKY) if self.sky else ()
         return tuple(x.name for x in self.lights) + around
+
+    def lights_up(self, camera: Camera) -> bool:
+        """Whether the job renders this camera under it."""
+        return self.time is None or self.time == camera.time
 
     def factors(self) -> dict[str, F64]:
         """By the name of a layer what `mix` says of it, (3,); the product where it says several things."""

@@ -96,8 +96,8 @@ def sample_cameras(
     document = read_document(path)
     nodes = place_nodes(document)
     cameras = {camera.name: camera.node for camera in read_node_cameras(document, nodes.values())}
-    tracks = _read_tracks(document)
-    moving = {x: _tracks_above(nodes, node, tracks) for x, node in cameras.items()}
+    tracks = read_tracks(document)
+    moving = {x: tracks_above(nodes, node, tracks) for x, node in cameras.items()}
     name = name if name is not None else next((x for x, found in moving.items() if found), None)
     if name is None or name not in cameras:
         known = ", ".join(cameras) or "none"
@@ -106,8 +106,8 @@ def sample_cameras(
         raise InputError(path, f"nothing moves the camera {name!r}", "name an animated one or use it as a still")
     start = min(float(t.times[0]) for t in moving[name])
     end = max(float(t.times[-1]) for t in moving[name])
-    times = _sample_times(document, start, end, fps, count)
-    return tuple((float(t), _world_at(document, nodes, cameras[name], moving[name], float(t))) for t in times)
+    times = sample_times(document, start, end, fps, count)
+    return tuple((float(t), world_at(nodes, cameras[name], moving[name], float(t))) for t in times)
 
 
 def animated_nodes(document: Document, nodes: dict[int, Node]) -> set[int]:
@@ -125,19 +125,20 @@ def animated_nodes(document: Document, nodes: dict[int, Node]) -> set[int]:
     return moving
 
 
-def _sample_times(
+def sample_times(
     document: Document, start: float, end: float, fps: float | None, count: int | None
 ) -> NDArray[np.float64]:
+    """Moments (s) from `start` to `end`: so many a second, or so many in all."""
     wanted = count if count is not None else (end - start) * (fps or 1.0) + 1
     if wanted > _MAX_SAMPLES:
-        raise InputError(document.path, f"{wanted:.0f} camera samples", f"at most {_MAX_SAMPLES}")
+        raise InputError(document.path, f"{wanted:.0f} samples", f"at most {_MAX_SAMPLES}")
     if count is not None:
         return np.linspace(start, end, count)
     assert fps is not None
     return start + np.arange(int(np.floor((end - start) * fps + 1e-6)) + 1) / fps
 
 
-def _tracks_above(nodes: dict[int, Node], node: int, tracks: list[Track]) -> list[Track]:
+def tracks_above(nodes: dict[int, Node], node: int, tracks: list[Track]) -> list[Track]:
     """The tracks that move a node: its own and its ancestors'."""
     line: set[int] = set()
     at: int | None = node
@@ -147,7 +148,8 @@ def _tracks_above(nodes: dict[int, Node], node: int, tracks: list[Track]) -> lis
     return [track for track in tracks if track.node in line]
 
 
-def _world_at(document: Document, nodes: dict[int, Node], node: int, tracks: list[Track], time: float) -> Matrix:
+def world_at(nodes: dict[int, Node], node: int, tracks: list[Track], time: float) -> Matrix:
+    """world_from_node (4, 4) at a time (s), of a node that these tracks move."""
     poses: dict[int, Pose] = {}
     for track in tracks:
         pose = poses.get(track.node) or pose_of(nodes[track.node].fields)
@@ -163,8 +165,8 @@ def _world_at(document: Document, nodes: dict[int, Node], node: int, tracks: lis
         at = here.parent
 
 
-def _read_tracks(document: Document) -> list[Track]:
-    """The tracks of all animations: exporters split one shot into an animation per object."""
+def read_tracks(document: Document) -> list[Track]:
+    """The tracks of nodes in all animations: exporters split one shot into an animation per object."""
     tracks: dict[tuple[int, str], Track] = {}
     for animation in document.top.children("animations"):
         samplers = animation.children("samplers")
@@ -179,17 +181,18 @@ def _read_tracks(document: Document) -> list[Track]:
             if (node, path) in tracks:
                 found = f"nodes[{node}].{path} is animated twice"
                 raise channel.fail("target", found, "keep one animation of the camera in the file")
-            tracks[node, path] = _read_track(document, samplers[index], node, path)
+            tracks[node, path] = read_track(document, samplers[index], node, path, _PATHS[path])
     return list(tracks.values())
 
 
-def _read_track(document: Document, sampler: Fields, node: int, path: str) -> Track:
+def read_track(document: Document, sampler: Fields, node: int, path: str, width: int) -> Track:
+    """One sampler as the track of a property of `width` numbers. Raises InputError."""
     kind = sampler.text("interpolation", "LINEAR")
     if kind not in _INTERPOLATIONS:
         raise sampler.fail("interpolation", f"{kind[:20]!r}", "expected " + ", ".join(_INTERPOLATIONS))
     times = read_accessor(document, sampler.integer("input"), sampler).astype(np.float64)
     values = read_accessor(document, sampler.integer("output"), sampler).astype(np.float64)
-    width, per_key = _PATHS[path], 3 if kind == "CUBICSPLINE" else 1
+    per_key = 3 if kind == "CUBICSPLINE" else 1
     if times.shape[1] != 1 or values.shape != (len(times) * per_key, width):
         raise sampler.fail("output", f"{values.shape} values for {len(times)} keys of {path}", "the file is damaged")
     times = times[:, 0]

@@ -32,6 +32,7 @@ HANDLED_EXTENSIONS = frozenset(
         "EXT_mesh_gpu_instancing",
         "EXT_meshopt_compression",
         "EXT_texture_webp",
+        "KHR_animation_pointer",  # followed to lights
         "KHR_draco_mesh_compression",
         "KHR_lights_punctual",
         "KHR_materials_anisotropy",

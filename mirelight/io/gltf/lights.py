@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,11 +16,16 @@ from mirelight.io.gltf.nodes import Node
 from mirelight.io.safety import BRIGHTEST
 from mirelight.model import DirectionalLight, Light, PointLight, SpotLight
 
-_EXTENSION = "KHR_lights_punctual"
+EXTENSION = "KHR_lights_punctual"
+_AS_WRITTEN: Mapping[int, Mapping[str, object]] = {}
 
 
-def read_node_lights(document: Document, nodes: Iterable[Node]) -> tuple[Light, ...]:
+def read_node_lights(
+    document: Document, nodes: Iterable[Node], values: Mapping[int, Mapping[str, object]] = _AS_WRITTEN
+) -> tuple[Light, ...]:
     """The lights of the placed nodes, in node order.
+
+    `values`: by the light's index, values of fields ("intensity", "spot/innerConeAngle") in place of the file's.
 
     A light shines along its node's world -Z; scale changes neither intensity nor range (KHR_lights_punctual, "Light
     properties"). Names are the light's, else the node's, else its type, made unique.
@@ -27,18 +33,25 @@ def read_node_lights(document: Document, nodes: Iterable[Node]) -> tuple[Light, 
     Raises:
         InputError: a value outside the specification, with its field.
     """
-    carriers = [(node, user) for node in nodes if (user := node.fields.extension(_EXTENSION)) is not None]
-    lights = document.top.child("extensions").child(_EXTENSION).children("lights") if carriers else []
-    found = [(node, _definition(lights, user)) for node, user in carriers]
+    carriers = [(node, user) for node in nodes if (user := node.fields.extension(EXTENSION)) is not None]
+    lights = document.top.child("extensions").child(EXTENSION).children("lights") if carriers else []
+    found = [(node, _definition(lights, user, values)) for node, user in carriers]
     names = unique_names([(light.text("name", ""), node.name, light.text("type")) for node, light in found])
     return tuple(_light(light, node, name) for (node, light), name in zip(found, names, strict=True))
 
 
-def _definition(lights: Sequence[Fields], user: Fields) -> Fields:
+def _definition(lights: Sequence[Fields], user: Fields, values: Mapping[int, Mapping[str, object]]) -> Fields:
     index = user.integer("light")
     if index >= len(lights):
         raise user.fail("light", f"there is no light {index} ({len(lights)} in the file)")
-    return lights[index]
+    light, own = lights[index], values.get(index, {})
+    if not own:
+        return light
+    inside = {name.removeprefix("spot/"): value for name, value in own.items() if name.startswith("spot/")}
+    changed = dict(light.values) | {name: value for name, value in own.items() if "/" not in name}
+    if inside:
+        changed["spot"] = dict(light.child("spot").values) | inside
+    return replace(light, values=changed)
 
 
 def _light(light: Fields, node: Node, name: str) -> Light:

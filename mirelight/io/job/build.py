@@ -12,11 +12,12 @@ import numpy as np
 
 from mirelight import model
 from mirelight.conventions import Matrix
-from mirelight.io.job import cameras, lighting, mixing, moving, placing, sweep
+from mirelight.io.job import cameras, lighting, mixing, moments, moving, placing, sweep
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
-from mirelight.io.job.light_tables import LightUnit
+from mirelight.io.job.light_tables import LightUnit, Lit
 from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.positions import Path as Place
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
@@ -27,6 +28,7 @@ from mirelight.model.profiles import COLOURING
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
     from mirelight.io.gltf.cameras import GltfCamera
+    from mirelight.io.gltf.moving_lights import Shot
     from mirelight.io.ies import IesFile
 
 
@@ -38,6 +40,7 @@ class Assets:
     proxy: ProxyTable | None
     engine: model.EngineSettings  # what lights in its terms count on
     digests: dict[str, str] = field(default_factory=dict)
+    shots: dict[Path, Shot] = field(default_factory=dict)  # open glTF files whose lights move
     notes: dict[str, None] = field(default_factory=dict)  # lines about what the files hold, each once
 
     def path(self, named: str) -> Path:
@@ -67,19 +70,30 @@ class Assets:
         albedo = "gray" if table.albedo == "splats" else table.albedo
         return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
 
-    def gltf_lights(self, path: str, unit: LightUnit | None = None) -> tuple[tuple[Light, ...], Matrix]:
+    def gltf_lights(
+        self, path: str, unit: LightUnit | None = None, time: float | None = None
+    ) -> tuple[tuple[Light, ...], Matrix]:
         """See :class:`lighting.LightFiles`."""
         from mirelight.io.gltf import blender
+        from mirelight.io.gltf.moving_lights import Shot
         from mirelight.io.gltf.scene import read_lights_of
 
         file, default = self._gltf(path)
-        found = read_lights_of(file)
+        if time is not None and file not in self.shots:
+            self.shots[file] = Shot.of(file)
+        found = read_lights_of(file) if time is None else self.shots[file].at(time)
         if unit == "blender":
             return tuple(blender.as_in_blender(light) for light in found.lights), default
         if unit is None and found.blender and found.lights:
             remedy = f'lights_from = {{ path = "{path}", unit = "blender" }} takes that out, unit = "khr" keeps it'
             self.notes[blender.note(file.name, found.blender, remedy)] = None
         return found.lights, default
+
+    def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
+        """See :class:`lighting.LightFiles`."""
+        from mirelight.io.gltf.moving_lights import light_times
+
+        return [float(t) for t in light_times(self._gltf(path)[0], fps=fps, count=frames)]
 
     def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
         """See :class:`cameras.CameraFiles`."""
@@ -88,12 +102,12 @@ class Assets:
         file, default = self._gltf(path)
         return read_cameras(file), default
 
-    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[Matrix, ...]:
+    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[tuple[float, Matrix], ...]:
         """See :class:`cameras.CameraFiles`."""
         from mirelight.io.gltf.animation import sample_cameras
 
         file, _ = self._gltf(path)
-        return tuple(pose for _, pose in sample_cameras(file, name, fps=fps, count=frames))
+        return sample_cameras(file, name, fps=fps, count=frames)
 
     def camera_file(self, path: str) -> CameraFile:
         """See :class:`cameras.CameraFiles`. Of a folder, the digests are those of the files that are read."""
@@ -135,18 +149,27 @@ def build(source: Source, table: JobTable) -> Job:
     """
     wrong: list[Mistake] = []
     assets = Assets(source.folder, table.proxy, model.EngineSettings(**_settings(table.engine)))
-    lightings = _lightings(table, assets, wrong)
-    captured = _captured(table, lightings, assets, wrong)
-    if table.sweep is not None and not wrong:
-        relit = partial(relight_settings, table)
-        lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
-    mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
+    found: list[tuple[model.Camera, ...]] = []  # the cameras, once they are asked for
+
+    def cameras_of() -> tuple[model.Camera, ...]:
+        if not found:
+            found.append(cameras.of_job(table, assets, cameras.Extent(splats, proxy, there=made is None), wrong))
+        return found[0]
+
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
     made = _made_of_splats(source, table, splats)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
+    wrong += moments.mistakes(table)
+    lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
+    captured = _captured(table, lightings, assets, wrong)
+    if table.sweep is not None and not wrong:
+        relit = partial(relight_settings, table)
+        lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
+        is_moment = [False] * len(lightings)
+    mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
     captured = captured or _estimated(table, splats, proxy)
-    found = cameras.of_job(table, assets, cameras.Extent(splats, proxy, there=made is None), wrong)
+    cameras_of()
     source.refuse(wrong)
     return Job(
         source=source.path,
@@ -155,8 +178,8 @@ def build(source: Source, table: JobTable) -> Job:
         proxy=proxy,
         made_proxy=made,
         albedo_from_splats=_wears_splats(table),
-        cameras=found,
-        lightings=mixed,
+        cameras=cameras_of(),
+        lightings=moments.numbered(mixed, is_moment),
         pooled=table.sweep is not None,
         captured=captured,
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
@@ -256,12 +279,27 @@ def _settings(table: Any) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
 
 
-def _lightings(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[Lighting, ...]:
-    if table.lightings:
-        tables = enumerate(table.lightings)
-        return tuple(lighting.lighting(one.name, one, ("lightings", i), assets, wrong) for i, one in tables)
-    if table.lights or table.lights_from or table.environment:
-        return (lighting.lighting("lighting", table, (), assets, wrong),)
+def _lightings(
+    table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]
+) -> tuple[tuple[Lighting, ...], list[bool]]:
+    """The job's lightings, and of each whether it is a moment of lights that move: those of one share its name."""
+    tables: list[tuple[str, Lit, Place]] = [(one.name, one, ("lightings", i)) for i, one in enumerate(table.lightings)]
+    if not tables and (table.lights or table.lights_from or table.environment):
+        tables = [("lighting", table, ())]
+    if not tables:
+        still = _of_proxy(table, assets)
+        return still, [False] * len(still)
+    out: list[Lighting] = []
+    is_moment: list[bool] = []
+    for name, one, at in tables:
+        made = moments.of_table(name, one, at, assets, cameras_of, wrong)
+        out += made
+        is_moment += [any(moments.moves(x) for x in one.lights_from)] * len(made)
+    return tuple(out), is_moment
+
+
+def _of_proxy(table: JobTable, assets: Assets) -> tuple[Lighting, ...]:
+    """The lights of the proxy's file, where the job says nothing of light."""
     lights: tuple[Light, ...] = ()
     is_silent = not {"lights", "lights_from", "environment", "lightings"} & table.model_fields_set
     if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):

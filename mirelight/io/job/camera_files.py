@@ -41,8 +41,8 @@ class CameraFiles(Protocol):
     def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
         """The cameras of a glTF file ("proxy": the proxy's), and the transform that they have by default."""
 
-    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[Matrix, ...]:
-        """Poses (4, 4) of an animated camera."""
+    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[tuple[float, Matrix], ...]:
+        """Times (s) and poses (4, 4) of an animated camera."""
 
     def camera_file(self, path: str) -> CameraFile:
         """A file or folder of cameras of any other format."""
@@ -105,7 +105,7 @@ def _gltf(
             out.append(found[i].to_camera(*size, m @ found[i].world))
             continue
         poses = files.sampled(table.path, found[i].name, table.fps, table.frames)
-        still = [found[i].to_camera(*size, m @ pose) for pose in poses]
+        still = [replace(found[i].to_camera(*size, m @ pose), time=time) for time, pose in poses]
         out += [replace(x, name=frame_name(x.name, n)) for n, x in enumerate(still, start=1)][:: table.every]
     return out
 

@@ -1,0 +1,117 @@
+"""Lightings over time: lights of animated files at one moment, at many, or at the times of the job's cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from mirelight.io.job.light_tables import AT_CAMERAS, LightsFromTable, Lit
+from mirelight.io.job.lighting import LightFiles, lighting
+from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.positions import Path
+from mirelight.io.job.tables import JobTable
+from mirelight.model import Camera, Lighting
+
+Cameras = Callable[[], Sequence[Camera]]  # of the job; found when first asked for
+
+
+def of_table(
+    name: str, table: Lit, at: Path, files: LightFiles, cameras: Cameras, wrong: list[Mistake]
+) -> list[Lighting]:
+    """The lightings of a table: one, or as many as its lights have moments, all with one name.
+
+    Args:
+        name: of the lighting.
+        table: what it holds.
+        at: where it stands in the job.
+        files: reads what it names.
+        cameras: the job's; those of animated files know their times.
+        wrong: gets what is wrong.
+    """
+    places = [(*at, "lights_from", i) for i in range(len(table.lights_from))]
+    moving = [(one, place) for one, place in zip(table.lights_from, places, strict=True) if moves(one)]
+    if not moving:
+        return [lighting(name, table, at, files, wrong)]
+    if any(one.time == AT_CAMERAS for one, _ in moving):
+        return _of_cameras(name, table, at, files, cameras(), moving, wrong)
+    times = [files.light_times(one.path, one.fps, one.frames) for one, _ in moving]
+    for (_, place), own in zip(moving, times, strict=True):
+        if len(own) != len(times[0]):
+            found = f"{len(own)} moments, and the first file of this lighting has {len(times[0])}"
+            wrong.append(Mistake(place, found, "give both the same frames"))
+            return []
+    return [_at(name, table, at, files, [t[k] for t in times], wrong) for k in range(len(times[0]))]
+
+
+def _of_cameras(
+    name: str,
+    table: Lit,
+    at: Path,
+    files: LightFiles,
+    cameras: Sequence[Camera],
+    moving: list[tuple[LightsFromTable, Path]],
+    wrong: list[Mistake],
+) -> list[Lighting]:
+    for one, place in moving:
+        if one.time != AT_CAMERAS:
+            remedy = f'give all of them time = "{AT_CAMERAS}"'
+            wrong.append(Mistake(place, "moments of its own beside lights at the cameras' times", remedy))
+            return []
+    still = next((x.name for x in cameras if x.time is None), None)
+    if still is not None:
+        found = f'"{AT_CAMERAS}", and the camera {still!r} is of no animation'
+        remedy = "give cameras_from its fps or frames, or the lights a time"
+        wrong.append(Mistake((*moving[0][1], "time"), found, remedy))
+        return []
+    times = sorted({x.time for x in cameras if x.time is not None})
+    return [replace(_at(name, table, at, files, [t] * len(moving), wrong), time=t) for t in times]
+
+
+def _at(name: str, table: Lit, at: Path, files: LightFiles, times: Sequence[float], wrong: list[Mistake]) -> Lighting:
+    """The lighting with each moving file at its time."""
+    left = iter(times)
+    still = {"fps": None, "frames": None}
+    tables = [x.model_copy(update={**still, "time": next(left)}) if moves(x) else x for x in table.lights_from]
+    found: list[Mistake] = []
+    made = lighting(name, table.model_copy(update={"lights_from": tables}), at, files, found)
+    wrong += [x for x in found if x not in wrong]  # each moment would say the same
+    return made
+
+
+def moves(table: LightsFromTable) -> bool:
+    """Whether the lights of a file have more moments than one."""
+    return table.time == AT_CAMERAS or table.fps is not None or table.frames is not None
+
+
+def numbered(lightings: Sequence[Lighting], moments: Sequence[bool]) -> tuple[Lighting, ...]:
+    """Lightings with names of their own: the moments of one are counted from 1."""
+    counts: dict[str, int] = {}
+    out = []
+    for one, is_moment in zip(lightings, moments, strict=True):
+        counts[one.name] = counts.get(one.name, 0) + 1
+        out.append(replace(one, name=f"{one.name}-{counts[one.name]:04d}") if is_moment else one)
+    return tuple(out)
+
+
+def mistakes(table: JobTable) -> Iterator[Mistake]:
+    """What a job with lights that move cannot have."""
+    moving_files = [one for lit in (table, *table.lightings) for one in lit.lights_from if moves(one)]
+    captured = table.captured
+    for i, one in enumerate(captured.lights_from if captured is not None else ()):
+        if moves(one):
+            found = "captured light that moves"
+            yield Mistake(("captured", "lights_from", i), found, "give the time at which the capture was made")
+    if not moving_files:
+        return
+    moving = {one.name for one in table.lightings if any(moves(x) for x in one.lights_from)}
+    if captured is not None and captured.lighting in moving:
+        yield Mistake(("captured",), "a lighting that moves", "name one whose lights_from has a time")
+    if table.sweep is not None:
+        yield Mistake(("sweep",), "a sweep of lights that move", "give lights_from a time")
+    if any(one.time == AT_CAMERAS for one in moving_files):
+        if table.output.store == "layers":
+            found = '"layers", and lights at the cameras\' times'
+            yield Mistake(("output", "store"), found, 'every camera has lights of its own: give "both" or "frames"')
+        if table.dataset.layouts:
+            found = "data sets of lights at the cameras' times"
+            yield Mistake(("dataset", "layouts"), found, "they have every camera under every lighting: leave it out")

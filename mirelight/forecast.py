@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mirelight import keys, relighting, stages, viewing
+from mirelight import keys, needs, relighting, stages, viewing
 from mirelight.model import Camera, Job
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
@@ -86,7 +86,7 @@ def _remarks(plan: Plan) -> tuple[str, ...]:
 def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) -> tuple[int, int]:
     """How many sets of a camera must be traced, and how many unit lights are in them."""
     job, seen = made.job, relighting.lighting_camera(group.camera, made.job.relight)
-    captured = [job.captured] if job.splats is not None and keys.compares(job) and job.captured is not None else []
+    captured = [job.captured] if job.splats is not None and needs.compares(job) and job.captured is not None else []
     wanted = [t.lighting for t in missing if t.lighting is not None]
     sets = {s.digest: s for x in (*wanted, *(captured if wanted else [])) for s in made.mixture(x).sets}
     due = [s for s in sets.values() if not store.has_layers([made.light(s, seen)])]
@@ -118,7 +118,7 @@ def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
     lit = None
     if task.lighting is not None:
         lit = stages.light(scene, camera, task.lighting)
-        compared = job.splats is not None and keys.compares_in(job, task.lighting) and job.captured is not None
+        compared = job.splats is not None and needs.compares_in(job, task.lighting) and job.captured is not None
         lightings = [task.lighting, *([job.captured] if compared and job.captured is not None else [])]
         sets = len({s.digest for x in lightings for s in scene.mixture(x).sets})
     traced = time.perf_counter()

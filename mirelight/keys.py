@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import cached_property
 
-from mirelight import provenance, relighting
+from mirelight import needs, provenance, relighting
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -22,9 +22,8 @@ from mirelight.model import (
     RelightSettings,
     digest,
 )
-from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of
-from mirelight.units import ALIKE, GLOW, LightSet, LightSets, Mixture, Rules, terms
+from mirelight.units import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
 
 FILE_SUFFIXES = (".exr", ".png")
 
@@ -56,7 +55,7 @@ class Keys:
         """The proxy as light falls on it: with the splats' colours where they are wanted."""
         job = self.job
         assert job.proxy is not None
-        if not colors_proxy(job):
+        if not needs.colors_proxy(job):
             return job.proxy.digest
         assert job.splats is not None and job.captured is not None
         render = job.render
@@ -87,7 +86,7 @@ class Keys:
     def splat_sets(self) -> LightSets:
         """The sets of unit lights whose light on splats makes the job's lightings, then the captured one."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and compares(job) else ()
+        captured = (job.captured,) if job.captured is not None and needs.compares(job) else ()
         return LightSets((*job.lightings, *captured), ALIKE)
 
     def splat_light(self, light_set: LightSet, spp: int) -> str:
@@ -98,15 +97,15 @@ class Keys:
     def sets(self) -> LightSets:
         """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and compares(job) else ()
+        captured = (job.captured,) if job.captured is not None and needs.compares(job) else ()
         shared = tuple(x for x in job.lightings if x.time is None)
-        return LightSets((*shared, *captured), rules(job), shared if job.pooled else ())
+        return LightSets((*shared, *captured), needs.rules(job), shared if job.pooled else ())
 
     def _moment(self, lighting: Lighting) -> Mixture:
         """Lights for one camera alone: traced together, for no other frame has a use for a part of them."""
         known = self._moments.get(id(lighting))
         if known is None:
-            known = self._moments[id(lighting)] = LightSets((lighting,), rules(self.job)).mixture(lighting)
+            known = self._moments[id(lighting)] = LightSets((lighting,), needs.rules(self.job)).mixture(lighting)
         return known
 
     # --- made once a camera ---
@@ -123,7 +122,8 @@ class Keys:
         job = self.job
         if job.splats is None:
             return "no splats"
-        settings = _read(job.compositor, _compositor_reads(job.compositor)), wants_depth(job), wants_diffuse(job)
+        wanted = needs.wants_depth(job), needs.wants_diffuse(job)
+        settings = _read(job.compositor, _compositor_reads(job.compositor)), *wanted
         return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
@@ -140,15 +140,16 @@ class Keys:
 
     @cached_property
     def _traced(self) -> str:
-        settings = (_read(self.job.render, _light_reads(self.job)), keeps_lights_apart(self.job), wants_aovs(self.job))
-        surface = self.surface_cells if reads_surface(self.job) else ""
+        job = self.job
+        settings = _read(job.render, _light_reads(job)), needs.keeps_lights_apart(job), needs.wants_aovs(job)
+        surface = self.surface_cells if needs.reads_surface(job) else ""
         return digest("light", self.proxy, settings, surface, self._versions("mitsuba", "drjit", "llvm", "numpy"))
 
     @cached_property
     def surface_cells(self) -> str:
         """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
         job = self.job
-        views = [view(x) for x in lighting_cameras(job)]
+        views = [view(x) for x in needs.lighting_cameras(job)]
         versions = self._versions("mitsuba", "drjit", "llvm", "numpy")
         return digest("cells", self.proxy, views, job.render.variant, versions)
 
@@ -164,14 +165,14 @@ class Keys:
     def lights(self) -> Iterator[str]:
         """All light of the job that is kept: each camera's sets, and what lies on the surface."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and compares(job) else ()
+        captured = (job.captured,) if job.captured is not None and needs.compares(job) else ()
         every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
         shared = {s.digest: s for x in (*job.lightings, *captured) if x.time is None for s in self.mixture(x).sets}
         for camera in job.cameras:
             own = [s for x in job.lightings if x.time is not None and x.lights_up(camera) for s in self.mixture(x).sets]
             seen = relighting.lighting_camera(camera, job.relight)
             yield from (self.light(s, seen) for s in (*shared.values(), *own, GLOW))
-        if reads_surface(job):
+        if needs.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
     def layers(self, camera: Camera, lightings: Iterable[Lighting | None]) -> Iterator[str]:
@@ -179,7 +180,7 @@ class Keys:
         job = self.job
         if job.splats is not None:
             yield self.composite(camera)
-        captured = (job.captured,) if job.splats is not None and compares(job) else ()
+        captured = (job.captured,) if job.splats is not None and needs.compares(job) else ()
         seen = relighting.lighting_camera(camera, job.relight)
         mixtures = (self.mixture(x) for x in (*lightings, *captured) if x is not None)
         yield from (self.light(s, seen) for s in {s.digest: s for m in mixtures for s in m.sets}.values())
@@ -194,7 +195,7 @@ class Keys:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
-        if job.splats is not None and compares_in(job, lighting) and job.captured is not None:
+        if job.splats is not None and needs.compares_in(job, lighting) and job.captured is not None:
             if seen not in self._old:
                 self._old[seen] = [*self._lit(job.captured, seen), self.captured_level]
             parts += self._old[seen]
@@ -204,7 +205,7 @@ class Keys:
 
     def _on_splats(self, lighting: Lighting) -> Iterator[str]:
         """What a frame reads of the light on splats."""
-        captured = self.job.captured if compares_in(self.job, lighting) else None
+        captured = self.job.captured if needs.compares_in(self.job, lighting) else None
         for one in (lighting, captured):
             if one is not None:
                 mixture = self.splat_sets.mixture(one)
@@ -240,7 +241,7 @@ class Keys:
                 denoised,
                 self._versions("numpy"),
                 job.splats is None,
-                wants_noise(job),
+                needs.wants_noise(job),
             )
         return found
 
@@ -282,87 +283,6 @@ class Keys:
         return provenance.versions()
 
 
-def compares(job: Job) -> bool:
-    """True where the relight mode of the job, or of any of its lightings, divides by the light that the capture was
-    made under."""
-    return any(compares_in(job, x) for x in (None, *(x for x in job.lightings if x.relight is not None)))
-
-
-def compares_in(job: Job, lighting: Lighting | None) -> bool:
-    """The same of one lighting; None: of lightings that say nothing of it."""
-    return relighting.mode_of(job.relight_of(lighting)).needs_captured
-
-
-def follows_engine(job: Job) -> bool:
-    """True where light is the real-time engine's."""
-    return not rules_of(job.render.profile).path_traced
-
-
-def lighting_cameras(job: Job) -> list[Camera]:
-    """Every camera of the job as light is traced for it."""
-    return [relighting.lighting_camera(x, job.relight) for x in job.cameras]
-
-
-def reads_surface(job: Job) -> bool:
-    """True where light that has been reflected is kept on the surface and read there."""
-    return job.render.indirect != "traced" and not follows_engine(job)
-
-
-def mattes(job: Job) -> tuple[str, ...]:
-    """Names of the cryptomattes that a file holds."""
-    return tuple(name for name in MATTES if job.output.wants(name)) if job.proxy is not None else ()
-
-
-def wants_noise(job: Job) -> bool:
-    """True where a file holds the frame's own noise."""
-    return job.output.wants("noise")
-
-
-def colors_proxy(job: Job) -> bool:
-    """True where frames are lit on a proxy with the splats' colours: asked for, and of use.
-
-    It is of use to a ratio alone. The tint multiplies splats that have their own albedo by a gray proxy's light, as the
-    real-time engine does, and that engine's light model reflects nothing from surface to surface.
-    """
-    there = job.splats is not None and job.proxy is not None and job.captured is not None
-    useful = relighting.mode_of(job.relight).uses_proxy_colours and not follows_engine(job)
-    return job.albedo_from_splats and there and useful
-
-
-def rules(job: Job) -> Rules:
-    """Which of the job's lightings are mixed from unit lights."""
-    from mirelight.lighting.layers import MAX_LAYERS
-    from mirelight.lighting.lights import ALL_LIGHTS
-
-    return Rules(
-        linear=not follows_engine(job) and job.render.noise is None and keeps_lights_apart(job),
-        most_lights=ALL_LIGHTS,
-        most_layers=MAX_LAYERS,
-        suns_apart=wants_aovs(job),
-    )
-
-
-def keeps_lights_apart(job: Job) -> bool:
-    """True where lights are traced in layers of their own: files hold them, or they are kept to be mixed anew."""
-    return job.output.layers or job.output.store != "frames"
-
-
-def wants_aovs(job: Job) -> bool:
-    """True where a file holds what is traced beside light."""
-    return job.output.wants("sun_visibility", "ambient_occlusion")
-
-
-def wants_depth(job: Job) -> bool:
-    """True where a file holds the splats' depth."""
-    return job.output.wants("splat_depth", "splat_median_depth")
-
-
-def wants_diffuse(job: Job) -> bool:
-    """True where a frame treats colour that changes with the view apart."""
-    own = [job.relight, *(x.relight for x in job.lightings if x.relight is not None)]
-    return any(relighting.gloss_of(x) != "keep" for x in own)
-
-
 def exr_settings(output: OutputSettings) -> dict[str, object]:
     """The settings that decide what an EXR holds."""
     elsewhere = "directory", "exr", "png", "store"
@@ -389,10 +309,10 @@ def _compositor_reads(settings: CompositorSettings) -> set[str]:
 def _light_reads(job: Job) -> set[str]:
     """Names of the settings that shape a traced buffer in its profile."""
     names = {"profile", "variant"}
-    if follows_engine(job):
+    if needs.follows_engine(job):
         return names
     names |= {"spp", "noise", "max_depth", "indirect", "seed", "denoise"}
-    return names | {"ao_distance"} if wants_aovs(job) else names
+    return names | {"ao_distance"} if needs.wants_aovs(job) else names
 
 
 def view(camera: Camera) -> str:

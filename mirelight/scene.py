@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mirelight import advice, backend, extras, keys, relighting
+from mirelight import advice, backend, extras, keys, needs, relighting
 from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
@@ -67,7 +67,7 @@ def prepare(
 def check(job: Job) -> None:
     """Raises InputError where a job names too little to be rendered, BackendError where it needs a package that is not
     installed."""
-    if job.render.denoise and job.proxy is not None and not keys.follows_engine(job):
+    if job.render.denoise and job.proxy is not None and not needs.follows_engine(job):
         extras.require("denoise")
     if job.splats is None and (job.proxy is None or not job.lightings):
         raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
@@ -81,7 +81,7 @@ def check(job: Job) -> None:
         )
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
-    if job.lightings and job.splats is not None and keys.compares(job) and job.captured is None:
+    if job.lightings and job.splats is not None and needs.compares(job) and job.captured is None:
         raise InputError(
             job.source,
             f"mode {_comparing(job)!r} without the lighting that the capture was made under",
@@ -134,7 +134,7 @@ class Scene:
             return
         if job.render.profile == theirs.render.profile:
             mine.update({name: ready[name] for name in ("mesh", "proxy", "glows") if name in ready})
-        if keys.compares(job) and keys.compares(theirs) and self.keys.captured_level == other.keys.captured_level:
+        if needs.compares(job) and needs.compares(theirs) and self.keys.captured_level == other.keys.captured_level:
             mine.update({name: ready[name] for name in ("captured_level",) if name in ready})
         if same_machine and "tracer" in ready:
             self._take_tracer(other)
@@ -143,10 +143,10 @@ class Scene:
         from mirelight.lighting import Tracer
 
         job, theirs, tracer = self.job, other.job, other.tracer
-        apart, aovs = keys.keeps_lights_apart(job), keys.wants_aovs(job)
-        if (job.render, apart, aovs) == (theirs.render, keys.keeps_lights_apart(theirs), keys.wants_aovs(theirs)):
+        apart, aovs = needs.keeps_lights_apart(job), needs.wants_aovs(job)
+        if (job.render, apart, aovs) == (theirs.render, needs.keeps_lights_apart(theirs), needs.wants_aovs(theirs)):
             vars(self)["tracer"] = tracer
-        elif isinstance(tracer, Tracer) and not keys.follows_engine(job):
+        elif isinstance(tracer, Tracer) and not needs.follows_engine(job):
             vars(self)["tracer"] = tracer.tuned(job.render, layers=apart, aovs=aovs)
 
     @cached_property
@@ -180,7 +180,7 @@ class Scene:
         """The proxy as light falls on it: with the splats' colours where the job asks for them and they are of use."""
         job = self.job
         mesh = self.mesh
-        if mesh is None or self.splats is None or job.captured is None or not keys.colors_proxy(job):
+        if mesh is None or self.splats is None or job.captured is None or not needs.colors_proxy(job):
             return mesh
         from mirelight.lighting import albedo
 
@@ -199,14 +199,14 @@ class Scene:
         """True where the proxy's own surfaces send out light that is traced."""
         from mirelight.lighting.materials import is_emissive
 
-        return self.proxy is not None and not keys.follows_engine(self.job) and is_emissive(self.proxy)
+        return self.proxy is not None and not needs.follows_engine(self.job) and is_emissive(self.proxy)
 
     @cached_property
     def captured_level(self) -> float | None:
         """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it, or
         nothing on this machine can tell (the variant scalar_rgb without libLLVM): views then take their own mean."""
         job = self.job
-        if self.proxy is None or job.captured is None or not keys.compares(job):
+        if self.proxy is None or job.captured is None or not needs.compares(job):
             return None
         if job.render.variant == "scalar_rgb" and backend.choose() is None:
             return None
@@ -276,7 +276,7 @@ class Scene:
         """Light on the surface, for all of the job's cameras; None where the job traces it."""
         from mirelight.lighting import Tracer
 
-        if not keys.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
+        if not needs.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
             return None
         return SurfaceLight(self, self.tracer, self._tell)
 
@@ -303,7 +303,7 @@ class Scene:
 
     def mattes(self, camera: Camera) -> tuple[Matte, ...]:
         """The cryptomattes that the job's files hold, of one camera; those of the last camera are kept."""
-        wanted = keys.mattes(self.job)
+        wanted = needs.mattes(self.job)
         if not wanted:
             return ()
         if self._mattes is None or keys.view(self._mattes[0]) != keys.view(camera):
@@ -324,4 +324,4 @@ class Scene:
 
         assert self.proxy is not None
         job = self.job
-        return tracer(self.proxy, job.render, layers=keys.keeps_lights_apart(job), aovs=keys.wants_aovs(job))
+        return tracer(self.proxy, job.render, layers=needs.keeps_lights_apart(job), aovs=needs.wants_aovs(job))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mirelight import keys, relighting
+from mirelight import keys, needs, relighting
 from mirelight.kept import Kept
 from mirelight.model import F32, Job, Lighting, ProxyMesh, SplatCloud, SurfaceCells
 from mirelight.units import GLOW, LightSet, Unit
@@ -97,7 +97,7 @@ class SplatLight:
         assert scene.splats is not None
         settings = job.relight_of(lighting)
         old = None
-        if keys.compares_in(job, lighting):
+        if needs.compares_in(job, lighting):
             assert job.captured is not None
             old = self.of(job.captured)
         new = self.of(lighting)

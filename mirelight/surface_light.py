@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
-from mirelight import keys
+from mirelight import keys, needs
 from mirelight.kept import Kept
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells
 from mirelight.units import LightSet
@@ -57,7 +57,7 @@ class SurfaceLight:
         key = self._keys.surface_cells
 
         def make() -> SurfaceCells:
-            made = self._tracer.cells(keys.lighting_cameras(self._job))
+            made = self._tracer.cells(needs.lighting_cameras(self._job))
             self._kept.keep_cells(key, made)
             return made
 

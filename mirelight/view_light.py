@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from mirelight import keys
+from mirelight import keys, needs
 from mirelight.kept import Kept
 from mirelight.mix import Wanted, mix
 from mirelight.model import Camera, DirectionalLight, Job, Lighting, LightingBuffer, SunLight, SurfaceCache
@@ -182,7 +182,7 @@ class ViewLight:
     def _finished(self, mixture: Mixture) -> LightingBuffer:
         job = self._scene.job
         buffer = self._mixed(mixture, self._there)
-        if not job.render.denoise or keys.follows_engine(job):
+        if not job.render.denoise or needs.follows_engine(job):
             return buffer
         from mirelight.lighting.denoise import denoise
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mirelight import keys, relighting
+from mirelight import keys, needs, relighting
 from mirelight import plan as planning
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.dataset.surroundings import MOST_ROWS, shrunk
@@ -28,7 +28,7 @@ def describe(plan: Plan) -> Index:
     made = plan.keys
     known = _Units(made)
     lightings = tuple(known.weighted(x) for x in job.lightings)
-    compared = job.captured is not None and job.splats is not None and keys.compares(job)
+    compared = job.captured is not None and job.splats is not None and needs.compares(job)
     captured = known.weighted(job.captured) if compared and job.captured is not None else None
     views: list[KeptView] = []
     for group in plan.groups:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight import keys, relighting
+from mirelight import needs, relighting
 from mirelight.errors import InputError
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.model import F32, F64, Job, Lighting, rules_of
@@ -117,7 +117,7 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     job = scene.job
     assert scene.splats is not None and scene.proxy is not None
     plain = tuple(replace(x, mix=()) for x in lightings)
-    compares = keys.compares(job) and job.captured is not None
+    compares = needs.compares(job) and job.captured is not None
     units = {t.unit.digest: t.unit for x in plain for t in terms(x)}
     index = {key: i for i, key in enumerate(units)}
     names = [_layer_name(key, plain) for key in units]

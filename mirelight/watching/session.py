@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from mirelight import executor, keys, relighting, stages
+from mirelight import executor, needs, relighting, stages
 from mirelight.errors import RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm.order import Order
@@ -160,7 +160,7 @@ class _Live:
         if lighting is None:
             return True
         wanted = [lighting]
-        if job.splats is not None and keys.compares(job) and job.captured is not None:
+        if job.splats is not None and needs.compares(job) and job.captured is not None:
             wanted.append(job.captured)
         seen = relighting.lighting_camera(task.camera, job.relight)
         sets = {s.digest: s for x in wanted for s in scene.mixture(x).sets}

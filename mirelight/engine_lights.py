@@ -200,8 +200,9 @@ def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, clustered: bool
             penumbra=math.radians(light.angular_diameter) if isinstance(light, SunLight) else light.penumbra,
             penumbra_falloff=1.0 if isinstance(light, SunLight) else light.penumbra_falloff,
         )
-    if isinstance(light, PointLight) and light.profile is not None:
-        warnings.append(f"{light.name}: the engine has no IES profile; it shines as its brightest direction all around")
+    if light.profile is not None:
+        where = "all around" if isinstance(light, PointLight) else "in all of its cone"
+        warnings.append(f"{light.name}: the engine has no IES profile; it shines as its brightest direction {where}")
     if light.radius > 0:
         warnings.append(f"{light.name}: the engine has no radius for this light; its shadow edges differ")
     if light.falloff == "linear":

@@ -172,7 +172,7 @@ def _irradiance(light: Light, position: F64, normal: F64) -> F64:
         return np.asarray((share * area)[:, None] * light.color * light.intensity)
     if math.isfinite(light.range):
         share = share * np.clip(1 - squared**2 / light.range**4, 0, 1)
-    if isinstance(light, PointLight) and light.profile is not None:
+    if light.profile is not None:
         share = share * light.profile.toward(-towards)
     if isinstance(light, SpotLight):
         angles = light.inner_cone_angle, light.outer_cone_angle

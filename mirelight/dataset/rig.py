@@ -13,7 +13,7 @@ from mirelight.dataset.layouts.pictures import Lamp, Shared
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.dataset.surroundings import Sun
 from mirelight.dataset.view import DataSet
-from mirelight.model import Light, PointLight, SpotLight, SunLight
+from mirelight.model import IesProfile, Light, PointLight, SpotLight, SunLight
 
 _UNITS = {
     "point": "candela, of the data set's world: the job's times the square of its scale",
@@ -99,12 +99,23 @@ def _light(light: Light, world: Matrix) -> dict[str, Any]:
             part["range"] = light.range * scale
     if isinstance(light, SpotLight):
         part |= {"inner_cone_angle": light.inner_cone_angle, "outer_cone_angle": light.outer_cone_angle}
+        part["cone"] = light.cone
+    if isinstance(light, PointLight | SpotLight) and light.profile is not None:
+        part["ies"] = _measured(light.profile, world[:3, :3] / scale)
     direction = getattr(light, "direction", None)
     if direction is not None:
         part["direction"] = (world[:3, :3] / scale @ direction).tolist()
     if isinstance(light, SunLight):
         part["angular_diameter_degrees"] = light.angular_diameter
     return part
+
+
+def _measured(profile: IesProfile, turned: Matrix) -> dict[str, Any]:
+    """A luminaire's light by direction: rows around its axis (one where all are alike), columns from nadir up."""
+    share = np.round(profile.share.astype(np.float64), 5)
+    rows = share[:1] if np.array_equal(share, np.broadcast_to(share[0], share.shape)) else share
+    ways = {name: (turned @ getattr(profile, name)).tolist() for name in ("nadir", "zero")}
+    return ways | {"share": rows.tolist()}
 
 
 def _sun(sun: Sun, world: Matrix) -> dict[str, Any]:

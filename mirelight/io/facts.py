@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -20,6 +21,7 @@ from mirelight.model import (
     SkyModel,
     SpotLight,
     SunLight,
+    cones,
 )
 
 if TYPE_CHECKING:
@@ -248,6 +250,9 @@ def light_facts(light: Light) -> LightFacts:
             facts["ies"] = None if light.profile is None else rounded(light.intensity * light.profile.solid_angle)
             return LightFacts(type="point", position=numbers(light.position), **_reach(light), **facts)
         case SpotLight():
+            if light.profile is not None:
+                cone = partial(cones.share, light.cone, light.inner_cone_angle, light.outer_cone_angle)
+                facts["ies"] = rounded(light.intensity * light.profile.solid_angle_in(cone))
             return LightFacts(
                 type="spot",
                 position=numbers(light.position),

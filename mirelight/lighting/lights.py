@@ -108,6 +108,8 @@ def _pack(light: Light) -> NDArray[np.float64]:
                 radius=light.radius,
                 reach=light.range,
                 cone=spot_cone(light),
+                x=None if light.profile is None else (light.profile.zero, 0.0),
+                y=None if light.profile is None else (light.profile.quarter, 0.0),
             )
         case AreaLight():
             return _pack_area(light)
@@ -145,7 +147,7 @@ def pack(lights: tuple[Light, ...]) -> F32:
     places: dict[str, int] = {}
     profiles: list[NDArray[np.float64]] = []
     for row, light in zip(rows, lights, strict=False):
-        profile = light.profile if isinstance(light, PointLight) else None
+        profile = light.profile if isinstance(light, PointLight | SpotLight) else None
         if profile is not None:
             known = digest(profile.share)
             if known not in places:

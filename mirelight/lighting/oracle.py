@@ -199,7 +199,7 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
             }
         case PointLight() | SpotLight() if light.radius == 0:
             spot = isinstance(light, SpotLight)
-            measured = None if isinstance(light, SpotLight) else light.profile
+            measured = light.profile
             if not spot and np.isinf(light.range) and measured is None:
                 return {"type": "point", "position": light.position.tolist(), "intensity": _rgb(mi, strength)}
             scale, offset, smooth = 0.0, 1.0, 0.0

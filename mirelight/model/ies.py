@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,6 +41,13 @@ class IesProfile(ArrayHolder):
         theta = np.linspace(0, math.pi, DOWN)
         mean = self.share.mean(axis=0, dtype=np.float64)
         return float(2 * math.pi * np.trapezoid(mean * np.sin(theta), theta))
+
+    def solid_angle_in(self, cone: Callable[[F64], F64]) -> float:
+        """The same of what a cone about the nadir leaves; `cone`: its share by the cosine of the angle to that."""
+        theta = np.linspace(0, math.pi, DOWN)
+        finer = np.linspace(0, math.pi, 16 * (DOWN - 1) + 1)
+        mean = np.interp(finer, theta, self.share.mean(axis=0, dtype=np.float64)) * cone(np.cos(finer))
+        return float(2 * math.pi * np.trapezoid(mean * np.sin(finer), finer))
 
     def toward(self, way: ArrayLike) -> F64:
         """The share in unit directions (..., 3) away from the lamp."""

@@ -75,6 +75,7 @@ class SpotLight(ArrayHolder):
     inner_cone_angle: float = 0.0  # rad, half angle, 0 <= inner < outer; equal to it: a hard edge
     outer_cone_angle: float = float(np.pi / 4)  # rad, half angle, <= pi / 2
     cone: ConeLaw = "khr"
+    profile: IesProfile | None = None  # by direction, times candela and cone; its nadir is the axis
     radius: float = 0.0  # world units; 0: a point with hard shadows
     falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
     shadows: bool = True  # playcanvas: casts shadows; physical light always does
@@ -86,6 +87,8 @@ class SpotLight(ArrayHolder):
         freeze(self, "position", (3,), np.float64)
         object.__setattr__(self, "direction", conventions.unit(self.direction))
         freeze(self, "direction", (3,), np.float64)
+        if self.profile is not None and not np.allclose(self.profile.nadir, self.direction, atol=1e-6):
+            raise ValueError("SpotLight.profile: its nadir is not the spot's direction")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import mirelight
-from mirelight.dataset import index
+from mirelight.dataset import index, rig
+from mirelight.engine_lights import to_engine
 from mirelight.errors import InputError, MirelightError
 from mirelight.io.ies import read_ies
 from mirelight.lighting import Tracer
-from mirelight.model import IesProfile, Lighting, PointLight, RenderSettings, SpotLight, cones, digest
+from mirelight.model import IesProfile, Lighting, PointLight, ProxyMesh, RenderSettings, SpotLight, cones, digest
 from mirelight.model.cones import ConeLaw
 
 from .lighting_scenes import FLOOR, Array, floor_mean, join, overhead, quad, render
@@ -132,6 +135,16 @@ def test_the_traced_light_is_the_table_and_its_power_the_lumens(tmp_path: Path) 
         spot = SpotLight(name="s", position=middle, direction=np.array([0.3, -1.0, 0.2]), intensity=700.0, cone=law)
         expected = 700 * cones.solid_angle(law, spot.inner_cone_angle, spot.outer_cone_angle)
         assert walls_get(spot).mean() * 24 == pytest.approx(expected, rel=3e-3)
+        along = spot.direction
+        both = replace(spot, profile=IesProfile(share=found.share, nadir=along, zero=np.cross(along, [1.0, 0, 0])))
+        assert both.profile is not None
+        ways = at / d[:, None]
+        cone = partial(cones.share, law, spot.inner_cone_angle, spot.outer_cone_angle)
+        light = walls_get(both)
+        np.testing.assert_allclose(
+            light, 700 * both.profile.toward(ways) * cone(ways @ along) * cosine / d**2, rtol=3e-3, atol=1e-2
+        )
+        assert light.mean() * 24 == pytest.approx(700 * both.profile.solid_angle_in(cone), rel=3e-3)
 
 
 def test_on_a_floor_turned_lamps_keep_their_table(tmp_path: Path) -> None:
@@ -248,3 +261,42 @@ def test_a_data_set_keeps_the_table(tmp_path: Path) -> None:
     lamp = PointLight(name="lamp", position=np.zeros(3), profile=profile(path, zero=np.array([0.0, 0.0, 1.0]))[0])
     again = index._light(json.loads(json.dumps(index._packed(lamp))))
     assert digest(again) == digest(lamp)
+
+
+def test_a_spot_takes_a_file_along_its_axis_and_lumens_through_its_cone(tmp_path: Path) -> None:
+    spot = job(tmp_path, 'ies = "a.ies"\nintensity = 500\nunit = "lumen"\nouter_cone_angle = 30\nturn = 90')
+    spot.write_text(spot.read_text().replace('"point"', '"spot"\ntarget = [3, 0, 0]'))
+    (lamp,) = mirelight.load(spot).lightings[0].lights
+    assert isinstance(lamp, SpotLight) and lamp.profile is not None
+    np.testing.assert_allclose(lamp.profile.nadir, np.array([1, -1, 0]) / 2**0.5)
+    np.testing.assert_allclose(lamp.profile.zero, [0, 0, -1], atol=1e-12)
+    whole = cones.solid_angle("khr", 0.0, math.radians(30))  # the file is the same all around
+    assert lamp.intensity == pytest.approx(500 / whole, rel=1e-3)
+    _, said = to_engine(
+        Lighting(lights=(lamp,)), ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]]))
+    )
+    assert any("no IES profile" in line and "cone" in line for line in said)
+    for line in ("turn = 5", 'ies = "a.ies"\nunit = "watt"'):
+        wrong = job(tmp_path, line)
+        wrong.write_text(wrong.read_text().replace('"point"', '"spot"\ntarget = [3, 0, 0]'))
+        with pytest.raises(InputError, match=r"lights\[0\]\.(turn|unit)"):
+            mirelight.load(wrong)
+
+
+def test_lights_json_holds_the_table_in_the_data_sets_axes(tmp_path: Path) -> None:
+    path = tmp_path / "a.ies"
+    path.write_text(text(lopsided, FULL, np.arange(0.0, 361.0, 15.0)))
+    found, _ = profile(path, zero=np.array([0.0, 0.0, 1.0]))
+    world = np.diag([2.0, 2.0, 2.0, 1.0]) @ np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    cone = SpotLight(name="s", position=np.zeros(3), direction=np.array([0.0, -1, 0]), cone="playcanvas", profile=found)
+    written = rig._light(cone, world)
+    np.testing.assert_allclose(written["ies"]["nadir"], [0, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(written["ies"]["zero"], [0, -1, 0], atol=1e-12)
+    assert written["cone"] == "playcanvas"
+    np.testing.assert_allclose(written["ies"]["share"], found.share, atol=1e-5)
+    again = index._light(json.loads(json.dumps(index._packed(cone))))
+    assert digest(again) == digest(cone)
+    path.write_text(GOOD)
+    alike = PointLight(name="p", position=np.zeros(3), profile=profile(path)[0])
+    assert len(rig._light(alike, world)["ies"]["share"]) == 1
+    assert "ies" not in rig._light(replace(alike, profile=None), world)

@@ -36,6 +36,7 @@ _RADIUS = "Radius of a glowing sphere of the same candela, in world units; 0: ha
 _CANDELA = "Luminous intensity in candela, or what `unit` says."
 _LAMP_UNIT = "Of the intensity. lumen: all of its light; watt: the power of a Blender lamp. docs/lighting.md has both."
 _SUN_UNIT = "Of the intensity. watt: W/m², the strength of a Blender sun; the same number."
+_TURN = "With ies, in degrees: turns it about that, counter-clockwise seen from behind the lamp."
 GROUP = "Lights of one group share a layer of this name. Default: a layer of its own."
 _LUX = "Illuminance of a surface that faces the light, in lux, or what `unit` says."
 _KELVIN = "Colour of a black body of this temperature, of luminance 1; instead of color."
@@ -128,10 +129,7 @@ class PointTable(ColouredTable):
     direction: Direction | None = Field(
         default=None, description="[x, y, z], with ies: where its nadir points. Default: down."
     )
-    turn: Degrees = Field(
-        default=0.0,
-        description="With ies, in degrees: turns it about that, counter-clockwise seen from behind the lamp.",
-    )
+    turn: Degrees = Field(default=0.0, description=_TURN)
 
     @model_validator(mode="after")
     def _check(self) -> PointTable:
@@ -214,10 +212,20 @@ class SpotTable(ColouredTable):
         default=None, description="cone blender: Blender's blend, instead of an inner angle. Default: 0.15."
     )
     radius: NotNegative = Field(default=0.0, description=_RADIUS)
+    ies: AssetPath | None = Field(
+        default=None,
+        description="A luminaire's measured light by direction, its nadir along the axis; the cone narrows it further. "
+        "intensity, where it is given, is that of its brightest direction.",
+    )
+    turn: Degrees = Field(default=0.0, description=_TURN)
 
     @model_validator(mode="after")
     def _check(self) -> SpotTable:
         _aimed(self, self.position, self.target)
+        if self.ies is None and "turn" in self.model_fields_set:
+            raise wrong("turn of a light that is the same around its axis", "leave it out, or add ies", at="turn")
+        if self.ies is not None and self.unit == "watt":
+            raise wrong("watt of a measured light", "give candela or lumen, or neither", at="unit")
         for key in ("inner_cone_angle", "outer_cone_angle"):
             if self.spot is not None and key in self.model_fields_set:
                 raise wrong(f"both {key} and spot are given", f"keep one of them ({key} or spot)", at="spot")
@@ -256,6 +264,10 @@ class SpotTable(ColouredTable):
     def candela(self) -> float:
         """The intensity in candela on the axis."""
         return candela(self.intensity, self.unit, cones.solid_angle(self.law, *self.angles))
+
+    def brightest(self, peak: float, solid_angle: float) -> float:
+        """Candela of the brightest direction of an IES file that says `peak`; `solid_angle` (sr): lumens by them."""
+        return candela(self.intensity, self.unit, solid_angle) if "intensity" in self.model_fields_set else peak
 
 
 class AreaTable(ColouredTable):

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mirelight import conventions
 from mirelight.conventions import Matrix
@@ -175,7 +177,7 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 angular_diameter=table.angular_diameter,
             )
         case PointTable():
-            candela, profile = (table.candela, None) if table.ies is None else _measured(table, table.ies, files)
+            candela, profile = _strength(table, table.direction or (0, -1, 0), files)
             return PointLight(
                 name=name,
                 group=table.group,
@@ -187,11 +189,13 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 profile=profile,
             )
         case SpotTable():
+            candela, profile = _strength(table, _direction(table), files)
             return SpotLight(
                 name=name,
                 group=table.group,
                 color=color,
-                intensity=table.candela,
+                intensity=candela,
+                profile=profile,
                 position=np.asarray(table.position),
                 direction=_direction(table),
                 range=table.range or math.inf,
@@ -217,16 +221,21 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
             )
 
 
-def _measured(table: PointTable, path: str, files: LightFiles) -> tuple[float, IesProfile]:
-    """Candela of the brightest direction, and the profile: plane 0 along +X where the nadir points down."""
-    nadir = conventions.unit(table.direction or (0, -1, 0))
+def _strength(table: PointTable | SpotTable, axis: ArrayLike, files: LightFiles) -> tuple[float, IesProfile | None]:
+    """Candela, and the profile where the light has one: then of the brightest direction; plane 0 along +X where the
+    nadir points down."""
+    if table.ies is None:
+        return table.candela, None
+    nadir = conventions.unit(axis)
     across = np.array([1.0, 0.0, 0.0]) if abs(nadir[0]) < 0.99 else np.array([0.0, 0.0, 1.0])
     zero = conventions.unit(across - (across @ nadir) * nadir)
     turn = math.radians(table.turn)
     zero = zero * math.cos(turn) + np.cross(-nadir, zero) * math.sin(turn)
-    found = files.ies(path)
+    found = files.ies(table.ies)
     profile = IesProfile(share=found.share, nadir=nadir, zero=zero)
-    return table.brightest(found.peak, profile.solid_angle), profile
+    if isinstance(table, PointTable):
+        return table.brightest(found.peak, profile.solid_angle), profile
+    return table.brightest(found.peak, profile.solid_angle_in(partial(cones.share, table.law, *table.angles))), profile
 
 
 def _engine_light(table: PlayCanvasTable, engine: EngineSettings) -> Light:

@@ -116,7 +116,7 @@ def _environment(table: dict[str, Any], around: Environment) -> dict[str, Any]:
 
 def light_table(light: Light) -> dict[str, Any]:
     """A light as the job file has it."""
-    if isinstance(light, PointLight) and light.profile is not None:
+    if isinstance(light, PointLight | SpotLight) and light.profile is not None:
         found = f"the light {light.name!r} has an IES profile, which a written job cannot hold"
         raise InputError("lights", found, "leave its ies out")
     common: dict[str, Any] = {"type": "", "name": light.name}

@@ -42,6 +42,13 @@ def described(found: Estimate) -> Iterator[str]:
     yield f"             and explains {c.held_out:.0%} of the differences in the other half"
 
 
+def doubted(found: Estimate) -> bool:
+    """Whether anything but what is true of every estimate speaks against this one: then it may be worse than none."""
+    c = found.confidence
+    lost_sun = bool(found.sun.any()) and not c.sun_apart <= SUNS_AGREE
+    return lost_sun or c.halves_apart > HALVES_AGREE or c.held_out < LITTLE
+
+
 def unknown(found: Estimate) -> Iterator[str]:
     """What these splats cannot tell, a line each; the last ones are true of every estimate."""
     c = found.confidence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from mirelight.errors import InputError
 from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
 
 MOST_LIGHTS = 3  # files of lights that are taken
+if TYPE_CHECKING:
+    from mirelight.io.cameras import FileCamera
+
 _MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _PANORAMAS = (".hdr", ".exr")
 _CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
@@ -41,6 +44,14 @@ class Lights:
     intensity: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Cameras:
+    """A file or folder of the capture's cameras, in the splats' own axes."""
+
+    path: Path
+    cameras: tuple[FileCamera, ...]  # at least one
+
+
 def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Path | None]:
     """The first mesh beside a capture that fits it, and else one that does not.
 
@@ -62,18 +73,19 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Pa
     return None, misfit
 
 
-def cameras(capture: Path) -> Path | None:
-    """A file or folder of the capture's cameras beside it."""
+def cameras(capture: Path) -> Cameras | None:
+    """The capture's cameras beside it."""
     from mirelight.io.cameras import open_file
 
     for name in _CAMERAS:
         path = capture.parent / name
         if path.exists():
             try:
-                open_file(path)
+                found = open_file(path).read()
             except InputError:
                 continue
-            return path
+            if found:
+                return Cameras(path, tuple(found))
     return None
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from mirelight import conventions
 from mirelight.errors import InputError
-from mirelight.first import beside, up, view
+from mirelight.first import beside, captured, up, view
 from mirelight.model import F64, Camera, SplatCloud
 
 LIGHTS = ("sun", "point")
@@ -26,6 +26,7 @@ _SUN = 3.2  # lux: a surface that faces it is lit 1.4 times as brightly as it wa
 _POINT = 4.5  # lux at the capture's middle
 _FROM_LEFT = (-0.75, 0.8, 0.45)  # towards the light: along the picture's right, up, towards the camera
 _DIGITS = 4
+_MOST_CAMERAS = 3  # of the capture, that a first job renders
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,22 +55,23 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     if len(cloud) == 0:
         raise InputError(capture, "no splats", "give a capture")
     _refuse_far(capture, cloud)
-    camera_file = beside.cameras(capture)
-    poses = _poses(camera_file)
-    found = up.find(cloud, capture, poses)
+    cameras = beside.cameras(capture)
+    found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
     turn = conventions.rotation_from_euler(found.euler)
     m = np.eye(4)
     m[:3, :3] = turn
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
     proxy, misfit = beside.proxy(capture, cloud, turn)
     seen = view.best(world, str(capture))
+    known = None if proxy is None else captured.find(world, proxy, turn)
     named = _Names(folder)
     lines = [
         f"# {capture.name}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
-        *_scene(capture, cloud, found, proxy, misfit, camera_file, named),
+        *_scene(capture, cloud, found, proxy, misfit, known, named),
+        *_cameras(cameras, wish, named),
         *_camera(seen, wish),
-        *_captured(seen),
-        *_lightings(capture, seen, wish, proxy, named),
+        *_captured(seen, proxy, known),
+        *_lightings(capture, seen, wish, proxy, 1.0 if known is None else known.level, named),
         *_rest(),
     ]
     return "\n".join(lines) + "\n"
@@ -94,24 +96,13 @@ def _refuse_far(capture: Path, cloud: SplatCloud) -> None:
         raise InputError(capture, found, "single precision is too coarse there: move it to the origin before saving")
 
 
-def _poses(path: Path | None) -> Sequence[F64]:
-    if path is None:
-        return ()
-    from mirelight.io.cameras import open_file
-
-    try:
-        return [c.world_from_camera for c in open_file(path).read()]
-    except InputError:
-        return ()
-
-
 def _scene(
     capture: Path,
     cloud: SplatCloud,
     found: up.Up,
     proxy: beside.Proxy | None,
     misfit: Path | None,
-    camera_file: Path | None,
+    known: captured.Known | None,
     named: _Names,
 ) -> Iterator[str]:
     turned = found.euler != (0, 0, 0)
@@ -124,16 +115,37 @@ def _scene(
     yield ""
     if proxy is not None:
         yield "# The mesh that light falls on. This one was beside the capture, and fits it."
-        yield f"proxy = {{ path = {named(proxy.path)}{place if proxy.turned else ''} }}"
+        colours = ', albedo = "splats"' if known is not None else ""
+        yield f"proxy = {{ path = {named(proxy.path)}{place if proxy.turned else ''}{colours} }}"
     else:
         if misfit is not None:
             yield f"# {misfit.name} beside the capture does not fit it (`mirelight proxy` can register it)."
         yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
         yield 'proxy = "splats"'
-    if camera_file is not None:
+    if known is not None:
         yield ""
-        yield "# Cameras of the capture; without the #, every one of them is rendered too."
-        yield f"# cameras_from = {named(camera_file)}"
+        yield f"# The light of the capture is estimated from its shading and shadows: {known.said}."
+        yield "# `mirelight estimate` writes it out with a picture to judge it by (docs/captured-light.md)."
+        yield 'captured = "estimate"'
+
+
+def _cameras(found: beside.Cameras | None, wish: Wish, named: _Names) -> Iterator[str]:
+    """A few of the capture's own cameras, as large as the first picture."""
+    if found is None:
+        return
+    count = len(found.cameras)
+    every = -(-count // _MOST_CAMERAS)
+    width = max(x.size(wish.resolution)[0] for x in found.cameras)
+    keys = f", every = {every}" if every > 1 else ""
+    if width > wish.resolution[0]:
+        keys += f", resolution_scale = {wish.resolution[0] / width:.3g}"
+    bent = max(x.shift() for x in found.cameras) > 0
+    if bent:
+        keys += ', distortion = "ignore"'
+    yield ""
+    some = f"one in {every} of the capture's {count}" if every > 1 else f"the capture's {count}"
+    yield f"# Cameras: {some}{', as pinholes' if bent else ''}, beside the one below."
+    yield f"cameras_from = {{ path = {named(found.path)}{keys} }}"
 
 
 def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
@@ -152,20 +164,26 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
     yield f"near = {away / 1000:.3g}"
 
 
-def _captured(seen: view.FirstView) -> Iterator[str]:
+def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.Known | None) -> Iterator[str]:
     yield ""
     white = f"{seen.white:.1%} of their pixels are white"
     yield f"# As captured, the splats' mean luminance is {seen.luminance:.2f}; {white}."
-    yield "# The light they were captured under is not known: an even one all around is assumed. New light is divided"
-    yield "# by it, so a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here"
-    yield "# (docs/relighting.md)."
+    if known is not None:
+        return
+    yield "# The light they were captured under is not known, so an even one all around is assumed. New light is"
+    yield "# divided by it: a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here."
+    if proxy is None:
+        yield "# `mirelight estimate` finds it from shading and shadows, and says how well (docs/captured-light.md)."
+    else:
+        yield "# Shading and shadows tell too little of it to estimate it from them: `mirelight estimate` says why."
     yield "[captured]"
     yield "environment = { radiance = 1.0 }"
 
 
 def _lightings(
-    capture: Path, seen: view.FirstView, wish: Wish, proxy: beside.Proxy | None, named: _Names
+    capture: Path, seen: view.FirstView, wish: Wish, proxy: beside.Proxy | None, level: float, named: _Names
 ) -> Iterator[str]:
+    """`level`: of the captured light, cd/m²; new light is as bright."""
     middle = seen.target
     if wish.light and wish.light not in LIGHTS:
         path = Path(wish.light)
@@ -173,13 +191,13 @@ def _lightings(
         if one is None:
             found = "no light in it" if path.exists() else "no such file"
             raise InputError(path, found, "give sun, point, an .hdr or .exr panorama, or a glTF with lights")
-        yield from _file(one, named)
+        yield from _file(one, level, named)
         return
     kind = wish.light or ("point" if seen.room else "sun")
-    yield from (_point(seen) if kind == "point" else _sun(seen))
+    yield from (_point(seen, level) if kind == "point" else _sun(seen, level))
     if not wish.light:
         for one in beside.lights(capture, middle, proxy.path if proxy else None):
-            yield from _file(one, named)
+            yield from _file(one, level, named)
 
 
 def _towards_light(camera: Camera) -> F64:
@@ -190,22 +208,23 @@ def _towards_light(camera: Camera) -> F64:
     return conventions.unit(x * right + y * np.array([0.0, 1.0, 0.0]) + z * conventions.unit(back))
 
 
-def _sun(seen: view.FirstView) -> Iterator[str]:
+def _sun(seen: view.FirstView, level: float) -> Iterator[str]:
+    fill = _FILL * level
     yield ""
     yield "# A sun from the left, and the sky's light all around."
     yield "[[lightings]]"
     yield 'name = "sun"'
-    yield f"environment = {{ radiance = [{0.8 * _FILL:.3g}, {_FILL:.3g}, {1.35 * _FILL:.3g}] }} # cd/m²"
+    yield f"environment = {{ radiance = [{0.8 * fill:.3g}, {fill:.3g}, {1.35 * fill:.3g}] }} # cd/m²"
     yield ""
     yield "[[lightings.lights]]"
     yield 'type = "sun"'
     yield f"direction = {_vector(-_towards_light(seen.camera))} # the way the light travels"
     yield "color = [1, 0.9, 0.74]"
-    yield f"intensity = {_SUN} # lux"
+    yield f"intensity = {_SUN * level:.3g} # lux"
     yield "angular_diameter = 1.5 # degrees; more gives softer shadows"
 
 
-def _point(seen: view.FirstView) -> Iterator[str]:
+def _point(seen: view.FirstView, level: float) -> Iterator[str]:
     away = float(np.linalg.norm(seen.target - seen.camera.position))
     if seen.room:
         place, reach = seen.target + np.array([0.0, 0.25 * away, 0.0]), away
@@ -216,27 +235,27 @@ def _point(seen: view.FirstView) -> Iterator[str]:
     yield "# A warm lamp, and a little light all around."
     yield "[[lightings]]"
     yield 'name = "lamp"'
-    yield "environment = { radiance = [0.1, 0.12, 0.16] } # cd/m²"
+    yield f"environment = {{ radiance = [{0.1 * level:.3g}, {0.12 * level:.3g}, {0.16 * level:.3g}] }} # cd/m²"
     yield ""
     yield "[[lightings.lights]]"
     yield 'type = "point"'
     yield f"position = {_vector(place)}"
     yield "color = [1, 0.85, 0.62]"
-    yield f"intensity = {_POINT * reach**2:.3g} # candela: {_POINT} lux in the capture's middle"
+    yield f"intensity = {_POINT * level * reach**2:.3g} # candela: {_POINT * level:.3g} lux in the capture's middle"
     yield f"radius = {0.03 * reach:.2g}"
 
 
-def _file(one: beside.Lights, named: _Names) -> Iterator[str]:
+def _file(one: beside.Lights, level: float, named: _Names) -> Iterator[str]:
     yield ""
     yield "[[lightings]]"
     yield f"name = {json.dumps(one.path.stem)}"
     if one.kind == "panorama":
-        yield "# The intensity brings its mean to 1 cd/m²."
-        yield f"environment = {{ path = {named(one.path)}, intensity = {one.intensity:.3g} }}"
+        yield "# The intensity brings its mean to that of the captured light."
+        yield f"environment = {{ path = {named(one.path)}, intensity = {one.intensity * level:.3g} }}"
     else:
         yield "# The intensity brings its lights to the capture's exposure."
-        yield f'lights_from = {{ path = {named(one.path)}, unit = "khr", intensity = {one.intensity:.3g} }}'
-        yield "environment = { radiance = 0.08 } # cd/m²"
+        yield f'lights_from = {{ path = {named(one.path)}, unit = "khr", intensity = {one.intensity * level:.3g} }}'
+        yield f"environment = {{ radiance = {0.08 * level:.3g} }} # cd/m²"
 
 
 def _rest() -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import tomllib
 from dataclasses import replace
@@ -12,6 +13,7 @@ import pytest
 
 from mirelight import conventions
 from mirelight.errors import InputError
+from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, job_text, up
 from mirelight.io import job, splats
 from mirelight.model import SplatCloud
@@ -78,15 +80,72 @@ def test_a_shipped_capture_alone(name: str, tmp_path: Path) -> None:
     assert light["type"] == "point" and light["position"][1] > 0
 
 
-def test_what_lies_beside_it_is_taken(tmp_path: Path) -> None:
+def cameras_beside(folder: Path, count: int, width: int, **lens: float) -> None:
+    """A transforms.json of cameras around the capture, in its own axes."""
+    frames = [
+        {
+            "file_path": f"{k:03}.png",
+            "transform_matrix": conventions.look_at((6 * np.sin(k), 6 * np.cos(k), 2.0), (0, 0, 0), (0, 0, 1)).tolist(),
+        }
+        for k in range(count)
+    ]
+    size = {"w": width, "h": width * 9 // 16, "fl_x": width, "fl_y": width, "cx": width / 2, "cy": width * 9 / 32}
+    (folder / "transforms.json").write_text(json.dumps(size | lens | {"frames": frames}), encoding="utf-8")
+
+
+@pytest.mark.parametrize(("count", "width", "lens"), [(2, 640, {}), (50, 3840, {"k1": 0.01, "k2": 0.0})])
+def test_cameras_beside_a_capture_are_rendered_too(
+    tmp_path: Path, count: int, width: int, lens: dict[str, float]
+) -> None:
+    """A few of them, no wider than the first picture; they say which way is up; bent lenses become pinholes."""
+    splats.write(ball(), tmp_path / "capture.ply")
+    cameras_beside(tmp_path, count, width, **lens)
+    text = job_text(tmp_path / "capture.ply", tmp_path, Wish(light="sun"))
+    work = job.load_text(text, tmp_path / "job.toml")
+    assert work.cameras[0].name == "first" and len(work.cameras) == 1 + min(count, 3)
+    assert all(x.width == min(width, 960) for x in work.cameras[1:])
+    if lens:
+        assert all(x.position[1] == pytest.approx(2.0, abs=0.1) for x in work.cameras[1:])
+        assert 'every = 17, resolution_scale = 0.25, distortion = "ignore"' in text
+        assert "# Cameras: one in 17 of the capture's 50, as pinholes, beside the one below." in text
+
+
+@pytest.mark.parametrize("doubted", [False, True])
+def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, doubted: bool) -> None:
+    """What is estimated is not looked at here: new light is as bright as it, and the job loads."""
     for file in ("splats.compressed.ply", "proxy.glb", "sunset.hdr", "spots.glb"):
         shutil.copy(SCENES / "stage" / file, tmp_path / file)
+    sure = Confidence(
+        places=5000,
+        blocked=0.4,
+        scale_known=True,
+        sun_gain=0.1,
+        sun_apart=40.0 if doubted else 1.0,
+        halves_apart=0.05,
+        held_out=0.1,
+        albedo=(0.1, 0.3, 0.7),
+    )
+    light = Estimate(
+        to_sun=np.array([0.0, 1, 0]),
+        sun=np.full(3, 4 * np.pi),
+        sun_diameter=1.0,
+        radiance=np.full((48, 96, 3), 4.0),
+        confidence=sure,
+    )
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: light)
+    monkeypatch.setattr("mirelight.lighting.captured_level", lambda *_: 4.0)
     text = job_text(tmp_path / "splats.compressed.ply", tmp_path)
     table = tomllib.loads(text)
+    work = job.load_text(text, tmp_path / "job.toml")
+    if doubted:
+        assert table["captured"] == {"environment": {"radiance": 1.0}} and "albedo" not in table["proxy"]
+        assert table["lightings"][0]["lights"][0]["intensity"] == 3.2
+    else:
+        assert table["captured"] == "estimate" and table["proxy"]["albedo"] == "splats"
+        assert "a sun 90° above the horizon, and a sky" in text
+        assert table["lightings"][0]["lights"][0]["intensity"] == 12.8
     assert table["proxy"]["path"] == "proxy.glb"
-    names = [x["name"] for x in table["lightings"]]
-    assert names == ["sun", "spots", "sunset"]
-    job.load_text(text, tmp_path / "job.toml")
+    assert [x.name for x in work.lightings] == ["sun", "spots", "sunset"]
 
 
 @pytest.mark.parametrize("case", ["two", "nothing shows", "far away", "one place"])

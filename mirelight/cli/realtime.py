@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
+from functools import partial
 from pathlib import Path
 
 from mirelight.cli import say
@@ -38,6 +40,7 @@ def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run_realtime(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, what the engine cannot follow to stderr."""
     from mirelight import realtime
+    from mirelight.cli.progress import duration
     from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
@@ -53,20 +56,31 @@ def run_realtime(args: argparse.Namespace) -> int:
     names = [task.name for task in tasks]
     physical = pages.rendered(Path(args.beside), names) if args.beside is not None else {}
     first: Path | None = None  # its files serve the other frames
+    shows, began = sys.stderr.isatty() and not args.quiet, time.monotonic()
     for k, task in enumerate(tasks, start=1):
         if task.lighting is None:
             raise InputError(work.source, "no light", "name lights or an environment to relight by", field="lights")
         folder = Path(args.out) / task.name
-        if sys.stderr.isatty() and not args.quiet:
-            say.live(f"frame {k} of {len(tasks)}: {task.name}")
-        make = realtime.export if args.export_only else realtime.render
-        made = make(work, task.camera, task.lighting, folder, like=first)
+        left = (time.monotonic() - began) / (k - 1) * (len(tasks) - k + 1) if k > 1 else None
+        line = f"frame {k} of {len(tasks)}{'' if left is None else f', about {duration(left)} left'}: {task.name}"
+        if shows:
+            say.live(line)
+        made: realtime.Exported | realtime.EngineFrames
+        if args.export_only:
+            made = realtime.export(work, task.camera, task.lighting, folder, like=first)
+        else:
+            report = partial(_show, line) if shows else None
+            made = realtime.render(work, task.camera, task.lighting, folder, like=first, report=report)
         pages.write(folder, names, physical.get(task.name))
         first = first or folder
-        if sys.stderr.isatty() and not args.quiet:
+        if shows:
             say.cleared()
         for warning in made.warnings:
             say.remark(f"{task.name}: {warning}")
         if not args.quiet:
             say.result(folder / ("index.html" if args.export_only else "frame.png"))
     return 0
+
+
+def _show(line: str, doing: str) -> None:
+    say.live(f"{line}: {doing}")

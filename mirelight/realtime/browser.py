@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,7 +59,9 @@ SECONDS = 900.0  # software WebGL on two cores takes up to a minute for a captur
 _CAPTURE_PAGE = ("capture.html", "capture.mjs")
 _IMAGES = ("frame", "unlit")  # uint8
 _BUFFERS = ("relight", "frame_f32", "unlit_f32")  # float32
-_TEXTS = ("meta", "done", "failed")
+_SAID = "said"  # what the page is about to do, as often as it says so
+_TEXTS = ("meta", "done", "failed", _SAID)
+Report = Callable[[str], None]  # gets a few words
 _TEXT_LIMIT = 1 << 20
 _BUFFER_LIMIT = 1 << 31  # bytes; 8192 x 8192 float pixels have half of it
 
@@ -100,6 +102,7 @@ def render(
     *,
     shadows: bool = True,
     like: Path | None = None,
+    report: Report | None = None,
 ) -> EngineFrames:
     """Export the job's scene, render it with the real engine, and keep what it rendered beside the page.
 
@@ -107,19 +110,26 @@ def render(
 
     Args and errors as for :func:`mirelight.realtime.bundle.export`, and:
 
+    Args:
+        report: gets in a few words what is being done.
+
     Raises:
         BackendError: Chromium is missing.
         RenderError: the engine failed or did not finish.
     """
     browser = find_browser()
+    if report is not None:
+        report("writing the page")
     exported = export(job, camera, lighting, directory, shadows=shadows, like=like)
-    return run_page(exported, browser)
+    return run_page(exported, browser, report=report)
 
 
-def run_page(exported: Exported, browser: str | None = None, seconds: float = SECONDS) -> EngineFrames:
+def run_page(
+    exported: Exported, browser: str | None = None, seconds: float = SECONDS, report: Report | None = None
+) -> EngineFrames:
     """Render an exported page, adapted by hand or not, and keep what it rendered beside it."""
     size = (int(exported.description["height"]), int(exported.description["width"]))
-    received = _drive(exported.folder, browser or find_browser(), seconds)
+    received = _drive(exported.folder, browser or find_browser(), seconds, report)
     frames = _assemble(received, size, exported.warnings)
     _keep(frames, exported.folder)
     return frames
@@ -128,15 +138,22 @@ def run_page(exported: Exported, browser: str | None = None, seconds: float = SE
 # --- the browser -----------------------------------------------------------------------------------------------------
 
 
-def _drive(folder: Path, browser: str, seconds: float) -> dict[str, bytes]:
+def _drive(folder: Path, browser: str, seconds: float, report: Report | None) -> dict[str, bytes]:
     """Open the capture page and collect what it sends."""
     pages = {name: page_file(name) for name in _CAPTURE_PAGE}
     limits = dict.fromkeys(_TEXTS, _TEXT_LIMIT) | dict.fromkeys((*_IMAGES, *_BUFFERS), _BUFFER_LIMIT)
-    return drive(folder, browser, seconds, page=_CAPTURE_PAGE[0], pages=pages, limits=limits)
+    return drive(folder, browser, seconds, page=_CAPTURE_PAGE[0], pages=pages, limits=limits, report=report)
 
 
 def drive(
-    folder: Path, browser: str, seconds: float, *, page: str, pages: Mapping[str, bytes], limits: Mapping[str, int]
+    folder: Path,
+    browser: str,
+    seconds: float,
+    *,
+    page: str,
+    pages: Mapping[str, bytes],
+    limits: Mapping[str, int],
+    report: Report | None = None,
 ) -> dict[str, bytes]:
     """Open a page of a folder and collect what it sends, until it sends "done" or "failed".
 
@@ -146,6 +163,7 @@ def drive(
         seconds: the most that it may take without a word.
         page: what to open.
         pages, limits: as for `mirelight.realtime.server.serve`.
+        report: gets what the page says that it does.
 
     Raises:
         RenderError: the page sent "failed", or nothing more.
@@ -161,13 +179,17 @@ def drive(
                 command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
             )
             try:
-                return _collect(process, inbox, seconds, log)
+                return _collect(process, inbox, seconds, log, report)
             finally:
                 _end(process)
 
 
 def _collect(
-    process: subprocess.Popen[bytes], inbox: queue.Queue[tuple[str, bytes]], seconds: float, log: Path
+    process: subprocess.Popen[bytes],
+    inbox: queue.Queue[tuple[str, bytes]],
+    seconds: float,
+    log: Path,
+    report: Report | None,
 ) -> dict[str, bytes]:
     received: dict[str, bytes] = {}
     waited = 0.0
@@ -184,6 +206,8 @@ def _collect(
             continue
         if name == "failed":
             raise RenderError(f"the engine failed: {' '.join(body.decode(errors='replace').split())}")
+        if name == _SAID and report is not None:
+            report(" ".join(body.decode(errors="replace").split())[:80])
         received[name] = body
     return received
 

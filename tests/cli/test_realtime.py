@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from mirelight.cli import main
 
 from .conftest import Run
 
@@ -52,6 +58,22 @@ def test_frames_are_laid_beside_the_live_ones(run: Run, folder: Path) -> None:
     (folder / "ours" / "front.night.png").write_bytes(b"a picture")
     assert run("realtime", "job.toml", "-o", "live", *chosen, "--beside", "ours").returncode == 0
     assert (folder / "live" / "front.night" / "physical.png").read_bytes() == b"a picture"
+
+
+def test_a_terminal_shows_which_frame_is_made_and_how_far_it_is(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def made(*parts: object, report: Callable[[str], None], **more: object) -> SimpleNamespace:
+        report("loading the scene")
+        return SimpleNamespace(warnings=())
+
+    monkeypatch.setattr("mirelight.realtime.render", made)
+    monkeypatch.setattr("mirelight.realtime.pages.write", lambda *parts: None)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert main(["realtime", str(folder / "job.toml"), "-o", str(folder / "live"), "--lighting", "night"]) == 0
+    shown = capsys.readouterr().err
+    assert "frame 1 of 3: front.night: loading the scene" in shown
+    assert "frame 2 of 3, about 0.0 s left: orbit.0001.night" in shown
 
 
 def test_a_job_without_light_has_nothing_for_the_engine(run: Run, folder: Path) -> None:

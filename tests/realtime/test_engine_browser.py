@@ -89,7 +89,10 @@ def make_job(data: Path, **relight: object) -> Job:
 @pytest.fixture(scope="module")
 def rendered(data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, realtime.EngineFrames]:
     folder = tmp_path_factory.mktemp("realtime") / "new"
-    return folder, realtime.render(make_job(data), CAMERA, LIGHTING, folder, shadows=False)
+    said: list[str] = []
+    frames = realtime.render(make_job(data), CAMERA, LIGHTING, folder, shadows=False, report=said.append)
+    assert [words.split()[0] for words in said] == ["writing", "loading", "sorting", "rendering", "rendering"]
+    return folder, frames
 
 
 def test_lighting_texture_agrees_with_the_mapped_lights(

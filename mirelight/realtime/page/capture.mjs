@@ -103,6 +103,7 @@ function meta(view, description) {
 }
 
 async function capture() {
+    await send('said', 'loading the scene');
     const description = await (await fetch('scene.json')).json();
     const view = await build(document.getElementById('view'), description);
     const { app, relighting } = view;
@@ -110,14 +111,17 @@ async function capture() {
     const settled = () => frames(app, SETTLING_FRAMES);
     const blend = relighting.blend;
 
+    await send('said', 'sorting the splats, drawing shadow maps');
     await splatsReady(app, description);
     await settled();
     await send('frame', readBackBuffer(device));
     await send('relight', readTexture(device, relighting.texture));
     await send('meta', JSON.stringify(meta(view, description)));
+    await send('said', 'rendering without light');
     relighting.blend = 0;
     await settled();
     await send('unlit', readBackBuffer(device));
+    await send('said', 'rendering in floats');
     const texture = intoFloat(view);
     await settled();
     await send('unlit_f32', readTexture(device, texture()));

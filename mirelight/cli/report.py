@@ -192,7 +192,7 @@ def _light(facts: LightFacts) -> str:
     if facts.angular_diameter is not None:
         parts.append(f"{facts.angular_diameter:g}° wide")
     parts += [f"{name} {value:g}" for name, value in (("range", facts.range), ("radius", facts.radius)) if value]
-    return ", ".join(parts)
+    return ", ".join([*parts, "animated"] if facts.animated else parts)
 
 
 def _camera(facts: CameraFacts) -> str:

@@ -57,6 +57,7 @@ class LightFacts:
     angular_diameter: float | None = None
     shape: str | None = None
     size: Numbers | None = None
+    animated: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,6 +46,13 @@ class Shot:
         """All that change a light."""
         return [t for tracks in self.moving.values() for t in tracks] + [t for *_, t in self.changing]
 
+    @property
+    def changes(self) -> tuple[bool, ...]:
+        """Of each light in node order, whether it moves or changes."""
+        changed = {light for light, *_ in self.changing}
+        carriers = [(k, x) for k, node in self.nodes.items() if (x := node.fields.extension(EXTENSION)) is not None]
+        return tuple(index in self.moving or user.integer("light") in changed for index, user in carriers)
+
     def at(self, time: float) -> GltfLights:
         """The lights of a moment (s); what nothing moves is the very same at all of them.
 

@@ -6,11 +6,21 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from mirelight.io.job.fields import GltfPath, Name, NotNegative, Positive, Table, one_way, paths_as_tables, wrong
+from mirelight.io.job.fields import (
+    GltfPath,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Table,
+    one_way,
+    paths_as_tables,
+    wrong,
+)
 from mirelight.io.job.lamp_tables import CONE, GROUP, AnyLight, ConeName, GroupName
 from mirelight.io.job.scene_tables import Environment, Transform
 
-MOST_MOMENTS = 100_000  # of one lighting
+MOST_MOMENTS = 10_000  # of one lighting
 AT_CAMERAS = "camera"  # as the time of lights
 ESTIMATE = "estimate"  # as `captured`
 LightUnit: TypeAlias = Literal["khr", "blender"]  # what a glTF file's intensities are
@@ -32,7 +42,7 @@ class LightsFromTable(Table):
     cone: ConeName = Field(default="khr", description=CONE.replace("see blend", "found from the exported angles"))
     intensity: NotNegative = Field(default=1.0, description="Multiplies the intensity of each of them.")
     group: GroupName | None = Field(default=None, description=GROUP)
-    time: float | Literal["camera"] | None = Field(
+    time: Number | Literal["camera"] | None = Field(
         default=None,
         description="Of animated lights: seconds of the animation; or camera: each camera of an animated file is "
         "rendered under the lights of its own time. Default: as the file's nodes stand.",

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from mirelight.io.job.light_tables import AT_CAMERAS, LightsFromTable, Lit
+from mirelight.io.job.light_tables import AT_CAMERAS, MOST_MOMENTS, LightsFromTable, Lit
 from mirelight.io.job.lighting import LightFiles, lighting
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.tables import JobTable
 from mirelight.model import Camera, Lighting
 
+_MOST_LIGHTS = 1_000_000  # over all moments of a lighting
 Cameras = Callable[[], Sequence[Camera]]  # of the job; found when first asked for
 
 
@@ -36,11 +37,15 @@ def of_table(
         return _of_cameras(name, table, at, files, cameras(), moving, wrong)
     times = [files.light_times(one.path, one.fps, one.frames) for one, _ in moving]
     for (_, place), own in zip(moving, times, strict=True):
+        if len(own) > MOST_MOMENTS:
+            wrong.append(Mistake(place, f"{len(own):,} moments", f"at most {MOST_MOMENTS:,}"))
+            return []
         if len(own) != len(times[0]):
             found = f"{len(own)} moments, and the first file of this lighting has {len(times[0])}"
             wrong.append(Mistake(place, found, "give both the same frames"))
             return []
-    return [_at(name, table, at, files, [t[k] for t in times], wrong) for k in range(len(times[0]))]
+    moments = [[t[k] for t in times] for k in range(len(times[0]))]
+    return _all_at(name, table, at, files, moments, wrong)
 
 
 def _of_cameras(
@@ -64,7 +69,22 @@ def _of_cameras(
         wrong.append(Mistake((*moving[0][1], "time"), found, remedy))
         return []
     times = sorted({x.time for x in cameras if x.time is not None})
-    return [replace(_at(name, table, at, files, [t] * len(moving), wrong), time=t) for t in times]
+    made = _all_at(name, table, at, files, [[t] * len(moving) for t in times], wrong)
+    return [replace(one, time=t) for one, t in zip(made, times, strict=False)]
+
+
+def _all_at(
+    name: str, table: Lit, at: Path, files: LightFiles, moments: Sequence[Sequence[float]], wrong: list[Mistake]
+) -> list[Lighting]:
+    """The lighting at each moment, by the times of its moving files; none, and a mistake, where that is too much."""
+    out: list[Lighting] = []
+    for times in moments:
+        out.append(_at(name, table, at, files, times, wrong))
+        if len(out[0].lights) * len(moments) > _MOST_LIGHTS:
+            found = f"{len(moments):,} moments of {len(out[0].lights):,} lights"
+            wrong.append(Mistake((*at, "lights_from"), found, f"take fewer: {_MOST_LIGHTS:,} in all are the most"))
+            return []
+    return out
 
 
 def _at(name: str, table: Lit, at: Path, files: LightFiles, times: Sequence[float], wrong: list[Mistake]) -> Lighting:

@@ -55,6 +55,11 @@ def shot(glb: Any) -> Any:
 
 def test_lights_stand_shine_and_fade_as_of_their_moment(shot: Any) -> None:
     opened = Shot.of(shot.save())
+    assert dict(zip((x.name for x in opened.at(0).lights), opened.changes, strict=True)) == {
+        "walker": True,
+        "dimmed": True,
+        "still": False,
+    }
     middle = opened.at(2.0).lights
     walker, dimmed, still = (next(x for x in middle if x.name == name) for name in ("walker", "dimmed", "still"))
     c = np.sqrt(0.5)  # half of the parent's quarter turn about +Y, and half of the way
@@ -186,6 +191,8 @@ def test_each_camera_is_lit_as_at_its_own_time(load: Callable[[str], Job]) -> No
             "values = [1, 2]",
             "a sweep of lights that move",
         ),
+        ('lights_from = { path = "proxy", time = nan }', "time"),
+        ('lights_from = { path = "proxy", fps = 10000 }', "20,001 moments; at most 10,000"),
         (EYE + 'lights_from = { path = "proxy", time = "camera" }\n[output]\nstore = "layers"', "lights of its own"),
         (EYE + 'lights_from = { path = "proxy", time = "camera" }\n[dataset]\nlayouts = ["nerf"]', "data sets"),
     ],
@@ -193,3 +200,11 @@ def test_each_camera_is_lit_as_at_its_own_time(load: Callable[[str], Job]) -> No
 def test_what_moving_lights_cannot_be_is_one_line(load: Callable[[str], Job], text: str, said: str) -> None:
     with pytest.raises((InputError, ManyInputsError), match=said):
         load(HEAD + text)
+
+
+def test_moments_of_many_lights_are_bounded(load: Callable[[str], Job], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mirelight.io.job.moments._MOST_LIGHTS", 8)
+    load(HEAD + 'lights_from = { path = "proxy", frames = 2 }')
+    for many in ("frames = 3 }", 'time = "camera" }\n' + EYE):
+        with pytest.raises(InputError, match=r"moments of 3 lights; take fewer: 8 in all"):
+            load(HEAD + f'lights_from = {{ path = "proxy", {many}')

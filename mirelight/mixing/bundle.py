@@ -106,7 +106,8 @@ def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, fol
     return {
         "title": job.source.parent.name if job.source.stem == "job" else job.source.stem,
         "count": len(splats),
-        "splats": {"file": SPLATS, "bytes": (folder / SPLATS).stat().st_size, "sha256": file_digest(folder / SPLATS)},
+        "splats": _file(folder / SPLATS),
+        "light": _file(folder / LAYERS),
         "layers": [{"name": n, "scale": float(s)} for n, s in zip(layers.names, scales, strict=True)],
         "constant": list(layers.constant),
         "lightings": [_lighting(x) for x in layers.lightings],
@@ -119,6 +120,11 @@ def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, fol
         "background": list(job.display.background),
         "cameras": [_camera(x, splats) for x in _bookmarks(job)],
     }
+
+
+def _file(path: Path) -> dict[str, Any]:
+    """How the page knows a file."""
+    return {"file": path.name, "bytes": path.stat().st_size, "sha256": file_digest(path)}
 
 
 def _lighting(lighting: Mixed) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from mirelight.io.gltf.write import write_glb
 from mirelight.mixing.bundle import _camera, export, page_file
 from mirelight.model import CompositorSettings, Frame, Job, ProxyMesh, SplatCloud
 from mirelight.realtime import browser
+from mirelight.realtime.server import serve
 from mirelight.scene import prepare
 
 WIDTH, HEIGHT = 160, 120
@@ -103,6 +104,13 @@ try {
             if (ready && loading === 0) { handle.off(); resolve(); }
         });
     });
+STEPS
+    await send('done', '');
+} catch (error) {
+    await send('failed', document.getElementById('message').textContent || String(error?.stack ?? error));
+}
+"""
+STEPS = """
     await picture('day');
     page.choose(1);
     page.jump();
@@ -118,13 +126,13 @@ try {
     page.actions.captured();
     page.jump();
     await picture('captured');
-    await send('done', '');
-} catch (error) {
-    await send('failed', document.getElementById('message').textContent || String(error?.stack ?? error));
-}
+    document.querySelectorAll('.handle')[1].click();
+    const picked = [...document.querySelectorAll('.picked legend')].map((x) => x.textContent);
+    await send('picked', JSON.stringify([picked, document.querySelectorAll('.handle').length,
+        document.querySelectorAll('.movable').length]));
 """
 LIMITS = dict.fromkeys(("day", "night", "edited", "captured"), 1 << 20) | dict.fromkeys(
-    ("text", "done", "failed"), 1 << 16
+    ("text", "picked", "done", "failed"), 1 << 16
 )
 
 
@@ -178,12 +186,12 @@ def seen(page: tuple[Path, mixing.MixLayers]) -> dict[str, bytes]:
     return drive(page[0])
 
 
-def drive(folder: Path) -> dict[str, bytes]:
+def drive(folder: Path, steps: str = STEPS) -> dict[str, bytes]:
     """What the driver sends from the page."""
     html = (
         page_file("index.html").decode().replace("</body>", '<script type="module" src="driver.mjs"></script></body>')
     )
-    pages = {"driver.html": html.encode(), "driver.mjs": DRIVER.encode()}
+    pages = {"driver.html": html.encode(), "driver.mjs": DRIVER.replace("STEPS", steps).encode()}
     return browser.drive(folder, browser.find_browser(), 600, page="driver.html", pages=pages, limits=LIMITS)
 
 
@@ -196,10 +204,10 @@ def decibels(a: np.ndarray, b: np.ndarray) -> float:
     return float(-10 * np.log10(np.mean((a - b) ** 2)))
 
 
-def relit(job: Job, factor: np.ndarray) -> np.ndarray:
+def relit(job: Job, factor: np.ndarray, cloud: SplatCloud | None = None) -> np.ndarray:
     """The splats in the colours that the factor gives them, composited offline with the engine's rules."""
     assert job.splats is not None
-    cloud = job.splats.value
+    cloud = cloud or job.splats.value
     shown = colour.srgb_encode(colour.srgb_decode(0.5 + sh.C0 * cloud.sh[:, 0]) * factor)
     new = replace(cloud, sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32))
     settings = CompositorSettings(profile="playcanvas", work_buffer="large")
@@ -245,6 +253,33 @@ def test_what_the_page_exports_renders_offline(seen: dict[str, bytes], folder: P
     assert decibels(picture(seen["edited"]), displayed(offline, 0.5)) >= 30
 
 
+def test_a_light_is_picked_on_the_picture(seen: dict[str, bytes]) -> None:
+    assert json.loads(seen["picked"]) == [["glow worm"], 2, 0]  # nothing can be dragged: nobody would trace it
+
+
+def test_many_layers_and_colours_that_change_with_the_view(job: Job, folder: Path, tmp_path: Path) -> None:
+    """SH of degree 3, whose coefficients the engine keeps in 10 and 11 bits, takes the most textures; 21 layers six."""
+    assert job.splats is not None
+    cloud = job.splats.value
+    rest = np.random.default_rng(1).normal(0, 0.1, (len(cloud), 15, 3)).astype(np.float32)
+    cloud = replace(cloud, sh=np.concatenate([cloud.sh, rest], axis=1))
+    splats.write(cloud, tmp_path / "splats.ply")
+    shutil.copy(folder / "proxy.glb", tmp_path / "proxy.glb")
+    lamp = '[[lightings.lights]]\ntype = "point"\nname = "{0}"\nposition = [{1}, 1, 0]\ncolor = [1, {2}, 0.5]\n'
+    lamps = "".join(lamp.format(k, k / 5 - 1.5, k / 16) for k in range(16))
+    (tmp_path / "job.toml").write_text(JOB + lamps)
+    many = jobs.load(tmp_path / "job.toml")
+    made = export(prepare(many), tmp_path / "page", spp=4)
+    assert len(made.layers.names) == 21
+    steps = "page.choose(1); page.jump(); await picture('night');"
+    ways = cloud.means.astype(np.float64) - many.cameras[0].position
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    seen = np.clip(0.5 + np.einsum("nkc,nk->nc", cloud.sh, sh.basis(ways, 3)), 0, None)
+    flat = replace(cloud, sh=((seen - 0.5) / sh.C0)[:, None].astype(np.float32))
+    offline = relit(many, made.layers.factor(made.layers.weights(1)), flat)
+    assert decibels(picture(drive(made.folder, steps)["night"]), offline) >= 45
+
+
 def test_the_jobs_own_mix_is_where_the_sliders_start(job: Job, folder: Path, tmp_path: Path) -> None:
     mixed = jobs.load(folder / "job.toml", ["mix.night={ lamp = [0.5, 0.25, 0] }"])
     export(prepare(mixed), tmp_path, spp=1)
@@ -272,10 +307,28 @@ def test_files_that_do_not_belong_together_are_one_line(
     else:
         data = bytearray(path.read_bytes())
         data[-5] ^= 1
-        path.write_bytes(data if spoil == "splats.ply" else data[:-4])
+        path.write_bytes(data)
     with pytest.raises(RenderError, match="the engine failed") as told:
         drive(broken)
     assert said in str(told.value)
+
+
+def test_a_browser_without_webgl_is_told_in_one_line(page: tuple[Path, mixing.MixLayers]) -> None:
+    from playwright.sync_api import sync_playwright
+
+    with serve(page[0], {}, {}) as (address, _), sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(
+            executable_path=browser.find_browser(), args=["--no-sandbox", "--disable-gpu", "--disable-3d-apis"]
+        )
+        shown = chromium.new_page(viewport={"width": 390, "height": 844})
+        shown.goto(f"{address}/index.html")
+        message = shown.locator("#message")
+        message.filter(has_text="WebGL").wait_for(timeout=60_000)
+        assert message.inner_text() == (
+            "This browser shows no WebGL 2: use a newer one, or switch its graphics acceleration on"
+        )
+        assert shown.locator("#panel").is_hidden()
+        chromium.close()
 
 
 def test_splats_at_the_end_of_the_world_have_a_bookmark(job: Job) -> None:

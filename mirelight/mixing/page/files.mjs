@@ -66,13 +66,14 @@ export async function loadFiles() {
     const description = await (await get('layers.json')).json().catch(() => {
         throw new Error('layers.json is damaged: run mirelight mix again');
     });
-    const { file, bytes, sha256: wanted } = description.splats;
-    const [splats, layers] = await Promise.all([file, 'layers.bin'].map(async (name) => (await get(name)).arrayBuffer()));
-    if (splats.byteLength !== bytes || await sha256(splats) !== wanted) {
-        throw new Error(`${file} is not the file that the layers were made for: run mirelight mix again`);
+    const files = [description.splats, description.light];
+    const [splats, layers] = await Promise.all(files.map(async ({ file }) => (await get(file)).arrayBuffer()));
+    const is = async (data, { bytes, sha256: wanted }) => data.byteLength === bytes && await sha256(data) === wanted;
+    if (!await is(splats, description.splats)) {
+        throw new Error(`${description.splats.file} is not the file that the layers were made for: run mirelight mix again`);
     }
-    if (layers.byteLength !== 4 * description.count * description.layers.length) {
-        throw new Error('layers.bin is not the file that layers.json describes: run mirelight mix again');
+    if (!await is(layers, description.light)) {
+        throw new Error(`${description.light.file} is not the file that layers.json describes: run mirelight mix again`);
     }
     return { description, layers: new Uint32Array(layers) };
 }

@@ -16,7 +16,9 @@ import numpy as np
 
 from mirelight import mixing
 from mirelight.io import job as jobs
+from mirelight.mixing import rgb9e5
 from mirelight.mixing.session import STAGES, Session
+from mirelight.model import F32
 from mirelight.model.lights import position_of
 from mirelight.scene import prepare
 from mirelight.store import Store
@@ -30,12 +32,22 @@ def cpu() -> float:
 
 
 class Timed(Session):
-    """Notes what each stage takes."""
+    """Notes what each stage takes, and how far it is from the last."""
+
+    light: dict[int, F32]
 
     def _trace(self, layer: int) -> None:
         stage, began, used = self._wanted[layer], time.monotonic(), cpu()
         super()._trace(layer)
-        print(f"{STAGES[stage]:4} samples: {cpu() - used:6.2f} s of CPU, {time.monotonic() - began:6.2f} s", flush=True)
+        took = f"{cpu() - used:6.2f} s of CPU, {time.monotonic() - began:6.2f} s"
+        made = self.state().layers[layer]
+        light = rgb9e5.decode(np.frombuffer(made.packed, "<u4")) * np.float32(made.scale)
+        print(f"{STAGES[stage]:4} samples: {took}, mean {light.mean():.5f}", flush=True)
+        self.light = {**getattr(self, "light", {}), stage: light}
+        if stage == len(STAGES) - 1:
+            for earlier in range(stage):
+                off = np.abs(self.light[earlier] - light).mean() / light.mean()
+                print(f"     {STAGES[earlier]} samples differ from these by {off:.1%} of the mean", flush=True)
 
 
 def main() -> None:

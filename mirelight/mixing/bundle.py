@@ -111,6 +111,7 @@ def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, fol
         "layers": [{"name": n, "scale": float(s)} for n, s in zip(layers.names, scales, strict=True)],
         "constant": list(layers.constant),
         "lightings": [_lighting(x) for x in layers.lightings],
+        "several": len(job.lightings) > 1,
         "mode": job.relight.mode,
         "space": space,
         "limit": layers.limit,

@@ -11,10 +11,10 @@ from mirelight.io import job as jobs
 from mirelight.io.atomic import atomic_path
 from mirelight.io.job import Source
 from mirelight.io.job.write import with_mix
+from mirelight.io.safety import open_binary
 
 NAME = "mix.toml"
 MOST_BYTES = 1 << 20
-_MARK = "# saved by mirelight mix --serve"
 
 
 class Saved:
@@ -29,19 +29,26 @@ class Saved:
 
     def __init__(self, source: Source) -> None:
         self._source = source
+        self._head = ("saved by mirelight mix --serve", f"the job {source.path.name} with the light of its page")
         self.path = source.folder / NAME
         if "sweep" in source.data:
             raise InputError(
                 source.shown, "lightings made by a sweep, which are not saved", "take it out", field="sweep"
             )
+        self._spare_others()
+
+    def _spare_others(self) -> None:
         if self.path.exists() and not self._is_ours():
-            raise InputError(self.path, "a file that was not saved by the page", f"rename it: {NAME} is the page's")
+            raise InputError(
+                self.path, "a file that was not saved by this job's page", f"rename it: {NAME} is the page's"
+            )
 
     def _is_ours(self) -> bool:
+        mark = "".join(f"# {line}\n" for line in self._head).encode()
         try:
-            with self.path.open("rb") as file:
-                return file.read(len(_MARK)) == _MARK.encode()
-        except OSError:
+            with open_binary(self.path) as file:
+                return file.read(len(mark)) == mark
+        except InputError:
             return False
 
     def save(self, text: bytes) -> None:
@@ -55,16 +62,14 @@ class Saved:
             OutputError: the file cannot be written.
         """
         mix, moved, exposure = _read(text)
-        if self.path.exists() and not self._is_ours():
-            raise InputError(self.path, "a file that was not saved by the page", f"rename it: {NAME} is the page's")
+        self._spare_others()
         lightings = self._source.data.get("lightings") or [{"name": "lighting"}]
         if len(lightings) == 1:  # where there is one, the page leaves its name out
             name = lightings[0]["name"]
             plain = {key: value for key, value in moved.items() if not isinstance(value, dict)}
             moved = {key: value for key, value in moved.items() if isinstance(value, dict)}
             moved = {**moved, name: {**moved.get(name, {}), **plain}} if plain else moved
-        comments = (_MARK.removeprefix("# "), f"the job {self._source.path.name} with the light of its page")
-        made = with_mix(self._source, mix, moved, exposure, self.path, comments)
+        made = with_mix(self._source, mix, moved, exposure, self.path, self._head)
         jobs.load_text(made, self.path)
         with atomic_path(self.path) as temporary:
             temporary.write_text(made, encoding="utf-8")

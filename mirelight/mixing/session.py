@@ -64,10 +64,17 @@ class Session:
         scene: the prepared job.
         layers: as they were exported.
         stages: samples a splat of one trace after another; the first is quick whatever it says.
+        tell: called with a line where something cannot be traced.
     """
 
-    def __init__(self, scene: Scene, layers: MixLayers, stages: tuple[int, ...] = STAGES) -> None:
-        self._scene, self._layers, self._stages = scene, layers, stages
+    def __init__(
+        self,
+        scene: Scene,
+        layers: MixLayers,
+        stages: tuple[int, ...] = STAGES,
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self._scene, self._layers, self._stages, self._tell = scene, layers, stages, tell
         self._news = threading.Condition()
         self._units = list(layers.units)
         self._moved: dict[Place, tuple[float, ...]] = {}
@@ -154,6 +161,7 @@ class Session:
                 continue
             except MirelightError as error:
                 trouble = str(error)
+                self._tell(trouble)
                 self._give_up(work[2])
             finally:
                 with self._news:

@@ -360,7 +360,7 @@ def test_the_command_writes_a_page_and_refuses_in_one_line(folder: Path, tmp_pat
     assert (told.returncode, told.stderr) == (0, "")
     assert told.stdout.strip() == str(tmp_path / "page" / "index.html")
     described = json.loads((tmp_path / "page" / "layers.json").read_text())
-    assert [x["name"] for x in described["lightings"]] == ["night"]
+    assert [x["name"] for x in described["lightings"]] == ["night"] and described["several"]
     assert [x["name"] for x in described["layers"]] == ["lamp", "glow worm", "base"]
     (tmp_path / "plain.toml").write_text(f'splats = "{folder / "splats.ply"}"\n')
     for arguments, said in (

@@ -282,11 +282,24 @@ def test_a_file_of_the_users_own_is_left_alone(folder: Path) -> None:
     source = jobs.parse(folder / "job.toml")[0]
     saved = Saved(source)
     (folder / "mix.toml").write_text("# mine\n")
-    with pytest.raises(InputError, match="a file that was not saved by the page; rename it"):
+    with pytest.raises(InputError, match="a file that was not saved by this job's page; rename it"):
         Saved(source)
-    with pytest.raises(InputError, match="a file that was not saved by the page"):
+    with pytest.raises(InputError, match="a file that was not saved by this job's page"):
         saved.save(b"")
     assert (folder / "mix.toml").read_text() == "# mine\n"
+
+
+def test_a_saved_job_is_not_written_over_by_its_own_page(asker: Asker) -> None:
+    assert asker.ask("mix.toml", b"") == (200, b"mix.toml")
+    with pytest.raises(InputError, match=r"mix.toml: a file that was not saved by this job's page; rename it"):
+        Saved(jobs.parse(asker.folder / "mix.toml")[0])
+
+
+def test_a_sweep_is_not_served(folder: Path) -> None:
+    sweep = '[[sweep.axes]]\nfield = "lights[0].intensity"\nvalues = [1, 2]\n'
+    (folder / "sweep.toml").write_text(JOB.replace("mix = ", "# ") + sweep)
+    with pytest.raises(InputError, match="sweep: lightings made by a sweep, which are not saved; take it out"):
+        Saved(jobs.parse(folder / "sweep.toml")[0])
 
 
 def test_a_port_in_use_is_one_line(asker: Asker) -> None:

@@ -53,7 +53,7 @@ const elsewhere = ({ first, position }) => position.some((x, k) => number(x) !==
 
 // The tables [mix], [moved] and [display] as TOML. Factors that are 1 and lights where the job has them are left out.
 export function exported(mix, description) {
-    const several = mix.lightings.length > 1;
+    const several = description.several;  // in the job, whatever the page shows of it
     const lines = [];
     for (const lighting of mix.lightings) {
         const changed = lighting.faders.flatMap((fader, index) => {

@@ -2,12 +2,14 @@
 import { createLive } from './live.mjs';
 import { factors } from './panel.mjs';
 
+const REST = 1500;  // milliseconds in which a view that moves on is asked for anew
+
 const find = (id) => document.getElementById(id);
 
 // page: { mix(), text(), paint(), moved(place, position) }
 export function serve(view, page) {
     const figure = find('still'), image = figure.querySelector('img'), split = find('split');
-    let asked = null, moving = 0, said = '', held = 0;
+    let asked = null, since = 0, moving = 0, said = '', held = 0;
     const say = (text, seconds = 0) => {
         if (!seconds && performance.now() < held) return;
         held = performance.now() + 1000 * seconds;
@@ -43,10 +45,22 @@ export function serve(view, page) {
         trouble: (text) => say(text, 5)
     });
 
+    const ask = () => {
+        const mix = page.mix(), eye = view.eye(), lighting = mix.lightings[mix.chosen];
+        const [x, y, z, p] = [eye.right, eye.up, eye.forward.map((v) => -v), eye.position];
+        asked = Math.max(Date.now(), (asked ?? 0) + 1);
+        live.still({
+            number: asked, lighting: mix.captured ? null : lighting.name, factors: factors(lighting),
+            exposure: mix.exposure, fov: eye.fov * 180 / Math.PI, near: eye.near, width: eye.width, height: eye.height,
+            pose: [0, 1, 2].flatMap((k) => [x[k], y[k], z[k], p[k]]).concat([0, 0, 0, 1])
+        });
+    };
+
     split.addEventListener('input', () => figure.style.setProperty('--split', split.value));
     return {
         changed: close,
-        seen: close,
+        // the camera has moved: it may still have been coming to rest
+        seen: () => { if (asked && performance.now() - since < REST) ask(); else close(); },
         moved(handle, position) {
             close();
             moving++;
@@ -54,15 +68,9 @@ export function serve(view, page) {
         },
         render() {
             if (asked) return close();
-            const mix = page.mix(), eye = view.eye(), lighting = mix.lightings[mix.chosen];
-            const [x, y, z, p] = [eye.right, eye.up, eye.forward.map((v) => -v), eye.position];
-            asked = Date.now();
+            since = performance.now();
             find('render').setAttribute('aria-pressed', true);
-            live.still({
-                number: asked, lighting: mix.captured ? null : lighting.name, factors: factors(lighting),
-                exposure: mix.exposure, fov: eye.fov * 180 / Math.PI, near: eye.near, width: eye.width, height: eye.height,
-                pose: [0, 1, 2].flatMap((k) => [x[k], y[k], z[k], p[k]]).concat([0, 0, 0, 1])
-            });
+            ask();
         },
         async save() {
             try {

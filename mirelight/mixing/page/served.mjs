@@ -9,10 +9,19 @@ const find = (id) => document.getElementById(id);
 // page: { mix(), text(), paint(), moved(place, position) }
 export function serve(view, page) {
     const figure = find('still'), image = figure.querySelector('img'), split = find('split');
-    let asked = null, since = 0, moving = 0, said = '', held = 0;
+    let asked = null, since = 0, moving = 0, said = '', next = null, held = 0;
+    // what is to be read for some seconds stays so long; then comes the newest of what was said meanwhile
     const say = (text, seconds = 0) => {
-        if (!seconds && performance.now() < held) return;
-        held = performance.now() + 1000 * seconds;
+        const left = held - performance.now();
+        if (!seconds && left > 0) {
+            next = text;
+            return;
+        }
+        next = null;
+        if (seconds) {
+            held = performance.now() + 1000 * seconds;
+            setTimeout(() => { if (next !== null) say(next); }, 1000 * seconds + 50);
+        }
         if (text !== said) find('news').textContent = said = text;
     };
     const close = () => {
@@ -74,7 +83,7 @@ export function serve(view, page) {
         },
         async save() {
             try {
-                say(`Saved: ${await live.save(page.text())}`, 5);
+                say(`Saved: ${await live.save(page.text())}`, 3);
             } catch (error) {
                 say(error.message, 5);
             }

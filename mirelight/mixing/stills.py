@@ -1,4 +1,4 @@
-"""Stills: the page's view rendered as `mirelight render` does it, a quick one first, then samples as they come."""
+"""Stills: the view rendered as `mirelight render` does it, under coarse light first, then samples as they come."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from mirelight.io.png import encode_display, png_bytes
 from mirelight.kept import KeptInMemory
 from mirelight.model import Camera, Frame, Job, LayerFactor, Lighting
 from mirelight.scene import Scene, prepare
-from mirelight.showing.preview import quick_camera, quick_scene
+from mirelight.showing.preview import quick_scene
 
 MOST_PIXELS = 1920 * 1080
 _MEMORY = 512 * 2**20  # bytes of light that other mixes of the same view are made from
+_COARSE = 0.25  # pixels of the quick picture's light for each of the splats' own, along each axis
 _EVERY = 2.0  # seconds between two pictures of samples so far, at least
 _SHARE = 20  # and so many times what making one takes
 
@@ -57,7 +58,8 @@ class Stills:
             _ = scene.compositor  # made ready there, so that it is shared
         _ = scene.tracer, scene.captured_level
         self._scene = prepare(plain, KeptInMemory(scene.kept, _MEMORY), like=scene)
-        self._quick = quick_scene(self._scene)
+        coarse = replace(plain.relight, texture_scale=min(plain.relight.texture_scale, _COARSE))
+        self._quick = quick_scene(prepare(replace(plain, relight=coarse), self._scene.kept, like=self._scene))
 
     def make(self, view: View, show: Callable[[bytes, bool], None], progress: Callable[[int, int], None]) -> None:
         """A still of a view.
@@ -71,12 +73,10 @@ class Stills:
         if lighting is None:
             show(self._png(stages.frame(self._scene, view.camera, None), view), True)
             return
-        small = quick_camera(view.camera)
-        quick = stages.light(self._quick, small, lighting)
-        frame = stages.relit(self._quick, stages.composite(self._quick, small), quick, unfinished=True)
-        show(self._png(frame, view), False)
-        progress(0, 1)
         splats = stages.composite(self._scene, view.camera)
+        quick = stages.light(self._quick, view.camera, lighting)
+        show(self._png(stages.relit(self._quick, splats, quick, unfinished=True), view), False)
+        progress(0, 1)
         due = time.monotonic() + _EVERY
 
         def look(so_far: Callable[[], stages.Lit]) -> None:

@@ -199,7 +199,11 @@ def test_the_command_serves_until_ctrl_c(
         run(session)
 
     monkeypatch.setattr(Session, "run", running)
-    assert main(arguments) == 0
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has it ignored
+    try:
+        assert main(arguments) == 0
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert codes == [2, 2]
     second, port, end = capsys.readouterr().err.splitlines()
     assert second.endswith(f"process {os.getpid()} serves or writes this page; end it, or write into another folder")

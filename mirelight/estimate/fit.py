@@ -2,8 +2,8 @@
 
 With irradiance / pi = open @ sky + seen * sun + met, the logarithm of albedo is log color - log(irradiance / pi). The
 loss is a robust mean over pairs of places of how much their albedos differ; near pairs, and far ones whose albedos have
-the same chroma. It knows scale from what surfaces send each other alone, and colour hardly, so the mean irradiance is
-drawn to white and albedos between bounds.
+the same chroma. It knows scale from what surfaces send each other alone, and colour hardly, so what comes from sky and
+sun (not what surfaces send, which has their colour) is drawn to white in the mean, and albedos between bounds.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ Int: TypeAlias = NDArray[np.int64]
 NEAR = 4  # neighbours that a place is paired with
 FAR = 6  # places anywhere
 ALIKE = 0.12  # of the logarithm of chroma: how far albedos of one material may differ
+WHITE_OUT = 0.98  # linear: what shows as bright may have been any brighter
 ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different material
 FAR_WEIGHT = 0.1  # of far pairs together, against near ones; more of it makes light of courtyards too strong
-WHITE = 0.3  # weight of a white mean irradiance
+WHITE = 0.3  # weight of light from sun and sky that is white in the mean
 DARK, BRIGHT, BOUNDS = 0.04, 0.85, 0.2  # albedos, and the weight of those beyond
 SMOOTH = 0.2  # weight of patches that differ from their ring's mean
 FLOOR = 0.005  # of the mean irradiance, added: nothing is black
@@ -40,19 +41,31 @@ class Pairs:
     a: Int  # (P,)
     b: Int  # (P,)
     near: int
+    clipped: NDArray[np.bool_]  # (N, 3) of places, not of pairs: the picture says no more than "at least so bright"
+
+    def apart(self, log_albedo: F64) -> F64:
+        """(P, 3) how far albedos (N, 3) surely differ: a lower bound does not differ from what lies above it."""
+        d = log_albedo[self.a] - log_albedo[self.b]
+        d[(self.clipped[self.a] & (d < 0)) | (self.clipped[self.b] & (d > 0))] = 0
+        return np.asarray(d)
 
     def weights(self, log_albedo: F64) -> F64:
         """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); near and far sum to 1 each
-        times their weight."""
-        chroma = log_albedo - log_albedo.mean(axis=1, keepdims=True)
-        apart = ((chroma[self.a] - chroma[self.b]) ** 2).sum(axis=1)
-        w = np.exp(apart / (-2 * ALIKE**2))
+        times their weight. Channels that are clipped tell no chroma."""
+        d = log_albedo[self.a] - log_albedo[self.b]
+        known = ~(self.clipped[self.a] | self.clipped[self.b])
+        apart, told = np.zeros(len(d)), np.zeros(len(d), bool)
+        for i, j in ((0, 1), (0, 2), (1, 2)):  # a third of the squares of these is the square of the chroma
+            both = known[:, i] & known[:, j]
+            apart += both * (d[:, i] - d[:, j]) ** 2 / 3
+            told |= both
+        w = told * np.exp(apart / (-2 * ALIKE**2))
         near, far = w[: self.near], w[self.near :]
         return np.concatenate([near / max(near.sum(), 1e-12), far * (FAR_WEIGHT / max(far.sum(), 1e-12))])
 
 
-def pairs_of(points: F64, rng: np.random.Generator) -> Pairs:
-    """Each of places (N, 3) with its nearest, and with others taken anywhere."""
+def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
+    """Each of places (N, 3) of those colours with its nearest, and with others taken anywhere."""
     from scipy.spatial import cKDTree
 
     n = len(points)
@@ -61,7 +74,7 @@ def pairs_of(points: F64, rng: np.random.Generator) -> Pairs:
     far_own = np.repeat(np.arange(n), FAR)
     far = rng.integers(0, n, n * FAR)
     a, b = np.concatenate([own, far_own]), np.concatenate([near[:, 1:].ravel(), far])
-    return Pairs(a.astype(np.int64), b.astype(np.int64), len(own))
+    return Pairs(a.astype(np.int64), b.astype(np.int64), len(own), color >= WHITE_OUT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +94,7 @@ def light_of(open_: F64, met: F64, seen: F64, sky: F64, sun: F64) -> F64:
 def judged(color: F64, light: F64, pairs: Pairs) -> float:
     """The robust mean difference of log albedos over pairs, 0..2: what the fit makes small."""
     a = np.log(color) - np.log(light + FLOOR * light.mean())
-    d = a[pairs.a] - a[pairs.b]
+    d = pairs.apart(a)
     return float((pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1)).sum())
 
 
@@ -113,7 +126,7 @@ def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, s
         a = log_color - np.log(soft)
         if step % _AGAIN == 0:
             weights = pairs.weights(a)
-        d = a[pairs.a] - a[pairs.b]
+        d = pairs.apart(a)
         below = d * d + ROBUST**2
         loss = float((weights * (d * d / below).mean(axis=1)).sum())
         g = weights[:, None] * (2 * ROBUST**2 / 3) * d / (below * below)
@@ -122,9 +135,9 @@ def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, s
         by_a += (BOUNDS * 2 / a.size) * (over - under)
         by_light = -by_a / soft
         by_light += FLOOR * by_light.sum() / light.size
-        level = np.log(light.mean(axis=0))
-        tilt = level - level.mean()
-        by_light += WHITE * 2 * tilt / (light.mean(axis=0) * len(light))
+        direct = np.maximum((light - met).mean(axis=0), 1e-12)
+        level = np.log(direct)
+        by_light += WHITE * 2 * (level - level.mean()) / (direct * len(light))
         by_sky = np.einsum("np,nc->pc", open_, by_light) * sky_now
         apart = theta[len(RINGS) : -1]
         gradient = np.zeros_like(theta)

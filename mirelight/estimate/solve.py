@@ -63,10 +63,10 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
         )
     halves = [_taken(places, np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
-    pairs = [fit.pairs_of(half.points, rng) for half in halves]
+    pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
     suns = [_searched(half, rng) for half in halves]
     found = [_fitted(half, p, s) for half, p, s in zip(halves, pairs, suns, strict=True)]
-    every = fit.pairs_of(places.points, rng)
+    every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns)
     known = places.blocked >= LEAST_BLOCKED
     scale = 1.0 if known else _scale_for_albedo(places, best)
@@ -107,7 +107,7 @@ def _taken(places: Places, rows: NDArray[np.int64]) -> Places:
 
 def _searched(half: Places, rng: np.random.Generator) -> Sun | None:
     some = _taken(half, np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1)))
-    return sun.search(sun.Search.of(some, fit.pairs_of(some.points, rng)))
+    return sun.search(sun.Search.of(some, fit.pairs_of(some.points, some.color, rng)))
 
 
 def _fitted(places: Places, pairs: Pairs, found: Sun | None) -> _Found:

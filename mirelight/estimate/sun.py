@@ -12,9 +12,11 @@ from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
 
-DIRECTIONS = 600
+DIRECTIONS = 600  # that light something
+MOST_DIRECTIONS = 5000  # over the whole sphere
+STARTS = 5  # of these, that are refined
 ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
-SHARES = (0.1, 0.25, 0.45, 0.65, 0.85)  # of the sun in the direct light that are tried
+SHARES = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)  # of the sun in the direct light that are tried
 LEAST_LIT = 0.01  # share of the places that a sun must reach
 RADII = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
 _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
@@ -39,10 +41,11 @@ class Search:
         """Over all places that the pairs name."""
         color = places.color @ REC709_LUMINANCE.astype(np.float64)
         log = np.log(places.color)
+        clipped = (pairs.clipped[pairs.a] | pairs.clipped[pairs.b]).any(axis=1)
         return Search(
             places=places,
             pairs=pairs,
-            weights=pairs.weights(log),
+            weights=pairs.weights(log) * ~clipped,
             log_color=np.log(color),
             sky=places.open.sum(axis=1),
             met=places.met @ REC709_LUMINANCE.astype(np.float64),
@@ -77,20 +80,33 @@ class Sun:
 
 
 def search(of: Search) -> Sun | None:
-    """The best of `DIRECTIONS`, the best three refined, then the disc's radius; None where no sun reaches places."""
-    directions = sphere(DIRECTIONS)
-    seen = of.places.facing(directions)
-    lit = (seen > 0).mean(axis=1) >= LEAST_LIT
-    if not lit.any():
+    """The best of `DIRECTIONS`, the best few refined, then the disc's radius; None where no sun reaches places.
+
+    Through windows few directions light anything, and a sun a few degrees off lights the wrong places: where few do,
+    they are looked at as much more closely.
+    """
+    directions, seen = _lighting(of, DIRECTIONS)
+    if not len(directions):
         return None
-    losses = np.full(len(directions), np.inf)
-    losses[lit] = [of.losses(one).min() for one in seen[lit]]
+    count = min(int(DIRECTIONS**2 / len(directions)), MOST_DIRECTIONS)
+    if count > 1.5 * DIRECTIONS:
+        directions, seen = _lighting(of, count)
+    losses = np.array([of.losses(one).min() for one in seen])
     best = [_refined(of, directions[k], losses[k]) for k in _apart(directions, losses)]
     way, _ = min(best, key=lambda found: found[1])
     return _with_disc(of, way)
 
 
-def _apart(directions: F64, losses: F64, count: int = 3) -> list[int]:
+def _lighting(of: Search, count: int) -> tuple[F64, F64]:
+    """(D, 3) those of evenly spread directions that light enough places, and (D, N) the cosines where they do."""
+    directions = sphere(count)
+    parts = [of.places.facing(directions[k : k + DIRECTIONS]) for k in range(0, count, DIRECTIONS)]
+    chosen = [(part > 0).mean(axis=1) >= LEAST_LIT for part in parts]
+    kept = [part[these] for part, these in zip(parts, chosen, strict=True)]
+    return directions[np.concatenate(chosen)], np.concatenate(kept)
+
+
+def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:
     """The best directions, 12 degrees from each other."""
     out: list[int] = []
     for k in np.argsort(losses, kind="stable"):

@@ -20,7 +20,9 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
 
 PLACES = 6000  # splats that tell the light
-RAYS = 96  # from each
+RAYS = 96  # from each, to what it faces
+GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more rays are sent where little of it shows
+MOST_RAYS = 1024
 SHOWN = 20000  # splats that tell what colour a ray meets
 FEWEST = 200  # splats on the proxy, below which nothing is known
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
@@ -140,7 +142,24 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) ->
         seen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
         for k in range(3):
             met[rows, k] = np.bincount(flat // RAYS, seen[:, k], minlength=len(hit)) / RAYS
+    # the noise of few rays through windows is worth as much as the light: less of it would look better explained
+    rays = min(int(GOING_OUT / max(float(around.sum(axis=1).mean()), 1e-9)), MOST_RAYS)
+    if rays > 1.5 * RAYS:
+        around = _open(start, normals, sight, rays, rng)
     return Places(color=color, points=start, normals=normals, open=around, met=met, sight=sight)
+
+
+def _open(start: F64, normals: F64, sight: Sight, rays: int, rng: np.random.Generator) -> F64:
+    """(N, PATCHES) as in `Places`, by so many rays from each."""
+    out = np.zeros((len(start), PATCHES))
+    step = max(_CHUNK // rays, 1)
+    for first in range(0, len(start), step):
+        rows = slice(first, first + step)
+        directions = _cosine_directions(normals[rows], rays, rng)
+        face, _ = sight.first_hits(np.repeat(start[rows], rays, axis=0), directions.reshape(-1, 3))
+        row, ray = np.nonzero(face.reshape(directions.shape[:2]) < 0)
+        np.add.at(out[rows], (row, patch_of(directions[row, ray])), 1 / rays)
+    return out
 
 
 def _cosine_directions(normals: F64, count: int, rng: np.random.Generator) -> F64:

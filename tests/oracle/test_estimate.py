@@ -8,13 +8,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mirelight import colour
 from mirelight.conventions import quaternion_from_rotation, unit
 from mirelight.errors import RenderError
 from mirelight.estimate import Estimate, estimate, lighting_of
 from mirelight.estimate.describe import described, unknown
+from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
@@ -66,26 +67,27 @@ def yard() -> ProxyMesh:
     return boxes(floor, *walls, *blocks)
 
 
-def painted(mesh: ProxyMesh, light: Lighting, count: int) -> SplatCloud:
+def painted(mesh: ProxyMesh, light: Lighting, count: int, shown: NDArray[np.bool_] | None = None) -> SplatCloud:
     """Discs all over a mesh that show it under a light, its texture uneven by a tenth."""
     rng = np.random.default_rng(1)
-    v = mesh.vertices[mesh.faces].astype(np.float64)
+    chosen = mesh.faces if shown is None else mesh.faces[shown]
+    v = mesh.vertices[chosen].astype(np.float64)
     areas = np.linalg.norm(np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]), axis=1)
     face = rng.choice(len(v), count, p=areas / areas.sum())
     points = (v[face] * rng.dirichlet((1, 1, 1), count)[:, :, None]).sum(axis=1)
     points = np.where(points[:, 1:2] < 0, np.abs(points) * [1, 0, 1], points)  # the floor's underside shows nothing
-    normals = face_normals(mesh)[face]
+    normals = (face_normals(mesh) if shown is None else face_normals(mesh)[shown])[face]
     light_there = Tracer(mesh, SETTINGS, layers=False, aovs=False).point_layers(light, points, normals, 64).total
     assert mesh.vertex_colors is not None
-    albedo = mesh.vertex_colors[mesh.faces[face, 0]] * np.exp(0.1 * rng.standard_normal((count, 1)))
-    shown = colour.srgb_encode(np.clip(albedo * light_there / np.pi, 0, 1))
+    albedo = mesh.vertex_colors[chosen[face, 0]] * np.exp(0.1 * rng.standard_normal((count, 1)))
+    display = colour.srgb_encode(np.clip(albedo * light_there / np.pi, 0, 1))
     quats = np.stack([quaternion_from_rotation(frame.T) for frame in frame_around(normals)])
     return SplatCloud(
         means=points.astype(np.float32),
         quats=quats.astype(np.float32),
         scales=np.tile(np.array([0.04, 0.04, 0.002], np.float32), (count, 1)),
         opacities=np.full(count, 0.95, np.float32),
-        sh=((shown - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
+        sh=((display - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
     )
 
 
@@ -118,6 +120,51 @@ def test_the_light_at_the_surface_is_found_up_to_its_scale() -> None:
     ratio = made[bright].mean(axis=1) / true[bright].mean(axis=1)
     assert 0.65 < np.median(ratio) < 1.5
     assert np.median(np.abs(np.log(ratio / np.median(ratio)))) < 0.15
+
+
+@cache
+def room() -> ProxyMesh:
+    """A closed room with two windows and two blocks on its floor."""
+    wall, low = [0.6, 0.55, 0.5], [0.5, 0.4, 0.3]
+    sides = [
+        ([-2.2, -0.2, -2.2], [2.2, 0, 2.2], [0.45, 0.4, 0.35]),
+        ([-2.2, 2.2, -2.2], [2.2, 2.4, 2.2], [0.7, 0.7, 0.7]),
+        ([-2.2, 0, -2.2], [-2, 2.2, 2.2], wall),
+        ([-2.2, 0, -2.2], [2.2, 2.2, -2], wall),
+        ([-2.2, 0, 2], [2.2, 2.2, 2.2], wall),
+    ]
+    for z0, z1 in ((-2.2, -1.4), (-0.3, 0.3), (1.4, 2.2)):
+        sides.append(([2, 0, z0], [2.2, 2.2, z1], wall))
+    for z0, z1 in ((-1.4, -0.3), (0.3, 1.4)):
+        sides += [([2, 0, z0], [2.2, 0.4, z1], wall), ([2, 1.9, z0], [2.2, 2.2, z1], wall)]
+    return boxes(*sides, ([-1.2, 0, -1.0], [-0.6, 0.7, -0.2], low), ([0.2, 0, 0.4], [0.7, 0.5, 1.0], low))
+
+
+def test_the_sun_through_windows_is_found_though_its_patch_shows_white() -> None:
+    to_sun = unit([0.8, 0.55, -0.25])
+    sun = SunLight(name="sun", direction=-to_sun, color=np.array([1, 0.93, 0.82]), intensity=14.0)
+    sky = Environment(radiance=np.array([[(1.6, 1.8, 2.1)]], np.float32))
+    middle = room().vertices[room().faces].astype(np.float64).mean(axis=1) - (0, 1.1, 0)
+    inside = (np.abs(middle) < (2.01, 1.11, 2.01)).all(axis=1)
+    inside &= (np.einsum("nk,nk->n", face_normals(room()), middle) < 0) | (np.arange(len(middle)) >= len(middle) - 24)
+    splats = painted(room(), Lighting(lights=(sun,), environment=sky), 5000, inside)
+    white = (0.5 + 0.28209479177387814 * splats.sh[:, 0] > 0.999).any(axis=1).mean()
+    assert 0.005 < white < 0.1
+    lit = estimate(splats, room(), SETTINGS)
+    assert apart(lit.to_sun, to_sun) < 1
+    assert lit.confidence.sun_apart < 2
+    assert 0.5 < float(lit.sun.mean() / (14 * np.mean([1, 0.93, 0.82]))) < 1.5
+
+
+def test_what_shows_white_is_a_lower_bound() -> None:
+    """Of two places, one white: they differ only if the white one's bound lies above the other; it tells no chroma."""
+    color = np.array([[1.0, 1.0, 0.4], [0.5, 0.5, 0.4], [1.0, 1.0, 1.0]])
+    pairs = Pairs(a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), near=3, clipped=color >= 0.98)
+    higher, lower = np.log([[0.8] * 3, [0.5] * 3, [0.9] * 3]), np.log([[0.2] * 3, [0.5] * 3, [0.9] * 3])
+    np.testing.assert_allclose(np.exp(np.abs(pairs.apart(higher)[:2])), 1.6)
+    np.testing.assert_allclose(np.exp(pairs.apart(lower)[:2]), [[1, 1, 0.4], [1, 1, 2.5]])
+    assert not pairs.apart(higher)[2, :2].any()
+    assert not pairs.weights(higher).any()
 
 
 def test_exposure_multiplies_all_of_the_light() -> None:

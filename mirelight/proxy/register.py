@@ -19,6 +19,8 @@ from mirelight.proxy.views import turned
 ROUNDS = 5  # of moving vertices
 WIDEST, NARROWEST = 6.0, 1.2  # how far around a vertex splats count in the first and the last round, in spacings
 STEPS = 40  # of the alignment as a whole, at most
+ENOUGH = 3e-4  # of the misfit: steps that take less away end it
+GAIN = 0.3  # of the misfit, which moving vertices must take away: less is the splats' noise, and things no mesh has
 _SPLATS = 30_000  # that the whole is aligned by
 _POINTS = 60_000  # of the mesh that they are compared with
 _PLANES = 24  # nearest splats that move a vertex
@@ -33,7 +35,7 @@ def register(
 
     First the best of the usual mistakes is undone (turned, moved, scaled), then the whole is aligned by the iterated
     closest point method with planes and a scale, where that brings it nearer; then vertices move onto the planes of the
-    splats around them whose normal agrees, in rounds that look ever closer.
+    splats around them whose normal agrees, in rounds that look ever closer, where that brings the mesh nearer still.
 
     Args:
         splats: the capture, in world space.
@@ -53,9 +55,10 @@ def register(
         raise InputError(source, "a mesh without area", "give a mesh with triangles")
     normals = normals_of(capture)
     report("aligning the mesh", 0.1)
-    pose = _aligned(capture, normals, at, faces, best_guess(capture, at, faces))
+    misfit = _Misfit(capture, normals)
+    pose = _aligned(capture, misfit, at, faces, best_guess(capture, at, faces))
     at = turned(at, pose[:3, :3]) + pose[:3, 3]
-    at = _settled(capture, normals, at, faces, part(report, 0.5, 1.0))
+    at = _settled(capture, normals, at, faces, misfit, part(report, 0.5, 1.0))
     moved = (at + capture.middle).astype(np.float32)
     return replace(mesh, vertices=moved, normals=None if mesh.normals is None else _turned_normals(mesh.normals, pose))
 
@@ -64,28 +67,47 @@ def _turned_normals(normals: F32, pose: F64) -> F32:
     return turned(normals, (pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3]))).astype(np.float32))
 
 
-def _aligned(capture: Capture, normals: F64, at: F64, faces: Int, start: F64) -> F64:
-    """The similarity (4, 4) that brings a mesh nearest to splats, from a first guess; the guess where that is best."""
-    from scipy.spatial import cKDTree
+class _Misfit:
+    """How far splats lie from a mesh, as a mean: off its planes, or past its rims."""
 
-    step = max(len(normals) // _SPLATS, 1)
-    q, n = capture.splats.means[::step].astype(np.float64), normals[::step]
-    points, _ = spread_on(at, faces, _POINTS)
+    def __init__(self, capture: Capture, normals: F64) -> None:
+        step = max(len(normals) // _SPLATS, 1)
+        self.at, self.normals = capture.splats.means[::step].astype(np.float64), normals[::step]
+        self._most = 0.1 * capture.radius
+
+    def of(self, points: F64, area: float) -> tuple[F64, F64]:
+        """(N, 3) the nearest of points spread over the mesh of that area, (N,) how far splats lie from it."""
+        from scipy.spatial import cKDTree
+
+        distance, index = cKDTree(points).query(self.at, workers=-1)
+        nearest = points[index]
+        off = np.abs(np.einsum("nk,nk->n", self.at - nearest, self.normals))
+        past = distance - 2 * np.sqrt(area / len(points))  # nearer than that, the point is as near as points lie
+        return nearest, np.asarray(np.minimum(np.maximum(off, past), self._most))
+
+    def mesh(self, at: F64, faces: Int) -> float:
+        """Of a mesh."""
+        return float(self.of(spread_on(at, faces, _POINTS)[0], float(areas_of(at, faces).sum()))[1].mean())
+
+
+def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> F64:
+    """The similarity (4, 4) that brings a mesh nearest to splats, from a first guess; the guess where that is best."""
+    points, area = spread_on(at, faces, _POINTS)[0], float(areas_of(at, faces).sum())
 
     def apart(pose: F64) -> tuple[F64, F64, float]:
-        p = turned(points, pose[:3, :3]) + pose[:3, 3]
-        distance, index = cKDTree(p).query(q, workers=-1)
-        return p[index], distance, float(np.mean(np.minimum(distance, 0.1 * capture.radius)))
+        size = float(np.cbrt(np.linalg.det(pose[:3, :3])))
+        p, off = misfit.of(turned(points, pose[:3, :3]) + pose[:3, 3], area * size**2)
+        return p, off, float(off.mean())
 
     best = now = start
-    p, distance, error = apart(now)
+    p, off, error = apart(now)
     least = error
     for _ in range(STEPS):
-        reach = max(2 * float(np.median(distance)), 2 * capture.spacing)
-        weight = 1 / (1 + (distance / reach) ** 2) ** 2
-        now = _step(p, q, n, weight) @ now
-        p, distance, error = apart(now)
-        if error > least * 0.999:
+        reach = max(2 * float(np.median(off)), 0.5 * capture.spacing)
+        weight = 1 / (1 + (off / reach) ** 2) ** 2
+        now = _step(p, misfit.at, misfit.normals, weight) @ now
+        p, off, error = apart(now)
+        if error > least * (1 - ENOUGH):
             break
         best, least = now, error
     return best
@@ -111,14 +133,19 @@ def _step(p: F64, q: F64, n: F64, weight: F64) -> F64:
     return conventions.compose(centre + found[3:6] * size - scaled @ centre) @ conventions.compose(rotation=scaled)
 
 
-def _settled(capture: Capture, normals: F64, at: F64, faces: Int, report: Progress) -> F64:
-    """Vertices moved onto the planes of splats."""
+def _settled(capture: Capture, normals: F64, at: F64, faces: Int, misfit: _Misfit, report: Progress) -> F64:
+    """Vertices moved onto the planes of splats, where that brings the mesh nearer to them.
+
+    It does not where the mesh fits already, and where triangles are much larger than what their corners look at: a wall
+    of two triangles knows its plane better than its corners do.
+    """
     from scipy.spatial import cKDTree
 
     # Vertices in one place move as one, so that seams of textures and of normals do not tear.
     _, first, place = np.unique(at.astype(np.float32), axis=0, return_index=True, return_inverse=True)
     place = place.ravel()
     v, f = at[first].copy(), place[faces]
+    best, least = v, (1 - GAIN) * misfit.mesh(v, f)
     q = capture.splats.means.astype(np.float64)
     tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
     for k, reach in enumerate(np.geomspace(WIDEST, NARROWEST, ROUNDS) * capture.spacing):
@@ -135,7 +162,10 @@ def _settled(capture: Capture, normals: F64, at: F64, faces: Int, report: Progre
         length = np.linalg.norm(move, axis=1)
         move *= np.minimum(1, 2 * reach / np.maximum(length, 1e-30))[:, None]
         v = v + _shared(move, total / (total + 0.5), f)
-    return v[place]
+        error = misfit.mesh(v, f)
+        if error < least:
+            best, least = v, error
+    return best[place]
 
 
 def _normals_of(v: F64, f: Int) -> F64:

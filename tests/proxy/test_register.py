@@ -14,7 +14,7 @@ from mirelight.io.mesh import transform
 from mirelight.model import ProxyMesh
 from mirelight.proxy import register
 
-from .clouds import on_surface, sphere_points
+from .clouds import box_shell, on_surface, sphere_points
 from .test_judge import mesh, splats
 
 
@@ -54,6 +54,18 @@ def test_a_mesh_in_the_wrong_place_comes_back(pose: str) -> None:
 def test_a_mesh_in_its_place_stays() -> None:
     right = split(mesh(), 2)
     assert off(register(splats(), right), right) < 0.003
+
+
+def test_large_triangles_are_moved_as_a_whole() -> None:
+    """The corners of a box of twelve triangles look at three sides, and each by itself would be led astray."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    right = ProxyMesh(
+        vertices=corners,
+        faces=np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))], np.int32),
+    )
+    found = register(box_shell(2, 0.08, thin=0.05), transform(right, POSES["one percent to the side"]))
+    assert off(found, right) < 0.008  # a tenth of the splats' spacing
 
 
 def test_a_dented_ball_becomes_round() -> None:

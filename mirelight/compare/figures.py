@@ -29,7 +29,12 @@ def picture(display: F32) -> str:
 
 def flip_map(maps: Maps) -> str:
     """The FLIP map, 0 to 1, in colours of `FLIP_SCALE`; what is not counted is dimmed."""
-    return _data_uri(_dimmed(_colours(maps.flip, FLIP_SCALE), maps), lossless=False)
+    return _data_uri(heat_map(maps), lossless=False)
+
+
+def heat_map(maps: Maps) -> NDArray[np.uint8]:
+    """The FLIP map as (H, W, 3) pixels in colours of `FLIP_SCALE`; what is not counted is dimmed."""
+    return _dimmed(_colours(maps.flip, FLIP_SCALE), maps)
 
 
 def signed_limit(maps: Maps) -> float:

@@ -12,7 +12,7 @@ from mirelight import plan as planning
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.dataset.surroundings import MOST_ROWS, shrunk
 from mirelight.kept import Kept
-from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Lighting, SkyModel, SunLight, digest
+from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Lighting, SkyModel, SunLight, digest
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.plan import Plan
 from mirelight.units import GLOW, LightSet, Unit
@@ -28,8 +28,8 @@ def describe(plan: Plan) -> Index:
     made = plan.keys
     known = _Units(made)
     lightings = tuple(known.weighted(x) for x in job.lightings)
-    compared = job.captured is not None and job.splats is not None and needs.compares(job)
-    captured = known.weighted(job.captured) if compared and job.captured is not None else None
+    compared = _compared(job)
+    captured = None if compared is None else known.weighted(compared)
     views: list[KeptView] = []
     for group in plan.groups:
         camera = group.camera
@@ -59,6 +59,11 @@ def describe(plan: Plan) -> Index:
         profile=job.compositor.profile,
         linear=job.compositor.blends_linear,
     )
+
+
+def _compared(job: Job) -> Lighting | None:
+    """The captured lighting, where frames take it."""
+    return job.captured if job.splats is not None and needs.compares(job) else None
 
 
 class _Units:
@@ -124,7 +129,8 @@ def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]
         kept: where to.
         resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.scene.Scene`.
     """
-    for lighting in plan.job.lightings:
+    compared = _compared(plan.job)
+    for lighting in (*plan.job.lightings, *(() if compared is None else (compared,))):
         mixture = plan.keys.mixture(lighting)
         whole = mixture.sets[0].whole
         for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:

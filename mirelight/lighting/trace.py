@@ -233,7 +233,8 @@ class Tracer:
             points: (N, 3) on the proxy, world space.
             normals: (N, 3) unit, of the face that each lies on; either sign.
             spp: samples per point, instead of the settings' own.
-            emission, cache: as for `trace`.
+            emission: as for `trace`.
+            cache: as for `trace`.
             progress: called with samples done and in all after every launch.
 
         Raises:
@@ -274,7 +275,8 @@ class Tracer:
         """Points of the proxy themselves, as seen from where their normals point to.
 
         Args:
-            points, normals: as for `point_layers`.
+            points: as for `point_layers`.
+            normals: as for `point_layers`.
 
         Returns:
             (N, 3) albedo; (N, 3) radiance that they send out.

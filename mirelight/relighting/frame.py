@@ -107,7 +107,9 @@ def relighter(
     Args:
         splats: the composite; None: the lit proxy itself.
         surface: coverage and albedo of the lit proxy; its beauty is not read.
-        settings, captured, captured_level: as for :func:`apply`.
+        settings: as for :func:`apply`.
+        captured: as for :func:`apply`.
+        captured_level: as for :func:`apply`.
     """
     if splats is None:
         return lambda beauty: np.concatenate([beauty, surface.coverage[..., None]], axis=-1)

@@ -74,3 +74,34 @@ def test_python_imports_what_there_is(page: Path) -> None:
 def test_toml_is_sound(page: Path) -> None:
     for block in blocks(page.read_text(encoding="utf-8"), "toml"):
         tomllib.loads(block)
+
+
+PUBLIC = (
+    "mirelight",
+    "mirelight.model",
+    "mirelight.dataset",
+    "mirelight.dataset.export",
+    "mirelight.compare",
+    "mirelight.io.splats",
+    "mirelight.proxy",
+    "mirelight.estimate",
+    "mirelight.matching",
+    "mirelight.compositor",
+    "mirelight.lighting",
+    "mirelight.relighting",
+)
+
+
+@pytest.mark.parametrize("package", PUBLIC)
+def test_public_names_are_in_the_api_reference(package: str) -> None:
+    """A page shows what a module holds, of a package what it lists as its own, or one thing alone."""
+    pages = "".join(x.read_text(encoding="utf-8") for x in (ROOT / "docs" / "api").glob("*.md"))
+    shown = set(re.findall(r"^::: (\S+)$", pages, flags=re.MULTILINE))
+    home = import_module(package)
+    missing = []
+    for name in home.__all__:
+        value = getattr(home, name)
+        own = getattr(value, "__module__", "")
+        if callable(value) and own.startswith("mirelight") and not {package, own, f"{own}.{name}"} & shown:
+            missing.append(name)
+    assert not missing

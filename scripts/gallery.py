@@ -1,0 +1,364 @@
+"""The pictures of docs/gallery.md and docs/tutorials, each made from its job, a file in docs/gallery or on the page.
+
+    python scripts/gallery.py                     # all of them, into docs/gallery
+    python scripts/gallery.py night sun -o /tmp   # two of them
+
+Frames go to out/gallery/NAME and are kept: a second run draws the pictures again and renders what has changed. Needs
+the extras `denoise` and `compare`; takes about fifteen minutes on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import cli
+from mirelight.errors import MirelightError
+from mirelight.io.atomic import atomic_path
+from mirelight.io.sheet import Tile, write_sheet
+from mirelight.sh import C0
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+JOBS = ROOT / "docs" / "gallery"
+TRUTH = ROOT / "scenes" / "courtyard" / "truth" / "front.evening.png"
+CLIP = ROOT / "docs" / "pictures" / "courtyard.webp"  # the only film
+MOST_BYTES = 60_000  # of a picture: a page of a dozen still loads at once
+
+Pixels = NDArray[np.uint8]  # (H, W, 3) display values
+Tiles = list[tuple[str, Pixels]]
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """One picture in the making."""
+
+    job: Path
+    folder: Path  # of its frames
+    settings: Sequence[str] = ()  # laid over the job: KEY=VALUE
+
+    @property
+    def overrides(self) -> list[str]:
+        return [x for setting in self.settings for x in ("--set", setting)]
+
+    def run(self, *arguments: str) -> None:
+        """A command of mirelight."""
+        if code := cli.main(list(arguments)):
+            raise MirelightError(f"`mirelight {' '.join(arguments)}` ended with exit code {code}")
+
+    def render(self, *choice: str) -> None:
+        """Its frames, or those that are chosen."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.run("render", str(self.job), "-o", str(self.folder), "-q", *choice, *self.overrides)
+
+    def frames(self) -> list[tuple[str, Path]]:
+        """Name of the lighting and file of every frame that is there, in the job's order."""
+        from mirelight.io.job import load
+        from mirelight.io.job.overrides import parse
+
+        job = load(self.job, [parse(x) for x in self.settings])
+        names = [(y.name, f"{x.name}.{y.name}.png") for x in job.cameras for y in job.lightings]
+        return [(lighting, self.folder / name) for lighting, name in names if (self.folder / name).is_file()]
+
+
+# --- what a picture shows --------------------------------------------------------------------------------------------
+
+
+def frame(work: Work) -> Tiles:
+    """The job's frame."""
+    return [("", picture(path)) for _, path in work.frames()[:1]]
+
+
+def lightings(work: Work) -> Tiles:
+    """A tile for every lighting of a sweep, under what it was called after the job's own lighting."""
+    names = {name: re.sub(r"(\d+)$", r" \1", name.partition("-")[2]) for name, _ in work.frames()}
+    return [(names[name] or "all together", picture(path)) for name, path in work.frames()]
+
+
+def layers(work: Work) -> Tiles:
+    """The layers of a frame's EXR."""
+    from mirelight.io.exr import read_exr
+    from mirelight.io.png import encode_display
+    from mirelight.model import DisplaySettings
+
+    exr = read_exr(work.frames()[0][1].with_suffix(".exr"))
+
+    def light(name: str, gain: float = 1.0) -> Pixels:
+        values = gain * exr.layer(name)
+        opaque = np.ones((*values.shape[:2], 1), np.float32)
+        return encode_display(np.concatenate([values[..., :3], opaque], axis=2), DisplaySettings())
+
+    def plain(values: NDArray[Any]) -> Pixels:
+        return np.asarray(np.rint(np.clip(values, 0, 1) * np.ones(3) * 255), dtype=np.uint8)
+
+    depth = exr.layer("depth")
+    near, far = (float(x) for x in np.percentile(depth[depth > 0], [1, 99]))
+    return [
+        ("relit", light("")),
+        ("unlit", light("unlit")),
+        ("factor, two stops darker", light("factor", 0.25)),
+        ("lighting", light("lighting")),
+        ("albedo", light("albedo")),
+        ("normal", plain(exr.layer("normal") / 2 + 0.5)),
+        ("depth", plain(1 - (depth - near) / max(far - near, 1e-6))),
+        ("sun_visibility", plain(exr.layer("sun_visibility"))),
+        ("ambient_occlusion", plain(exr.layer("ambient_occlusion"))),
+    ]
+
+
+def difference(work: Work) -> Tiles:
+    """The relit frame, the true picture, and FLIP between both."""
+    from mirelight.compare import CompareSettings, Pair, evaluate
+    from mirelight.compare.figures import heat_map
+
+    ours = work.frames()[0][1]
+    truth = work.folder / "truth.png"
+    resized(picture(TRUTH), picture(ours).shape).save(truth)
+    result, maps = evaluate(Pair(name="front", reference=truth, test=ours), CompareSettings())
+    heat = f"difference (FLIP, mean {result.overall.flip:.3f})"
+    return [("relit", picture(ours)), ("path-traced truth", picture(truth)), (heat, heat_map(maps))]
+
+
+def parts(work: Work) -> Tiles:
+    """From the splats alone to the relit frame: the capture, the proxy, the light found in it, the frame."""
+    from mirelight.io.exr import read_exr
+    from mirelight.io.png import encode_display
+    from mirelight.model import DisplaySettings
+
+    relit = work.frames()[0][1]
+    found = work.folder / "captured.toml"
+    work.run("estimate", str(work.job), "-o", str(found), "-q", *work.overrides)
+    exr = read_exr(relit.with_suffix(".exr"))
+    captured, normal = exr.layer("unlit"), exr.layer("normal")
+    # A lamp beside the camera's shoulder shows the mesh's shape.
+    slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
+    clay = np.rint(255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None])
+    irradiance = np.split(picture(found.with_suffix(".png")), 3, axis=1)[1]
+    return [
+        ("capture", encode_display(captured, DisplaySettings())),
+        ("proxy, made from the splats", clay.astype(np.uint8)),
+        ("light that it was captured under, estimated", np.asarray(resized(irradiance, captured.shape))),
+        ("relit", picture(relit)),
+    ]
+
+
+def views(work: Work) -> Tiles:
+    """A tile for every camera, without words."""
+    return [("", picture(path)) for _, path in work.frames()]
+
+
+def hours(work: Work) -> Tiles:
+    """A tile for every time of a day, which is the end of the lighting's name."""
+    return [(f"{name[-6:-4]}:{name[-4:-2]}", picture(path)) for name, path in work.frames()]
+
+
+def unlit(path: Path) -> Pixels:
+    """The capture in a frame's EXR."""
+    from mirelight.io.exr import read_exr
+    from mirelight.io.png import encode_display
+    from mirelight.model import DisplaySettings
+
+    return encode_display(read_exr(path.with_suffix(".exr")).layer("unlit"), DisplaySettings())
+
+
+def before_and_after(work: Work) -> Tiles:
+    """The capture and the frame."""
+    path = work.frames()[0][1]
+    return [("as captured", unlit(path)), ("relit", picture(path))]
+
+
+def gloss(work: Work) -> Tiles:
+    """The glazed knot: captured, relit, true."""
+    path = work.frames()[0][1]
+    truth = picture(ROOT / "scenes" / "stage" / "truth" / path.name)
+    tiles = (("as captured", unlit(path)), ("relit", picture(path)), ("path-traced truth", truth))
+    return [(name, part(pixels, (0.35, 0.06, 0.59, 0.48))) for name, pixels in tiles]
+
+
+def clipped(work: Work) -> Tiles:
+    """The marble plinth, from the capture and from one that was a stop too bright for what a file can hold."""
+    from mirelight import colour
+    from mirelight.io import splats
+    from mirelight.io.job import load
+
+    bright = work.folder / "bright.ply"
+    job = load(work.job)
+    if job.splats is None:
+        raise MirelightError(f"{work.job}: no splats")
+    cloud = job.splats.value
+    shown = np.clip(0.5 + C0 * cloud.sh[:, 0], 0, 1)
+    light = np.minimum(2 * colour.decode(shown, "physical"), 1)
+    splats.write(replace(cloud, sh=((colour.encode(light, "physical") - 0.5) / C0)[:, None]), bright)
+    again = replace(
+        work,
+        folder=work.folder / "bright",
+        settings=(*work.settings, f'splats="{bright.as_posix()}"', "captured.environment.intensity=2"),
+    )
+    again.render()
+    good, bad = work.frames()[0][1], again.frames()[0][1]
+    tiles = (
+        ("overexposed capture", unlit(bad)),
+        ("relit", picture(bad)),
+        ("from the capture as shipped", picture(good)),
+    )
+    return [(name, part(pixels, (0.37, 0.5, 0.63, 0.86))) for name, pixels in tiles]
+
+
+def part(pixels: Pixels, box: tuple[float, float, float, float]) -> Pixels:
+    """A part of a picture, box: left, top, right, bottom as shares of its sides."""
+    height, width = pixels.shape[:2]
+    left, top, right, bottom = (round(x * y) for x, y in zip(box, (width, height, width, height), strict=True))
+    return np.asarray(resized(pixels[top:bottom, left:right], (2 * (bottom - top), 2 * (right - left))))
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """How a picture is drawn."""
+
+    tiles: Callable[[Work], Tiles]
+    columns: int = 1
+    width: int = 640  # of a tile, pixels
+    choice: tuple[str, ...] = ()  # arguments of `mirelight render`
+    settings: tuple[str, ...] = ()  # laid over the job
+    page: str = ""  # of docs/tutorials, if the job stands there
+    job: str = ""  # its name there
+
+
+HALF = ("resolution_scale=0.5",)  # small on a sheet
+SHEET = Kind(lightings, columns=3, width=320, settings=HALF)
+PICTURES: dict[str, Kind] = {
+    "evening": Kind(frame),
+    "night": Kind(frame),
+    "gels": Kind(frame),
+    "softbox": Kind(frame),
+    "sun": replace(SHEET, tiles=views),
+    "one": SHEET,
+    "panorama": SHEET,
+    "layers": Kind(layers, columns=3, width=320, settings=HALF),
+    "difference": Kind(difference, columns=3, width=320, settings=HALF),
+}
+TUTORIALS: dict[str, Kind] = {
+    "turntable": Kind(
+        views,
+        3,
+        320,
+        choice=("--camera", "turn.0001", "turn.0021", "turn.0039"),
+        settings=HALF,
+        page="turntable",
+        job="turn",
+    ),
+    "day": Kind(hours, 3, 320, settings=(*HALF, "sweep.axes[0].steps=9"), page="day", job="day"),
+    "even": Kind(before_and_after, 2, 480, settings=("resolution_scale=0.75",), page="cannot-be-removed", job="even"),
+    "gloss": Kind(gloss, 3, 320, page="cannot-be-removed", job="gloss"),
+    "clipped": Kind(clipped, 3, 320, page="cannot-be-removed", job="gloss"),
+}
+
+
+# --- drawing ---------------------------------------------------------------------------------------------------------
+
+
+def picture(path: Path) -> Pixels:
+    """(H, W, 3) display values of a file."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.uint8)
+
+
+def resized(pixels: Pixels, shape: tuple[int, ...]) -> Image.Image:
+    """A picture at (height, width, …)."""
+    from PIL import Image
+
+    return Image.fromarray(pixels).resize((shape[1], shape[0]), Image.Resampling.LANCZOS)
+
+
+def job_of(name: str, kind: Kind, folder: Path) -> Path:
+    """The job file of a picture; one that stands on a page is written into `folder`, with the scenes' full paths."""
+    if not kind.page:
+        return JOBS / f"{name}.toml"
+    text = (ROOT / "docs" / "tutorials" / f"{kind.page}.md").read_text(encoding="utf-8")
+    _, found, rest = text.partition(f"```toml\n# {kind.job}.toml\n")
+    if not found:
+        raise MirelightError(f"{kind.page}.md: no job {kind.job}.toml")
+    folder.mkdir(parents=True, exist_ok=True)
+    job = folder / f"{kind.job}.toml"
+    job.write_text(rest.partition("```")[0].replace('"scenes/', f'"{ROOT.as_posix()}/scenes/'), encoding="utf-8")
+    return job
+
+
+def draw(name: str, kind: Kind, work: Work, out: Path) -> Path:
+    """Render what a picture needs and write `out`/NAME.jpg."""
+    work.render(*kind.choice)
+    tiles = kind.tiles(work)
+    if kind.columns == 1:
+        pixels = tiles[0][1]
+    else:
+        rows = [tiles[i : i + kind.columns] for i in range(0, len(tiles), kind.columns)]
+        sheet = work.folder / "sheet.png"
+        write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in row] for row in rows], size=kind.width)
+        pixels = picture(sheet)
+    path = out / f"{name}.jpg"
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(jpeg(pixels))
+    return path
+
+
+def jpeg(pixels: Pixels) -> bytes:
+    """The best JPEG within `MOST_BYTES`."""
+    from PIL import Image
+
+    for quality in range(92, 20, -4):
+        stream = io.BytesIO()
+        Image.fromarray(pixels).save(stream, "JPEG", quality=quality, optimize=True, progressive=True)
+        if stream.tell() <= MOST_BYTES:
+            break
+    return stream.getvalue()
+
+
+def clip(work: Work) -> Path:
+    """The film of README and the first page: every lighting of the job, in order."""
+    work.render()
+    work.run("film", str(work.folder), "-o", str(CLIP), "--order", "lightings", "--fps", "12")
+    return CLIP
+
+
+def main() -> int:
+    kinds = PICTURES | TUTORIALS
+    every = [*kinds, "clip"]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(every)}; none: all")
+    parser.add_argument("-o", "--out", type=Path, default=JOBS, help="folder of the pictures (docs/gallery)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="laid over the jobs")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - set(every):
+        parser.error(f"no picture {', '.join(sorted(unknown))}; there are {', '.join(every)}")
+    try:
+        for name in arguments.names or every:
+            folder = ROOT / "out" / "gallery" / name
+            if name == "clip":
+                path = clip(Work(JOBS / "clip.toml", folder, arguments.set))
+            else:
+                kind = kinds[name]
+                work = Work(job_of(name, kind, folder), folder, (*kind.settings, *arguments.set))
+                path = draw(name, kind, work, arguments.out)
+            print(f"{path} ({path.stat().st_size / 1000:.0f} kB)", flush=True)
+    except MirelightError as error:
+        print(f"gallery: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

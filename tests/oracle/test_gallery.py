@@ -1,0 +1,71 @@
+"""docs/gallery.md: its jobs are the files beside it, load, and make their pictures, here from toy scenes."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shutil
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import mirelight
+
+from .toy_clone import ROOT, TOY, make_clone
+
+DOCS = ROOT / "docs"
+PAGE = (DOCS / "gallery.md").read_text(encoding="utf-8")
+JOBS = sorted((DOCS / "gallery").glob("*.toml"))
+
+
+@pytest.fixture
+def gallery(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(ROOT / "scripts")
+    return importlib.import_module("gallery")
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("clone")
+    make_clone(folder)
+    shutil.copytree(DOCS / "gallery", folder / "docs" / "gallery")
+    return folder
+
+
+def test_the_page_shows_every_picture_with_its_whole_job(gallery: ModuleType) -> None:
+    shown = re.findall(r"!\[[^\]]+\]\(gallery/(\w+)\.jpg\)", PAGE)
+    assert sorted(shown) == sorted(gallery.PICTURES) == [x.stem for x in JOBS]
+    blocks = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    assert blocks == [(DOCS / "gallery" / f"{name}.toml").read_text(encoding="utf-8") for name in shown]
+
+
+def test_pictures_are_small() -> None:
+    sizes = [x.stat().st_size for x in (DOCS / "gallery").glob("*.jpg")]
+    assert len(sizes) >= len(JOBS) and max(sizes) <= 60_000 and sum(sizes) <= 1_000_000
+
+
+@pytest.mark.parametrize("job", JOBS, ids=lambda x: x.stem)
+def test_jobs_load_with_the_shipped_scenes(job: Path) -> None:
+    assert mirelight.load(job).cameras
+
+
+# "parts" makes a mesh and estimates light, each tested by itself; "clip" is a film, below.
+@pytest.mark.parametrize("job", [x for x in JOBS if x.stem not in ("clip", "parts")], ids=lambda x: x.stem)
+def test_jobs_make_their_pictures(job: Path, gallery: ModuleType, clone: Path, tmp_path: Path) -> None:
+    own = clone / "docs" / "gallery" / job.name
+    small = ("resolution=[24, 16]", *TOY)
+    work = gallery.Work(own, tmp_path / "frames", small)
+    path = gallery.draw(job.stem, gallery.PICTURES[job.stem], work, tmp_path)
+    with Image.open(path) as picture:
+        pixels = np.asarray(picture.convert("RGB"), np.float32)
+    assert pixels.shape[:2] == (16, 24) or pixels.shape[1] > 48
+    assert pixels.max() - pixels.min() > 30
+
+
+@pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "clipped"])
+def test_jobs_on_pages_are_found(name: str, gallery: ModuleType, tmp_path: Path) -> None:
+    kind = gallery.TUTORIALS[name]
+    assert mirelight.load(gallery.job_of(name, kind, tmp_path)).cameras

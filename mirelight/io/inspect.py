@@ -104,12 +104,12 @@ def _mesh(path: Path) -> MeshFacts:
 
 def _gltf(path: Path) -> MeshFacts:
     from mirelight.io.gltf import blender
-    from mirelight.io.gltf.moving_lights import Shot
+    from mirelight.io.gltf.moving_lights import moving_lights
     from mirelight.io.gltf.scene import read_scene
 
     scene = read_scene(path, textures=False)
     cameras = tuple(gltf_camera_facts(camera, camera.name in scene.animated_cameras) for camera in scene.cameras)
-    moving = Shot.of(path).changes
+    moving = moving_lights(path)
     lights = tuple(replace(light_facts(x), animated=y) for x, y in zip(scene.lights, moving, strict=True))
     facts = _mesh_facts(path, scene.mesh, lights, cameras)
     if scene.blender is None or not scene.lights:

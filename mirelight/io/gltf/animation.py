@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -165,22 +166,23 @@ def world_at(nodes: dict[int, Node], node: int, tracks: list[Track], time: float
         at = here.parent
 
 
-def read_tracks(document: Document) -> list[Track]:
-    """The tracks of nodes in all animations: exporters split one shot into an animation per object."""
+def read_tracks(document: Document, only: Container[int] | None = None) -> list[Track]:
+    """The tracks of nodes in all animations: exporters split one shot into an animation per object. `only`: of these
+    nodes."""
     tracks: dict[tuple[int, str], Track] = {}
     for animation in document.top.children("animations"):
         samplers = animation.children("samplers")
         for channel in animation.children("channels"):
             target = channel.child("target")
             node, path = target.integer("node", None), target.text("path", "")
-            if node is None or path not in _PATHS:
+            if node is None or path not in _PATHS or (only is not None and node not in only):
                 continue  # morph weights and extensions move no camera
             index = channel.integer("sampler")
             if index >= len(samplers):
                 raise channel.fail("sampler", f"there is no sampler {index}")
             if (node, path) in tracks:
                 found = f"nodes[{node}].{path} is animated twice"
-                raise channel.fail("target", found, "keep one animation of the camera in the file")
+                raise channel.fail("target", found, "keep one animation of the camera or light in the file")
             tracks[node, path] = read_track(document, samplers[index], node, path, _PATHS[path])
     return list(tracks.values())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,8 +12,17 @@ from numpy.typing import NDArray
 
 from mirelight.errors import InputError
 from mirelight.io.gltf import blender
-from mirelight.io.gltf.animation import Track, read_track, read_tracks, sample_times, tracks_above, world_at
+from mirelight.io.gltf.animation import (
+    Track,
+    animated_nodes,
+    read_track,
+    read_tracks,
+    sample_times,
+    tracks_above,
+    world_at,
+)
 from mirelight.io.gltf.document import Document, read_document
+from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.lights import EXTENSION, read_node_lights
 from mirelight.io.gltf.nodes import Node, place_nodes
 from mirelight.io.gltf.scene import GltfLights
@@ -36,8 +46,8 @@ class Shot:
         """Open a .glb or .gltf file. Raises InputError: a damaged animation."""
         document = read_document(path)
         nodes = place_nodes(document)
-        tracks = read_tracks(document)
         carriers = [index for index, node in nodes.items() if node.fields.extension(EXTENSION) is not None]
+        tracks = read_tracks(document, {x for index in carriers for x in _line(nodes, index)})
         found = {index: tracks_above(nodes, index, tracks) for index in carriers}
         return Shot(document, nodes, {k: v for k, v in found.items() if v}, _pointed(document))
 
@@ -45,13 +55,6 @@ class Shot:
     def tracks(self) -> list[Track]:
         """All that change a light."""
         return [t for tracks in self.moving.values() for t in tracks] + [t for *_, t in self.changing]
-
-    @property
-    def changes(self) -> tuple[bool, ...]:
-        """Of each light in node order, whether it moves or changes."""
-        changed = {light for light, *_ in self.changing}
-        carriers = [(k, x) for k, node in self.nodes.items() if (x := node.fields.extension(EXTENSION)) is not None]
-        return tuple(index in self.moving or user.integer("light") in changed for index, user in carriers)
 
     def at(self, time: float) -> GltfLights:
         """The lights of a moment (s); what nothing moves is the very same at all of them.
@@ -71,6 +74,19 @@ class Shot:
         return GltfLights(lights=lights, blender=blender.exporter(self.document))
 
 
+def moving_lights(path: str | Path) -> tuple[bool, ...]:
+    """Of each light of a file, in node order, whether an animation moves or changes it; no animation is read.
+
+    Raises:
+        InputError: a file that cannot be read.
+    """
+    document = read_document(path)
+    nodes = place_nodes(document)
+    moved, changed = animated_nodes(document, nodes), {light for light, *_ in _pointers(document)}
+    carriers = [(k, user) for k, node in nodes.items() if (user := node.fields.extension(EXTENSION)) is not None]
+    return tuple(index in moved or user.integer("light") in changed for index, user in carriers)
+
+
 def light_times(path: str | Path, *, fps: float | None = None, count: int | None = None) -> NDArray[np.float64]:
     """Moments (s) from the first key to the last one that changes a light, as `sample_cameras` has them for cameras.
 
@@ -85,22 +101,31 @@ def light_times(path: str | Path, *, fps: float | None = None, count: int | None
     return sample_times(shot.document, start, end, fps, count)
 
 
-def _pointed(document: Document) -> list[tuple[int, str, Track]]:
-    """What pointers of animations change of lights; other pointers change none."""
-    found: dict[tuple[int, str], Track] = {}
+def _line(nodes: dict[int, Node], index: int) -> Iterator[int]:
+    """A node and its ancestors."""
+    at: int | None = index
+    while at is not None:
+        yield at
+        at = nodes[at].parent
+
+
+def _pointers(document: Document) -> Iterator[tuple[int, str, Fields, Fields]]:
+    """Channels that change a light: its index, the field, the animation and the channel; other pointers change none."""
     for animation in document.top.children("animations"):
-        samplers = animation.children("samplers")
         for channel in animation.children("channels"):
-            target = channel.child("target")
-            extension = target.extension("KHR_animation_pointer")
+            extension = channel.child("target").extension("KHR_animation_pointer")
             match = None if extension is None else _POINTER.fullmatch(extension.text("pointer"))
-            if match is None or match[2] not in _WIDTHS:
-                continue
-            index = channel.integer("sampler")
-            if index >= len(samplers):
-                raise channel.fail("sampler", f"there is no sampler {index}")
-            place = int(match[1]), match[2]
-            if place in found:
-                raise channel.fail("target", f"lights[{place[0]}] {place[1]} is animated twice", "keep one animation")
-            found[place] = read_track(document, samplers[index], -1, match[2], _WIDTHS[match[2]])
+            if match is not None and match[2] in _WIDTHS:
+                yield int(match[1]), match[2], animation, channel
+
+
+def _pointed(document: Document) -> list[tuple[int, str, Track]]:
+    found: dict[tuple[int, str], Track] = {}
+    for light, field, animation, channel in _pointers(document):
+        samplers, index = animation.children("samplers"), channel.integer("sampler")
+        if index >= len(samplers):
+            raise channel.fail("sampler", f"there is no sampler {index}")
+        if (light, field) in found:
+            raise channel.fail("target", f"lights[{light}] {field} is animated twice", "keep one animation of it")
+        found[light, field] = read_track(document, samplers[index], -1, field, _WIDTHS[field])
     return [(light, field, track) for (light, field), track in found.items()]

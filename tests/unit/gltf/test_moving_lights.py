@@ -11,7 +11,7 @@ import pytest
 
 import mirelight
 from mirelight.errors import InputError, ManyInputsError
-from mirelight.io.gltf.moving_lights import Shot, light_times
+from mirelight.io.gltf.moving_lights import Shot, light_times, moving_lights
 from mirelight.keys import Keys
 from mirelight.model import Job, PointLight, SpotLight
 from mirelight.plan import plan
@@ -55,11 +55,8 @@ def shot(glb: Any) -> Any:
 
 def test_lights_stand_shine_and_fade_as_of_their_moment(shot: Any) -> None:
     opened = Shot.of(shot.save())
-    assert dict(zip((x.name for x in opened.at(0).lights), opened.changes, strict=True)) == {
-        "walker": True,
-        "dimmed": True,
-        "still": False,
-    }
+    names = [x.name for x in opened.at(0).lights]
+    assert dict(zip(names, moving_lights(shot.save()), strict=True)) == {"walker": True, "dimmed": True, "still": False}
     middle = opened.at(2.0).lights
     walker, dimmed, still = (next(x for x in middle if x.name == name) for name in ("walker", "dimmed", "still"))
     c = np.sqrt(0.5)  # half of the parent's quarter turn about +Y, and half of the way
@@ -85,6 +82,19 @@ def test_moments_lie_between_the_keys_that_change_a_light(shot: Any) -> None:
     del shot.top["animations"][:-1]  # the camera's is left
     with pytest.raises(InputError, match="nothing moves or changes a light"):
         light_times(shot.save("camera.glb"), count=3)
+
+
+def test_clips_of_other_nodes_are_no_matter(shot: Any) -> None:
+    """A file of a game has one node in many clips; only what moves a light is read."""
+    before = Shot.of(shot.save()).at(2).lights
+    for _ in range(2):
+        animate(shot, {"node": 0, "path": "scale"}, np.ones((2, 3)))
+    again = Shot.of(shot.save())
+    assert [repr(x) for x in again.at(2).lights] == [repr(x) for x in before]
+    animate(shot, {"node": 1, "path": "translation"}, np.ones((2, 3)))
+    with pytest.raises(InputError, match="animated twice"):
+        Shot.of(shot.save())
+    assert sum(moving_lights(shot.save())) == 2
 
 
 def test_damaged_pointers_are_named(shot: Any) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import conventions, realtime
+from mirelight import baking, conventions, realtime
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
 from mirelight.io import splats
@@ -24,7 +24,7 @@ from mirelight.model import (
     SplatCloud,
     SplatFile,
 )
-from mirelight.realtime import captures
+from mirelight.realtime import browser, bundle, captures
 
 from .test_engine_browser import crowd
 
@@ -36,7 +36,7 @@ def job_of(*files: SplatFile) -> Job:
     clouds = [splats.transform(splats.read(x.path, lod=x.lod), x.world_from_file) for x in files]
     return Job(
         source=Path("test.toml"),
-        splats=Deferred.of(splats.merge(clouds)),
+        splats=Deferred.of(splats.merge(clouds)) if clouds else None,
         splat_files=files,
         compositor=CompositorSettings(profile="playcanvas"),
         relight=RelightSettings(profile="playcanvas"),
@@ -48,7 +48,8 @@ def not_linked(folder: Path, name: str) -> bool:
 
 
 def test_the_engine_shows_own_files_of_three_formats_where_the_job_puts_them(data: Path, tmp_path: Path) -> None:
-    """Each in its own axes: the model of order, textures and corners holds, as it does for one file in world space."""
+    """Each in its own axes, a baked SOG among them: the model of order, textures and corners holds, as it does for one
+    file in world space."""
     whole = unit(crowd())
     places = [conventions.compose((x, 0, 0)) @ ASKEW for x in (-0.6, 0.6)]
     files = []
@@ -56,8 +57,12 @@ def test_the_engine_shows_own_files_of_three_formats_where_the_job_puts_them(dat
         splats.write(splats.transform(whole, np.linalg.inv(m)), tmp_path / name)
         files.append(SplatFile(path=tmp_path / name, world_from_file=m))
     files.append(SplatFile(path=data / "splats" / "small.sog", world_from_file=ASKEW))
+    m = conventions.compose((0, 0.5, 0)) @ ASKEW
+    factor = np.random.default_rng(4).uniform(0.1, 2, (len(whole), 3)).astype(np.float32)
+    splats.write(baking.relit(splats.transform(whole, np.linalg.inv(m)), factor), tmp_path / "c.sog")
+    files.append(SplatFile(path=tmp_path / "c.sog", world_from_file=m))
     job = job_of(*files)
-    assert [x.kind for x in captures.handed(job)] == ["ply", "compressed", "sog"]
+    assert [x.kind for x in captures.handed(job)] == ["ply", "compressed", "sog", "sog"]
 
     assert job.splats is not None
     cloud = job.splats.value
@@ -69,8 +74,32 @@ def test_the_engine_shows_own_files_of_three_formats_where_the_job_puts_them(dat
     error = np.mean((drawn.astype(np.float64) - frames.unlit_f32[..., :3]) ** 2)
     assert -10 * np.log10(error) > 68
     for k, file in enumerate(files, start=1):
-        suffix = file.path.name.removeprefix("a").removeprefix("b").removeprefix("small")
+        suffix = file.path.name.removeprefix("a").removeprefix("b").removeprefix("c").removeprefix("small")
         assert (tmp_path / "page" / f"{k}.splats{suffix}").read_bytes() == file.path.read_bytes()
+
+
+def test_the_engine_opens_a_glb_of_ours(tmp_path: Path) -> None:
+    """As a container, which is how it takes glTF; it shows what it shows of the same splats as PLY."""
+    cloud = unit(crowd())
+    job = replace(job_of(), splats=Deferred.of(cloud))
+    exported = bundle.export(job, CAMERA, Lighting(), tmp_path / "page")
+    script = tmp_path / "page" / "scene.mjs"
+    plain = script.read_text(encoding="utf-8")
+    as_glb = plain.replace(
+        "const asset = await load(app, 'splats', 'gsplat', splat.file);",
+        "const asset = (await load(app, 'splats', 'container', 'splats.glb')).resource.gsplats[0];",
+    )
+    assert as_glb != plain
+    script.write_text(as_glb, encoding="utf-8")
+    (tmp_path / "page" / "splats.ply").unlink()
+    splats.write(cloud, tmp_path / "page" / "splats.glb")
+    frames = browser.run_page(exported)
+    assert frames.meta["splats"] == len(cloud)
+    held = captures.held(job, cloud)
+    drawing = EngineDrawing(engine_rank(cloud, CAMERA, loaded=held.loaded), SOFTWARE_BITS)
+    drawn = Compositor(held.textures, job.compositor).composite(CAMERA, depth=False, drawing=drawing).color
+    error = np.mean((drawn.astype(np.float64) - frames.unlit_f32[..., :3]) ** 2)
+    assert -10 * np.log10(error) > 60
 
 
 def test_a_sog_folder_is_handed_on_file_by_file(data: Path, tmp_path: Path) -> None:

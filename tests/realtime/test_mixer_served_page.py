@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import os
 import signal
 import threading
@@ -12,7 +14,9 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from mirelight import stages
 from mirelight.cli import main
 from mirelight.io import job as jobs
 from mirelight.io import splats
@@ -25,9 +29,10 @@ from mirelight.model.lights import position_of
 from mirelight.realtime import browser
 from mirelight.scene import prepare
 
-from .test_mixer import JOB, walls
+from .test_mixer import JOB, decibels, displayed, walls
 
 WAIT = 120_000  # milliseconds
+SAMPLES = 64  # a splat, in the end
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def seen(folder: Path) -> dict[str, Any]:
     """What a person does on the page, one after another, while this thread traces."""
     scene = prepare(jobs.load(folder / "job.toml"))
-    made = export(scene, folder / "page", spp=4)
-    session = Session(scene, made.layers, (8, 16))
+    made = export(scene, folder / "page", spp=SAMPLES)
+    session = Session(scene, made.layers, (8, SAMPLES))
     saved = Saved(jobs.parse(folder / "job.toml")[0])
     found: dict[str, Any] = {}
 
@@ -104,7 +109,7 @@ def _visit(address: str, found: dict[str, Any]) -> None:
         page.mouse.move(x - 60, y + 30, steps=3)
         page.mouse.up()
         found["dropped"] = lamp.bounding_box(), (x - 60, y + 30)
-        found["state"] = settled(page, 16)
+        found["state"] = settled(page, SAMPLES)
         found["dragged"] = handles(page)
         page.wait_for_timeout(500)
         found["after"] = picture()
@@ -114,8 +119,12 @@ def _visit(address: str, found: dict[str, Any]) -> None:
         found["ground"] = handles(page)[0]["position"]
         page.keyboard.press("Alt+ArrowUp")
         found["height"] = handles(page)[0]["position"]
-        settled(page, 16)
+        settled(page, SAMPLES)
 
+        page.evaluate("mixer.then(x => x.view.resize(160, 120))")
+        page.wait_for_timeout(1500)
+        found["picture"] = page.evaluate("document.getElementById('view').toDataURL()")
+        page.evaluate("dispatchEvent(new Event('resize'))")
         page.click("#save")
         page.wait_for_function("document.getElementById('news').textContent.startsWith('Saved')", timeout=WAIT)
         page.click("#render")
@@ -167,6 +176,16 @@ def test_the_saved_job_has_the_light_there(seen: dict[str, Any], folder: Path) -
     np.testing.assert_allclose(position_of(saved.lightings[0].lights[0]) - seen["height"], 0, atol=1e-5)
     np.testing.assert_array_equal(position_of(saved.lightings[1].lights[0]) - np.array([-1, 0.8, 0.5]), 0)
     assert seen["again"] == seen["height"]
+
+
+def test_the_page_and_the_saved_job_agree(seen: dict[str, Any], folder: Path) -> None:
+    saved = jobs.load(folder / "mix.toml", ["render.spp=64"])
+    shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))).convert("RGB")) / 255
+    frame = stages.frame(prepare(saved), saved.cameras[0], saved.lightings[0])
+    assert decibels(shown, displayed(frame, 0)) >= 30
+    unmoved = jobs.load(folder / "job.toml", ["render.spp=64"])
+    before = stages.frame(prepare(unmoved), unmoved.cameras[0], unmoved.lightings[0])
+    assert decibels(shown, displayed(before, 0)) < 30
 
 
 def test_a_still_lies_over_the_view(seen: dict[str, Any]) -> None:

@@ -70,7 +70,8 @@ def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     on_mesh = spread(vertices, faces, _POINTS)
 
     def distance(points: F64) -> float:
-        there, back = cKDTree(points).query(own)[0], tree.query(points)[0]
+        # of the mesh the nearer half alone: the rest may be what no camera saw
+        there, back = cKDTree(points).query(own)[0], np.sort(tree.query(points)[0])[: len(points) // 2]
         return float(np.mean(np.minimum(there, capture.radius))) + float(np.mean(np.minimum(back, capture.radius)))
 
     now = distance(on_mesh)

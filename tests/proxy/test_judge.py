@@ -11,6 +11,9 @@ from mirelight import conventions
 from mirelight.io.mesh import transform
 from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy import judge
+from mirelight.proxy.advice import best_guess
+from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.views import turned
 
 from .clouds import on_surface
 
@@ -64,6 +67,19 @@ def test_a_turned_mesh_is_told_how_to_turn_back(turn: tuple[int, int, int]) -> N
     quality = judge(splats(), transform(mesh(), back))
     assert quality.uncovered > 0.2
     assert f"rotation_euler = [{turn[0]}, {turn[1]}, {turn[2]}]" in quality.advice[-1]
+
+
+@pytest.mark.parametrize("turn", [(180, 0, 0), (0, 180, 0), (0, 0, 180), (0, 90, 0)])
+def test_a_turn_is_found_though_much_of_the_mesh_was_never_captured(turn: tuple[int, int, int]) -> None:
+    """A wall behind the camera: two fifths of the mesh's area, with no splat near it."""
+    wall = np.array([(-1, 0, 3.5), (2, 0, 3.5), (2, 2, 3.5), (-1, 2, 3.5)], np.float32)
+    faces = np.concatenate([mesh().faces, 16 + np.array([(0, 1, 2), (0, 2, 3)], np.int32)])
+    right = ProxyMesh(vertices=np.concatenate([mesh().vertices, wall]), faces=faces)
+    wrong = transform(right, conventions.compose(rotation=conventions.rotation_from_euler(turn).T))
+    capture = look_at_capture(splats(), "splats")
+    pose = best_guess(capture, wrong.vertices - capture.middle, wrong.faces.astype(np.int64))
+    back = turned(wrong.vertices - capture.middle, pose[:3, :3]) + pose[:3, 3] + capture.middle
+    np.testing.assert_allclose(back, right.vertices, atol=1e-5)
 
 
 def test_a_mesh_in_centimetres_is_told_its_scale() -> None:

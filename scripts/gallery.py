@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 JOBS = ROOT / "docs" / "gallery"
 TRUTH = ROOT / "scenes" / "courtyard" / "truth" / "front.evening.png"
-CLIP = ROOT / "docs" / "pictures" / "courtyard.webp"  # the only film
 MOST_BYTES = 60_000  # of a picture: a page of a dozen still loads at once
 
 Pixels = NDArray[np.uint8]  # (H, W, 3) display values
@@ -138,18 +137,18 @@ def parts(work: Work) -> Tiles:
     from mirelight.model import DisplaySettings
 
     relit = work.frames()[0][1]
-    found = work.folder / "captured.toml"
-    work.run("estimate", str(work.job), "-o", str(found), "-q", *work.overrides)
     exr = read_exr(relit.with_suffix(".exr"))
-    captured, normal = exr.layer("unlit"), exr.layer("normal")
+    normal, lit = exr.layer("normal"), exr.layer("lighting")
     # A lamp beside the camera's shoulder shows the mesh's shape.
     slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
     clay = np.rint(255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None])
-    irradiance = np.split(picture(found.with_suffix(".png")), 3, axis=1)[1]
+    # The frame's factor is new over captured light.
+    light = lit[..., :3] / np.maximum(lit[..., 3:] * exr.layer("albedo") * exr.layer("factor"), 1e-4)
+    captured = np.concatenate([light, np.ones_like(lit[..., 3:])], axis=2).astype(np.float32)
     return [
-        ("capture", encode_display(captured, DisplaySettings())),
+        ("capture", unlit(relit)),
         ("proxy, made from the splats", clay.astype(np.uint8)),
-        ("light that it was captured under, estimated", np.asarray(resized(irradiance, captured.shape))),
+        ("light that it was captured under, estimated", encode_display(captured, DisplaySettings())),
         ("relit", picture(relit)),
     ]
 
@@ -248,6 +247,7 @@ PICTURES: dict[str, Kind] = {
     "panorama": SHEET,
     "layers": Kind(layers, columns=3, width=320, settings=HALF),
     "difference": Kind(difference, columns=3, width=320, settings=HALF),
+    "parts": Kind(parts, columns=2, width=480, settings=("resolution_scale=0.75",)),
 }
 TUTORIALS: dict[str, Kind] = {
     "turntable": Kind(
@@ -327,16 +327,9 @@ def jpeg(pixels: Pixels) -> bytes:
     return stream.getvalue()
 
 
-def clip(work: Work) -> Path:
-    """The film of README and the first page: every lighting of the job, in order."""
-    work.render()
-    work.run("film", str(work.folder), "-o", str(CLIP), "--order", "lightings", "--fps", "12")
-    return CLIP
-
-
 def main() -> int:
     kinds = PICTURES | TUTORIALS
-    every = [*kinds, "clip"]
+    every = list(kinds)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(every)}; none: all")
     parser.add_argument("-o", "--out", type=Path, default=JOBS, help="folder of the pictures (docs/gallery)")
@@ -347,12 +340,9 @@ def main() -> int:
     try:
         for name in arguments.names or every:
             folder = ROOT / "out" / "gallery" / name
-            if name == "clip":
-                path = clip(Work(JOBS / "clip.toml", folder, arguments.set))
-            else:
-                kind = kinds[name]
-                work = Work(job_of(name, kind, folder), folder, (*kind.settings, *arguments.set))
-                path = draw(name, kind, work, arguments.out)
+            kind = kinds[name]
+            work = Work(job_of(name, kind, folder), folder, (*kind.settings, *arguments.set))
+            path = draw(name, kind, work, arguments.out)
             print(f"{path} ({path.stat().st_size / 1000:.0f} kB)", flush=True)
     except MirelightError as error:
         print(f"gallery: {error}", file=sys.stderr)

@@ -1,5 +1,5 @@
-"""The recorded session of docs/first-capture.md: runs its commands on the shipped stage's splats alone and writes what
-they say into the page.
+"""The recorded session of docs/first-capture.md: runs its commands on the shipped stage's splats alone, writes what
+they say into the page, without durations, and the picture that comes out beside the gallery's.
 
     python scripts/session.py
 
@@ -20,6 +20,7 @@ from mirelight.io.atomic import atomic_path
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "first-capture.md"
+PICTURE = ROOT / "docs" / "gallery" / "first.jpg"
 CAPTURE = ROOT / "scenes" / "stage" / "splats.compressed.ply"
 COMMANDS = (
     "mirelight new stage.compressed.ply -o first.toml",
@@ -33,7 +34,7 @@ def said(command: str, folder: Path) -> str:
     """What a command prints, both streams in their order, without the folder's own path."""
     program = [sys.executable, "-m", "mirelight", *shlex.split(command)[1:]]
     done = subprocess.run(program, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=True)
-    return done.stdout.replace(f"{folder}/", "")
+    return re.sub(r"(made in|frame in out;) .*", r"\1 …", done.stdout.replace(f"{folder}/", ""))
 
 
 def with_session(page: str, session: str) -> str:
@@ -55,6 +56,10 @@ def main() -> int:
         text = re.sub(r"[ \t]+$", "", said(command, folder), flags=re.MULTILINE)
         session += f"$ {command}\n{text}\n"
         print(f"$ {command}\n{text}", flush=True)
+    from PIL import Image
+
+    with atomic_path(PICTURE) as temporary, Image.open(folder / "out" / "first.sun.png") as picture:
+        picture.convert("RGB").save(temporary, "JPEG", quality=90, optimize=True)
     page = with_session(PAGE.read_text(encoding="utf-8"), session.rstrip("\n") + "\n")
     with atomic_path(PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 JOBS = ROOT / "docs" / "gallery"
 TRUTH = ROOT / "scenes" / "courtyard" / "truth" / "front.evening.png"
+CLIP = ROOT / "docs" / "pictures" / "courtyard.webp"  # the only film
 MOST_BYTES = 60_000  # of a picture: a page of a dozen still loads at once
 
 Pixels = NDArray[np.uint8]  # (H, W, 3) display values
@@ -327,9 +328,16 @@ def jpeg(pixels: Pixels) -> bytes:
     return stream.getvalue()
 
 
+def clip(work: Work) -> Path:
+    """The film of README and the first page: every lighting of the job, in order."""
+    work.render()
+    work.run("film", str(work.folder), "-o", str(CLIP), "--order", "lightings", "--fps", "8")
+    return CLIP
+
+
 def main() -> int:
     kinds = PICTURES | TUTORIALS
-    every = list(kinds)
+    every = [*kinds, "clip"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(every)}; none: all")
     parser.add_argument("-o", "--out", type=Path, default=JOBS, help="folder of the pictures (docs/gallery)")
@@ -340,9 +348,12 @@ def main() -> int:
     try:
         for name in arguments.names or every:
             folder = ROOT / "out" / "gallery" / name
-            kind = kinds[name]
-            work = Work(job_of(name, kind, folder), folder, (*kind.settings, *arguments.set))
-            path = draw(name, kind, work, arguments.out)
+            if name == "clip":
+                path = clip(Work(JOBS / "clip.toml", folder, arguments.set))
+            else:
+                kind = kinds[name]
+                work = Work(job_of(name, kind, folder), folder, (*kind.settings, *arguments.set))
+                path = draw(name, kind, work, arguments.out)
             print(f"{path} ({path.stat().st_size / 1000:.0f} kB)", flush=True)
     except MirelightError as error:
         print(f"gallery: {error}", file=sys.stderr)

@@ -37,14 +37,15 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_page_shows_every_picture_with_its_whole_job(gallery: ModuleType) -> None:
     shown = re.findall(r"!\[[^\]]+\]\(gallery/(\w+)\.jpg\)", PAGE)
-    assert sorted(shown) == sorted(gallery.PICTURES) == [x.stem for x in JOBS]
+    assert sorted([*shown, "clip"]) == sorted([*gallery.PICTURES, "clip"]) == [x.stem for x in JOBS]
     blocks = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
-    assert blocks == [(DOCS / "gallery" / f"{name}.toml").read_text(encoding="utf-8") for name in shown]
+    assert blocks == [(DOCS / "gallery" / f"{name}.toml").read_text(encoding="utf-8") for name in (*shown, "clip")]
 
 
 def test_pictures_are_small() -> None:
     sizes = [x.stat().st_size for x in (DOCS / "gallery").glob("*.jpg")]
     assert len(sizes) >= len(JOBS) and max(sizes) <= 60_000 and sum(sizes) <= 1_000_000
+    assert (DOCS / "pictures" / "courtyard.webp").stat().st_size <= 1_500_000
 
 
 @pytest.mark.parametrize("job", JOBS, ids=lambda x: x.stem)
@@ -63,6 +64,17 @@ def test_jobs_make_their_pictures(job: Path, gallery: ModuleType, clone: Path, t
         pixels = np.asarray(picture.convert("RGB"), np.float32)
     assert pixels.shape[:2] == (16, 24) or pixels.shape[1] > 48
     assert pixels.max() - pixels.min() > 30
+
+
+def test_the_clip_is_a_film_of_its_lightings(
+    gallery: ModuleType, clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gallery, "CLIP", tmp_path / "clip.webp")
+    few = [f"sweep.axes[{i}].steps=3" for i in range(5)]
+    job = clone / "docs" / "gallery" / "clip.toml"
+    work = gallery.Work(job, tmp_path / "frames", ("resolution=[24, 16]", *few, *TOY))
+    with Image.open(gallery.clip(work)) as film:
+        assert film.n_frames == 3  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "clipped"])

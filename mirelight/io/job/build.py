@@ -198,7 +198,8 @@ def _wears_splats(table: JobTable) -> bool:
     """Whether the proxy takes the splats' colours: asked for, or nothing else said in a mode that is about colours."""
     if table.proxy is None or table.proxy.albedo == "splats":
         return table.proxy is not None
-    by_default = "albedo" not in table.proxy.model_fields_set and table.render.variant != "scalar_rgb"
+    traced = model.rules_of(table.profile).path_traced and table.render.variant != "scalar_rgb"
+    by_default = "albedo" not in table.proxy.model_fields_set and traced
     return by_default and relight_settings(table).mode in COLOURING
 
 

@@ -93,7 +93,7 @@ class Counted:
         counted = self
 
         class Compositor:
-            def composite(self, view: Camera, *, depth: bool) -> SplatLayer:
+            def composite(self, view: Camera, *, depth: bool, diffuse: bool = False) -> SplatLayer:
                 counted.calls.append(("composite", view.name, "depth" if depth else "no depth"))
                 half: Any = np.full((view.height, view.width, 3), 0.5)
                 flat = half[..., 0]

@@ -130,6 +130,8 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
 
 WITHOUT_BOUNDS = {
     "indirect",
+    "per",
+    "sh",
     "variant",
     "denoise",
     "sort",

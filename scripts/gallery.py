@@ -188,7 +188,7 @@ def gloss(work: Work) -> Tiles:
 
 
 def clipped(work: Work) -> Tiles:
-    """The marble plinth, from the capture and from one that was a stop too bright for what a file can hold."""
+    """The marble plinth, from the capture and from one that was two stops too bright for what a file can hold."""
     from mirelight import colour
     from mirelight.io import splats
     from mirelight.io.job import load
@@ -199,12 +199,12 @@ def clipped(work: Work) -> Tiles:
         raise MirelightError(f"{work.job}: no splats")
     cloud = job.splats.value
     shown = np.clip(0.5 + C0 * cloud.sh[:, 0], 0, 1)
-    light = np.minimum(2 * colour.decode(shown, "physical"), 1)
+    light = np.minimum(4 * colour.decode(shown, "physical"), 1)
     splats.write(replace(cloud, sh=((colour.encode(light, "physical") - 0.5) / C0)[:, None]), bright)
     again = replace(
         work,
         folder=work.folder / "bright",
-        settings=(*work.settings, f'splats="{bright.as_posix()}"', "captured.environment.intensity=2"),
+        settings=(*work.settings, f'splats="{bright.as_posix()}"', "captured.environment.intensity=4"),
     )
     again.render()
     good, bad = work.frames()[0][1], again.frames()[0][1]

@@ -121,15 +121,37 @@ def _fit(frame: Frame) -> list[Finding]:
     size = _extent(lit.position[::step, ::step][covered])
     if not both.any() or not size > 0:
         return []
-    gap = float(np.median(np.abs(depth - lit_depth)[both]))
-    if gap <= MOST_GAP * size:
+    if not _apart(depth, lit_depth, lit.depth, step, both) > MOST_GAP * size:
         return []
+    gap = float(np.median(np.abs(depth - lit_depth)[both]))
     nearer = float((lit_depth < depth)[both].mean())
     side = "before" if nearer > OPAQUE else "behind"
     text = f"the proxy lies {gap:.3g} units {side} the splats ({gap / size:.1%} of what is seen)"
     if nearer > 0.9:
         look += "; or the camera stands inside the mesh"
     return [Finding("gap", text, look)]
+
+
+def _apart(splats: F32, proxy: F32, whole: F32, step: int, both: Mask) -> float:
+    """Median distance in depth beyond what one pixel spans: in a small picture a floor is deep within a pixel, and
+    splats, never narrower than that, end at its near side.
+
+    Args:
+        splats: (h, w) depth of every `step`-th pixel.
+        proxy: (h, w) likewise.
+        whole: (H, W) the proxy's depth in every pixel; 0 where it is not.
+        step: rows and columns from one to the next.
+        both: (h, w) where to look.
+    """
+    spans = np.zeros(whole.shape, np.float32)
+    for axis in (0, 1):
+        here, there = (np.delete(whole, end, axis) for end in (-1, 0))
+        apart = np.where((here > 0) & (there > 0), np.abs(here - there), 0)
+        for end in ((0, 1), (1, 0)):
+            pad = [(0, 0), (0, 0)]
+            pad[axis] = end
+            spans = np.maximum(spans, np.pad(apart, pad))
+    return float(np.median((np.abs(splats - proxy) - spans[::step, ::step])[both]))
 
 
 def _held(frame: Frame) -> list[Finding]:

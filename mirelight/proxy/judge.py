@@ -19,7 +19,8 @@ from mirelight.proxy.types import ProxyQuality, ProxySettings, ViewQuality
 from mirelight.proxy.views import around, moved, rays
 
 VIEWS = 12  # looked from, without cameras
-PIXELS = 256  # along a view's longer side
+PIXELS = 256  # along a view's longer side, at most
+LEAST_PIXELS = 160  # and at least: in coarser ones splats, never narrower than a pixel, stand out of their surface
 EMPTY = 0.1  # alpha below which a pixel shows no splats
 WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yellow
 _DEFAULT = ProxySettings()
@@ -38,7 +39,7 @@ def judge(
     Args:
         splats: the capture, in world space.
         mesh: the proxy, in the same space.
-        cameras: where to look from, at `PIXELS` along the longer side; None: from `VIEWS` sides around.
+        cameras: where to look from, with `LEAST_PIXELS` to `PIXELS` along the longer side; None: from `VIEWS` sides.
         settings: the variant that it runs on.
         source: whom to name in an error.
 
@@ -151,8 +152,9 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight) -> _Compared:
 
 
 def _small(camera: Camera) -> Camera:
-    """The camera with `PIXELS` along its longer side, or its own if those are fewer."""
-    share = min(PIXELS / max(camera.width, camera.height), 1.0)
+    """The camera with its own pixels, but along the longer side at least `LEAST_PIXELS` and at most `PIXELS`."""
+    longer = max(camera.width, camera.height)
+    share = min(max(longer, LEAST_PIXELS), PIXELS) / longer
     return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
 
 

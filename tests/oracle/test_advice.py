@@ -13,7 +13,8 @@ from mirelight import advice
 from mirelight.model import DisplaySettings, Frame
 from mirelight.scene import Scene
 
-STAGE = Path(__file__).resolve().parents[2] / "scenes" / "stage" / "job.toml"
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+STAGE = SCENES / "stage" / "job.toml"
 FAST = [
     "resolution=[160,90]",
     "render.spp=4",
@@ -23,8 +24,8 @@ FAST = [
 PROXY = 'proxy={path="proxy.glb",transform=%s}'
 
 
-def frame_of(*overrides: str, lighting: int = 2, camera: int = 0) -> tuple[Scene, Frame]:
-    job = mirelight.load(STAGE, [*FAST, *overrides])
+def frame_of(*overrides: str, path: Path = STAGE, lighting: int = 2, camera: int = 0) -> tuple[Scene, Frame]:
+    job = mirelight.load(path, [*FAST, *overrides])
     scene = mirelight.prepare(job)
     view = job.cameras[camera]
     lit = mirelight.light(scene, view, job.lightings[lighting])
@@ -61,6 +62,23 @@ def test_right_frames_are_silent(right: tuple[Scene, Frame]) -> None:
 )
 def test_a_proxy_that_is_turned_moved_or_scaled_is_said(transform: str) -> None:
     found = kinds(*frame_of(PROXY % transform))
+    assert found[:1] in (["uncovered"], ["gap"]), found
+
+
+SMALL = "resolution=[64,36]"
+
+
+@pytest.mark.parametrize("camera", [0, 1])
+@pytest.mark.parametrize("scene", ["stage", "courtyard"])
+def test_small_frames_of_right_proxies_are_silent(scene: str, camera: int) -> None:
+    """A pixel of theirs spans a good part of the floor's depth."""
+    found = kinds(*frame_of(SMALL, path=SCENES / scene / "job.toml", lighting=0, camera=camera))
+    assert "gap" not in found and "uncovered" not in found
+
+
+@pytest.mark.parametrize("transform", ["{rotation_euler=[180,0,0]}", "{scale=0.01}", "{scale=1.2}"])
+def test_small_frames_of_wrong_proxies_are_not(transform: str) -> None:
+    found = kinds(*frame_of(SMALL, PROXY % transform))
     assert found[:1] in (["uncovered"], ["gap"]), found
 
 

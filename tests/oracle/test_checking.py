@@ -35,6 +35,11 @@ def test_right_jobs_are_silent(scene: str) -> None:
     assert all(x.uncovered < 0.13 and x.shown > 0.5 for x in found.quality.by_view)
 
 
+@pytest.mark.parametrize("scene", ["courtyard", "stage"])
+def test_right_jobs_of_small_pictures_are_silent(scene: str) -> None:
+    assert kinds(check(job_of(scene, "resolution=[64,36]"))) == []
+
+
 @pytest.mark.parametrize(
     ("transform", "kind"),
     [

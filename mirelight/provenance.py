@@ -33,7 +33,7 @@ def versions() -> dict[str, str]:
 def pixel_settings(job: Job) -> dict[str, Any]:
     """The job's settings, as JSON values by section, for a person who wonders how a file came to be.
 
-    Left out, because the same pixels come out of every value: threads, the memory limit, the output folder.
+    Left out, because the same pixels come out of every value: threads, the memory limits, the output folder.
     """
     every = {
         "render": asdict(job.render),
@@ -43,7 +43,8 @@ def pixel_settings(job: Job) -> dict[str, Any]:
         "display": asdict(job.display),
         "output": asdict(job.output),
     }
-    del every["output"]["directory"], every["compositor"]["max_memory"], every["render"]["threads"]
+    del every["output"]["directory"], every["compositor"]["max_memory"]
+    del every["render"]["max_memory"], every["render"]["threads"]
     return every
 
 

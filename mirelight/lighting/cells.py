@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting.develop import refuse_if_too_many_paths
 from mirelight.model import F32, F64, SurfaceCells
 
 if TYPE_CHECKING:
@@ -30,7 +31,12 @@ FINEST = 1 << 14  # voxels along the proxy's diagonal at most
 SLACK = 1.37  # voxels before the proxy's lowest corner, so that walls at round coordinates lie inside of them
 
 
-def make(surface: DeviceProxy, views: Sequence[tuple[CameraRays | PointRays, int]], size: float) -> SurfaceCells:
+def make(
+    surface: DeviceProxy,
+    views: Sequence[tuple[CameraRays | PointRays, int]],
+    size: float,
+    most: int | None = None,
+) -> SurfaceCells:
     """The cells of a scene.
 
     Args:
@@ -38,6 +44,10 @@ def make(surface: DeviceProxy, views: Sequence[tuple[CameraRays | PointRays, int
         views: where paths start, and how many pixels each has: every camera of the job, whatever is chosen to render,
             as the same cells serve each frame; or points of the surface.
         size: edge of a voxel, world units.
+        most: bytes that finding them may take; None: what the machine has free.
+
+    Raises:
+        RenderError: it would take more.
     """
     from mirelight.lighting.kernel.cells import Grid, visit
 
@@ -45,6 +55,7 @@ def make(surface: DeviceProxy, views: Sequence[tuple[CameraRays | PointRays, int
     size = max(size, float(np.linalg.norm(high - low)) / FINEST)
     origin = low - SLACK * size
     grid, lanes = Grid(origin, size), _paths_of_each(max(len(views), 1))
+    refuse_if_too_many_paths(lanes * len(views), most)
     keys, values = [np.zeros((0, 3), np.uint32)], [np.zeros((0, 8), np.float32)]
     for index, (view, pixels) in enumerate(views):
         found = visit(surface, view, grid, lanes, pixels, VERTICES, index)

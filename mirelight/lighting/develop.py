@@ -17,6 +17,7 @@ from mirelight.machine import free_memory
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
 CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device
+PATH_BYTES = 1024  # of a path that finds cells: its hits on device and host, sorted and sorted again
 SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
 
 
@@ -163,8 +164,14 @@ def dark(camera: Camera, layers: Layers, spp: int) -> LightingBuffer:
     return develop(camera, layers, sums, np.full(pixels, spp, np.int64))
 
 
-def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False) -> None:
-    """Stop before a film is allocated that does not fit in free memory; `parts`: with those for the denoiser.
+def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False, most: int | None = None) -> None:
+    """Stop before a film is allocated that does not fit.
+
+    Args:
+        camera: of its pixels.
+        layers: the film's.
+        parts: with those for the denoiser.
+        most: bytes that it may take; None: what the machine has free.
 
     Raises:
         RenderError: says the size needed.
@@ -173,33 +180,67 @@ def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False) 
     values = 6 * len(layers.names) * pixels  # of the film's largest array, which 32 bits must count
     of_layer = 10 + (6 + 9 if parts else 0)  # film; for the denoiser two sums more, and three means
     needed = 4 * pixels * (of_layer * len(layers.names) + 3 + 2 * SURFACE + 16)  # AOVs once more, working memory
-    free = free_memory()
-    if needed > free:
-        free = _freed()
-    if needed > free or max(values, 3 * pixels) >= 2**32:
+    allowed, found = _allowed(needed, most)
+    if needed > allowed or max(values, 3 * pixels) >= 2**32:
         raise RenderError(
             f"lighting of {camera.width} x {camera.height} pixels in {len(layers.names)} layers needs "
-            f"{needed / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; "
+            f"{_size(needed)} and {found}; "
             "give lights a group to share a layer, leave layers out (output.layers = false with "
             'output.store = "frames"), or set texture_scale below 1'
         )
 
 
-def refuse_if_too_many(cells: int, layers: int) -> None:
-    """Stop before the light of layers on cells of a surface is held that does not fit in free memory.
+def refuse_if_too_many(cells: int, layers: int, most: int | None = None) -> None:
+    """Stop before the light of layers on cells of a surface is held that does not fit.
+
+    Args:
+        cells: how many.
+        layers: how many.
+        most: bytes that it may take; None: what the machine has free.
 
     Raises:
         RenderError: says the size needed.
     """
     needed = CELL_BYTES * cells * max(layers, 1)
+    allowed, found = _allowed(needed, most)
+    if needed > allowed:
+        raise RenderError(
+            f"light of {layers} layers on {cells:,} pieces of the surface needs {_size(needed)} and {found}; "
+            'give lights a group to share a layer, or set render.indirect = "traced"'
+        )
+
+
+def refuse_if_too_many_paths(paths: int, most: int | None = None) -> None:
+    """Stop before paths are sent out to find cells, where what they bring back does not fit.
+
+    Args:
+        paths: how many, of all views together.
+        most: bytes that they may take; None: what the machine has free.
+
+    Raises:
+        RenderError: says the size needed.
+    """
+    needed = PATH_BYTES * paths
+    allowed, found = _allowed(needed, most)
+    if needed > allowed:
+        raise RenderError(
+            f"finding the pieces of the surface that light is kept on takes {paths:,} paths, which need "
+            f'{_size(needed)}, and {found}; set render.indirect = "traced"'
+        )
+
+
+def _allowed(needed: int, most: int | None) -> tuple[int, str]:
+    """(bytes that may be taken, a clause that says so)."""
+    if most is not None:
+        return most, f"{_size(most)} may be used (render.max_memory)"
     free = free_memory()
     if needed > free:
         free = _freed()
-    if needed > free:
-        raise RenderError(
-            f"light of {layers} layers on {cells:,} pieces of the surface needs {needed / 2**30:.1f} GiB and "
-            f'{free / 2**30:.1f} GiB are free; give lights a group to share a layer, or set indirect = "traced"'
-        )
+    return free, f"{_size(free)} are free"
+
+
+def _size(count: int) -> str:
+    return f"{count / 2**30:.1f} GiB" if count >= 2**30 else f"{count / 2**20:.1f} MiB"
 
 
 def _freed() -> int:

@@ -76,9 +76,9 @@ def fill(
         nothing = _Light(layers, *np.zeros((2, len(layers.names), len(cells), 3), np.float32))
         return _cache(cells, names, [nothing] * 2, lighting, emission)
     rounds = rounds_of(samples)
-    refuse_if_too_many(len(cells), len(layers.names))
+    refuse_if_too_many(len(cells), len(layers.names), settings.max_memory)
     row = Camera.perspective(np.eye(4), len(cells), 1, yfov=45, name="cells")
-    refuse_if_too_large(row, layers)
+    refuse_if_too_large(row, layers, most=settings.max_memory)
     read: DeviceCells | None = None
     halves: list[_Light] = []
     for generation, count in enumerate(rounds):
@@ -125,7 +125,7 @@ def on_device(
     )
 
 
-def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first: bool) -> DeviceCells:
+def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first: bool, most: int | None) -> DeviceCells:
     """A cache as a film reads it.
 
     Args:
@@ -133,6 +133,7 @@ def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first:
         layers: the film's.
         names: the cache's lights that it takes, in the film's order where its layers are separate.
         first: read at first hits what is not sampled there; else at later hits all of it, unless they are too near.
+        most: bytes that it may take; None: what the machine has free.
 
     Raises:
         ValueError: the cache has no light of such a name.
@@ -142,7 +143,7 @@ def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first:
     missing = [name for name in names if name not in lights]
     if missing:
         raise ValueError(f"the surface cache has no light {missing[0]!r}; there are: {', '.join(lights) or 'none'}")
-    refuse_if_too_many(len(cache.cells), len(names))
+    refuse_if_too_many(len(cache.cells), len(names), most)
     zero = np.zeros((2, len(cache.cells), 3), np.float32)
     chosen = [lights[name] for name in names]
     met = [zero if x.met is None else x.met for x in chosen]

@@ -115,7 +115,7 @@ class Tracer:
         lighting = plain(lighting)
         emission = emission and self.emissive
         layers = Layers.of(lighting, emissive=emission, separate=self._layers)
-        refuse_if_too_large(camera, layers, parts=self.settings.denoise)
+        refuse_if_too_large(camera, layers, parts=self.settings.denoise, most=self.settings.max_memory)
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
         if self._surface is None:
@@ -153,6 +153,7 @@ class Tracer:
 
         Raises:
             BackendError: the variant `scalar_rgb`.
+            RenderError: finding them does not fit in memory.
         """
         from mirelight.lighting.kernel.rays import CameraRays
 
@@ -172,7 +173,8 @@ class Tracer:
         from mirelight.lighting import cells, thickness
 
         surface = self._on_device()
-        return cells.make(surface, views, thickness.cell_size(surface, self._proxy) if size is None else size)
+        size = thickness.cell_size(surface, self._proxy) if size is None else size
+        return cells.make(surface, views, size, self.settings.max_memory)
 
     def fill(
         self,
@@ -194,6 +196,7 @@ class Tracer:
 
         Raises:
             BackendError: the variant `scalar_rgb`.
+            RenderError: the light of so many cells does not fit in memory.
         """
         from mirelight.lighting.fill import fill
 
@@ -211,7 +214,8 @@ class Tracer:
         from mirelight.lighting.fill import bound
 
         names = Layers.of(lighting, emissive=emission).names
-        return bound(cache, layers, names, first=self.settings.indirect == "surface")
+        first, most = self.settings.indirect == "surface", self.settings.max_memory
+        return bound(cache, layers, names, first=first, most=most)
 
     def point_layers(
         self,

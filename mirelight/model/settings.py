@@ -36,6 +36,7 @@ class RenderSettings:
     variant: Variant = "llvm_ad_rgb"
     denoise: bool = False
     threads: int | None = None  # None: every core
+    max_memory: int | None = None  # bytes of a film, and of light on the surface; None: what the machine has free
     ao_distance: float | None = None  # world units that ambient occlusion looks; None: a tenth of the proxy's diagonal
 
 

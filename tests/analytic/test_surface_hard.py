@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -144,7 +145,21 @@ def test_light_that_does_not_fit_in_memory_is_refused_in_a_line(monkeypatch: pyt
     tracer = Tracer(proxy, SURFACE)
     cells = tracer.cells([view])
     cache = tracer.fill(cells, lighting, samples=32)
-    monkeypatch.setattr("mirelight.lighting.develop.free_memory", lambda: 900 * len(cells))
-    for refused in (lambda: tracer.fill(cells, lighting), lambda: tracer.trace(lighting, view, cache=cache)):
+    allowed = 900 * len(cells)
+    monkeypatch.setattr("mirelight.lighting.develop.free_memory", lambda: allowed)
+    calls: list[Callable[[], object]] = [
+        lambda: tracer.fill(cells, lighting),
+        lambda: tracer.trace(lighting, view, cache=cache),
+    ]
+    for refused in calls:
         with pytest.raises(RenderError, match=r"light of [35] layers on .* pieces of the surface needs .* are free"):
+            refused()
+    with pytest.raises(RenderError, match=r"finding the pieces .* takes 262,144 paths, which need .* are free"):
+        tracer.cells([view])
+    tracer.settings = replace(tracer.settings, max_memory=2**40)
+    assert len(tracer.cells([view])) == len(cells)
+    monkeypatch.undo()
+    tracer.settings = replace(tracer.settings, max_memory=allowed)
+    for refused in (*calls, lambda: tracer.cells([view])):
+        with pytest.raises(RenderError, match=r"needs? [0-9.]+ MiB,? and [0-9.]+ MiB may be used \(render\.max_memory"):
             refused()

@@ -44,6 +44,7 @@ SETTINGS: Mapping[str, type[Any]] = {
 OTHER: dict[str, Any] = {  # another value, where the type alone does not tell a fitting one
     "render.noise": 0.1,
     "render.threads": 3,
+    "render.max_memory": 1 << 30,
     "render.ao_distance": 2.0,
     "compositor.max_memory": 1 << 30,
     "relight.texture_scale": 0.5,

@@ -49,6 +49,13 @@ class RenderTable(Table):
     variant: Variant = Field(default=_RENDER.variant, description="Mitsuba's backend.")
     denoise: bool = Field(default=_RENDER.denoise, description="Denoise the lighting; needs the extra `denoise`.")
     threads: int | None = Field(default=_RENDER.threads, ge=1, le=4096, description="CPU threads. Default: every core.")
+    max_memory: int | None = Field(
+        default=_RENDER.max_memory,
+        ge=2**20,
+        le=2**50,
+        description="Bytes that a picture's film may take, and light on the surface. "
+        "Default: what the machine has free.",
+    )
     ao_distance: Positive | None = Field(
         default=_RENDER.ao_distance,
         description="How far ambient occlusion looks, in world units. Default: a tenth of the proxy's diagonal.",

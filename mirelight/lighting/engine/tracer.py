@@ -68,7 +68,7 @@ class EngineTracer:
         self._proxy = proxy
         self._layers = layers
         self._variant: Variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
-        self._threads = settings.threads
+        self._threads, self._most = settings.threads, settings.max_memory
         self._rays: ShadowRays | None = None
         self._seen: _Seen | None = None  # the last camera's, as many lightings share it
 
@@ -96,7 +96,7 @@ class EngineTracer:
         """
         lighting = plain(lighting)
         layers = Layers.of(lighting, emissive=False, separate=self._layers)
-        refuse_if_too_large(camera, layers)
+        refuse_if_too_large(camera, layers, most=self._most)
         engine, _ = to_engine(lighting, self._proxy)
         seen = self._look(camera)
         light = np.zeros((len(layers.names), len(seen.albedo), 3))

@@ -113,6 +113,7 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("render", "max_depth", "{}", (1, 1000)),
     ("render", "seed", "{}", (0, 2**31 - 1)),
     ("render", "threads", "{}", (1, 4096)),
+    ("render", "max_memory", "{}", (2**20, 2**50)),
     ("render", "ao_distance", "{}", POSITIVE),
     ("compositor", "min_pixel_size", "{}", NOT_NEGATIVE),
     ("compositor", "alpha_clip", "{}", (0, 1)),

@@ -74,6 +74,7 @@ seed = 11
 variant = "scalar_rgb"
 denoise = true
 threads = 2
+max_memory = 3_000_000_000
 [compositor]
 sort = "radial"
 work_buffer = "large"
@@ -108,7 +109,15 @@ half = true
         )
     )
     assert loaded.render == model.RenderSettings(
-        profile="playcanvas", spp=7, noise=0.01, max_depth=3, seed=11, variant="scalar_rgb", denoise=True, threads=2
+        profile="playcanvas",
+        spp=7,
+        noise=0.01,
+        max_depth=3,
+        seed=11,
+        variant="scalar_rgb",
+        denoise=True,
+        threads=2,
+        max_memory=3_000_000_000,
     )
     assert loaded.compositor == model.CompositorSettings(
         profile="playcanvas",

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 from mirelight.errors import BackendError
 
-Name: TypeAlias = Literal["compare", "dask", "denoise", "film", "formats", "proxy", "scenes"]
+Name: TypeAlias = Literal["compare", "dask", "denoise", "film", "formats", "scenes"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,13 +59,6 @@ EXTRAS: tuple[Extra, ...] = (
         unlocks="glTF files with EXT_meshopt_compression",
         what="meshopt compression",
         instead="export without it (gltfpack without -c, gltf-transform without meshopt)",
-    ),
-    Extra(
-        name="proxy",
-        packages=(("pyfqmr", "pyfqmr"),),
-        unlocks="mirelight proxy --triangles",
-        what="leaving out triangles",
-        instead="leave --triangles out",
     ),
     Extra(
         name="scenes",

@@ -24,6 +24,8 @@ from mirelight import conventions
 from mirelight.colour import srgb_encode
 from mirelight.io import splats as splat_files
 from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
+from mirelight.proxy.decimate import decimated
+from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
 METALS = ("iron", "brass")
@@ -191,7 +193,8 @@ class _Scene:
     def _simplified(self, triangles: int) -> ProxyMesh:
         def make() -> ProxyMesh:
             self._say(f"{self._name} in {triangles} triangles")
-            return _collapsed(self._solid(), triangles)
+            solid = self._solid()
+            return decimated(Soup(solid.vertices.astype(np.float64), solid.faces.astype(np.int64)), triangles).mesh()
 
         return self._store.mesh(f"{self._name}.{triangles}", make)
 
@@ -269,12 +272,3 @@ def _welded(looks: Looks) -> ProxyMesh:
     faces = which.reshape(-1, 3)
     flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
     return ProxyMesh(vertices=corners[first].astype(np.float32), faces=faces[~flat].astype(np.int32))
-
-
-def _collapsed(mesh: ProxyMesh, triangles: int) -> ProxyMesh:
-    """Edges collapsed by quadric error, rims too: pieces of a scene hardly hang together, and rims are most of it."""
-    simplifier = importlib.import_module("pyfqmr").Simplify()
-    simplifier.setMesh(mesh.vertices.astype(np.float64), np.array(mesh.faces))  # it asks for writeable arrays
-    simplifier.simplify_mesh(target_count=triangles, aggressiveness=6, preserve_border=False, verbose=False)
-    vertices, faces, _ = simplifier.getMesh()
-    return ProxyMesh(vertices=np.asarray(vertices, np.float32), faces=np.asarray(faces, np.int32))

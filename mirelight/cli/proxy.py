@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight import extras
 from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
@@ -52,8 +51,6 @@ def run_proxy(args: argparse.Namespace) -> int:
     if args.triangles is not None and (args.triangles < FEWEST or args.fit is not None):
         remedy = "leave it out" if args.fit is not None else f"give {FEWEST} or more"
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
-    if args.triangles is not None:
-        extras.require("proxy")
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as report:
         cloud = splats.read(args.splats)

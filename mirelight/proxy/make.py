@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import extras
 from mirelight.errors import InputError
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
@@ -52,11 +51,9 @@ def make(
 
     Raises:
         InputError: splats that have no surface: too few, transparent, fog, too far from the origin.
-        BackendError: the variant cannot run here, or `triangles` without pyfqmr.
+        BackendError: the variant cannot run here.
         RenderError: not enough memory.
     """
-    if settings.triangles is not None:
-        extras.require("proxy")
     report, began = progress or quiet, time.monotonic()
     report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)

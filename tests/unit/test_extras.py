@@ -15,7 +15,6 @@ from mirelight import doctor, extras
 from mirelight.cli import main
 from mirelight.errors import BackendError, InputError
 from mirelight.model import Deferred, DirectionalLight, Job, Lighting, ProxyMesh, RenderSettings
-from mirelight.proxy import ProxySettings, make
 from mirelight.scene import prepare
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -101,18 +100,6 @@ def test_the_command_says_it_before_it_makes_a_folder(
         (line,) = capsys.readouterr().err.splitlines()
         assert "pip install 'mirelight[denoise]'" in line
     assert not (tmp_path / "out").exists()
-
-
-def test_fewer_triangles_are_refused_before_the_capture_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    without(monkeypatch, "pyfqmr")
-    capture = tmp_path / "broken.ply"
-    capture.write_text("no splats")
-    assert main(["proxy", str(capture), "-o", str(tmp_path / "p.glb"), "--triangles", "1000"]) == 2
-    assert "leaving out triangles needs the package pyfqmr" in capsys.readouterr().err
-    with pytest.raises(BackendError, match="pyfqmr"):
-        make(None, ProxySettings(triangles=1000))  # type: ignore[arg-type]
 
 
 def test_a_packed_proxy_is_refused_when_the_job_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

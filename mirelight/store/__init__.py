@@ -86,6 +86,7 @@ class Store:
         for folder in (self.folder, *self._aside.values()):
             _clear(folder)
         _clear(self._ballast.folder)
+        self._claims.clear()
         self._ballast.take()
 
     def begin(self, run: str) -> None:
@@ -105,6 +106,7 @@ class Store:
         self._ballast.free()
         for folder in (self.folder, *self._aside.values(), self._ballast.folder):
             _clear(folder)
+        self._claims.clear()
 
     # --- frames ---
 

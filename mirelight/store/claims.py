@@ -96,6 +96,13 @@ class Claims:
                     )
         return sorted(found, key=lambda x: -x.age)
 
+    def clear(self) -> None:
+        """Take away the claims of processes that have ended: where all of their work was done, nobody comes for them."""
+        with suppress(OSError):
+            for path in self._folder.glob("[!.]*"):
+                if self._abandoned(path, ""):
+                    self._removed(path)
+
     def _path(self, name: str) -> Path:
         plain = re.sub(r"[^\w.-]+", "_", name)[:80]
         return self._folder / f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"

@@ -167,6 +167,17 @@ def test_a_claim_of_a_process_that_is_gone_is_taken_over(tmp_path: Path, holder:
         assert mine is taken
 
 
+def test_claims_that_nobody_comes_for_are_cleared(tmp_path: Path) -> None:
+    """A process that is killed between its camera's last frame and the end of its claim leaves nothing to make."""
+    claims = Claims(tmp_path)
+    with claims.claim("front"), claims.claim("side"), claims.claim("back"):
+        for path in tmp_path.iterdir():
+            if not path.name.startswith("front"):
+                path.write_text(f"{ended_process() if path.name.startswith('side') else '0123456789-12'}\n{{}}\n")
+        claims.clear()
+        assert {path.name.partition("-")[0] for path in tmp_path.iterdir()} == {"front", "back"}
+
+
 def test_a_claim_says_who_and_since_when(tmp_path: Path) -> None:
     claims = Claims(tmp_path)
     with claims.claim("front.day"):

@@ -86,8 +86,8 @@ def test_the_engine_opens_a_glb_of_ours(tmp_path: Path) -> None:
     script = tmp_path / "page" / "scene.mjs"
     plain = script.read_text(encoding="utf-8")
     as_glb = plain.replace(
-        "const asset = await load(app, 'splats', 'gsplat', splat.file);",
-        "const asset = (await load(app, 'splats', 'container', 'splats.glb')).resource.gsplats[0];",
+        "load(app, 'splats', 'gsplat', file)",
+        "load(app, 'splats', 'container', 'splats.glb').then((asset) => asset.resource.gsplats[0])",
     )
     assert as_glb != plain
     script.write_text(as_glb, encoding="utf-8")

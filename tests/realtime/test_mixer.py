@@ -22,10 +22,12 @@ from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.mixing.bundle import _camera, export, page_file
-from mirelight.model import CompositorSettings, Frame, Job, ProxyMesh, SplatCloud
+from mirelight.model import CompositorSettings, Frame, Job, SplatCloud
 from mirelight.realtime import browser
 from mirelight.realtime.server import serve
 from mirelight.scene import prepare
+
+from .mixer_scene import walls
 
 WIDTH, HEIGHT = 160, 120
 JOB = """
@@ -134,28 +136,6 @@ STEPS = """
 LIMITS = dict.fromkeys(("day", "night", "edited", "captured"), 1 << 20) | dict.fromkeys(
     ("text", "picked", "done", "failed"), 1 << 16
 )
-
-
-def walls() -> tuple[SplatCloud, ProxyMesh]:
-    """A floor and a wall of flat splats in a coarse pattern, and the mesh below them."""
-    s = np.linspace(-1.95, 1.95, 40)
-    a, b = (x.ravel() for x in np.meshgrid(s, s))
-    floor = np.stack([a, np.zeros_like(a), b], axis=1)
-    wall = np.stack([a, b + 2, np.full_like(a, -2)], axis=1)
-    pattern = np.where((np.floor(a) + np.floor(b)) % 2 > 0, 0.7, 0.4)
-    shown = np.concatenate([pattern[:, None] * [1, 0.9, 0.8], pattern[:, None] * [0.7, 0.9, 1]])
-    flat = np.tile([[0.08, 0.002, 0.08]], (len(a), 1)), np.tile([[0.08, 0.08, 0.002]], (len(a), 1))
-    count = 2 * len(a)
-    cloud = SplatCloud(
-        means=np.concatenate([floor, wall]).astype(np.float32),
-        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
-        scales=np.concatenate(flat).astype(np.float32),
-        opacities=np.full(count, 0.95, np.float32),
-        sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32),
-    )
-    corners = [[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2], [-2, 4, -2], [2, 4, -2]]
-    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]]
-    return cloud, ProxyMesh(vertices=np.array(corners, np.float32), faces=np.array(faces, np.int32))
 
 
 @pytest.fixture(scope="module")

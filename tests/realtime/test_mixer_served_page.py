@@ -29,7 +29,8 @@ from mirelight.model.lights import position_of
 from mirelight.realtime import browser
 from mirelight.scene import prepare
 
-from .test_mixer import JOB, decibels, displayed, walls
+from .mixer_scene import walls
+from .test_mixer import JOB, decibels, displayed
 
 WAIT = 120_000  # milliseconds
 SAMPLES = 64  # a splat, in the end

@@ -20,10 +20,12 @@ from mirelight.lighting.splat_light import Places
 from mirelight.mixing import first_light, layers, rgb9e5
 from mirelight.mixing.session import Session
 from mirelight.mixing.stills import View
-from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, RenderSettings
 from mirelight.scene import Scene, prepare
 from mirelight.splat_light import SplatLight
 from mirelight.units import LightSet, terms
+
+from .mixer_scene import walls
 
 JOB = """
 splats = "splats.ply"
@@ -69,30 +71,10 @@ position = [1, 1.5, 1]
 STAGES = (8, 16, 32)
 
 
-def walls() -> tuple[SplatCloud, ProxyMesh]:
-    """A floor and a wall of flat gray splats, and the mesh below them."""
-    s = np.linspace(-1.95, 1.95, 20)
-    a, b = (x.ravel() for x in np.meshgrid(s, s))
-    floor = np.stack([a, np.zeros_like(a), b], axis=1)
-    wall = np.stack([a, b + 2, np.full_like(a, -2)], axis=1)
-    flat = np.tile([[0.16, 0.004, 0.16]], (len(a), 1)), np.tile([[0.16, 0.16, 0.004]], (len(a), 1))
-    count = 2 * len(a)
-    cloud = SplatCloud(
-        means=np.concatenate([floor, wall]).astype(np.float32),
-        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
-        scales=np.concatenate(flat).astype(np.float32),
-        opacities=np.full(count, 0.95, np.float32),
-        sh=np.zeros((count, 1, 3), np.float32),
-    )
-    corners = [[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2], [-2, 4, -2], [2, 4, -2]]
-    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]]
-    return cloud, ProxyMesh(vertices=np.array(corners, np.float32), faces=np.array(faces, np.int32))
-
-
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Job:
     out = tmp_path_factory.mktemp("session")
-    cloud, proxy = walls()
+    cloud, proxy = walls(20)
     splats.write(cloud, out / "splats.ply")
     write_glb(out / "proxy.glb", proxy, (), ())
     (out / "job.toml").write_text(JOB)
@@ -173,7 +155,7 @@ def test_a_newer_place_ends_what_is_traced(scene: Scene, made: layers.MixLayers)
 
 def test_first_light_from_a_few_splats_is_near_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Direct light is every splat's own; indirect light of neighbours is off by little."""
-    _, proxy = walls()
+    _, proxy = walls(20)
     lighting = Lighting(lights=(PointLight(name="0", position=np.array([0.5, 1.0, 0.3]), intensity=3),))
     points, normals = even_points()
     tracer = splat_light.tracer_for(proxy, RenderSettings())

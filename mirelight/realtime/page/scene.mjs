@@ -30,7 +30,7 @@ export async function build(canvas, description) {
     const camera = addCamera(app, description);
     const relighting = addRelighting(camera, description.relighting);
     await Promise.all([
-        ...splatFiles(description).map((splat) => addSplats(app, splat)),
+        addSplats(app, splatFiles(description)),
         description.proxy && addProxy(app, description.proxy, relighting),
         description.env && addEnvironment(app, description.env)
     ]);
@@ -116,12 +116,15 @@ function place(entity, transform) {
     entity.setLocalScale(...(Array.isArray(scale) ? scale : [scale, scale, scale]));
 }
 
-async function addSplats(app, splat) {
-    const asset = await load(app, 'splats', 'gsplat', splat.file);
-    const entity = new pc.Entity('splats');
-    entity.addComponent('gsplat', { asset, unified: true });
-    place(entity, splat);
-    app.root.addChild(entity);
+// All at once and in their order: splats at one depth are drawn in the order in which their files came into the scene.
+async function addSplats(app, splats) {
+    const assets = await Promise.all(splats.map(({ file }) => load(app, 'splats', 'gsplat', file)));
+    splats.forEach((splat, i) => {
+        const entity = new pc.Entity('splats');
+        entity.addComponent('gsplat', { asset: assets[i], unified: true });
+        place(entity, splat);
+        app.root.addChild(entity);
+    });
 }
 
 async function addProxy(app, proxy, relighting) {

@@ -97,7 +97,7 @@ class Claims:
         return sorted(found, key=lambda x: -x.age)
 
     def clear(self) -> None:
-        """Take away the claims of processes that have ended: where all of their work was done, nobody comes for them."""
+        """Take away the claims of processes that have ended: of work that was done, nobody comes for them."""
         with suppress(OSError):
             for path in self._folder.glob("[!.]*"):
                 if self._abandoned(path, ""):

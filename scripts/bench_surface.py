@@ -5,7 +5,7 @@ off; bias and the cache's noise are in it (half of the frames read one fill, hal
 serves every camera and every mix of the lights.
 
     python scripts/bench_surface.py [--scenes interior courtyard night] [--size 0.1] [--samples 256] [--frames 4]
-                                    [--truth 1024] [--picture FILE.png] [--points 250000]
+                                    [--truth 1024] [--picture FILE.png] [--points 250000] [--bars 5]
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from mirelight.model import Indirect, LightingBuffer, PointLayers, RenderSetting
 
 T = TypeVar("T")
 MODES: tuple[Indirect, ...] = ("traced", "surface", "near")
+FRAMES_OF_A_FILL = 4  # where error bars are measured
 
 
 def timed(make: Callable[[], T]) -> tuple[T, float]:
@@ -115,6 +116,41 @@ def measure_points(scene: BenchScene, count: int, truth_spp: int) -> None:
     say("read", *timed(read))
 
 
+def measure_bars(scene: BenchScene, size: float | None, samples: int, fills: int) -> None:
+    """Print stated over true deviations of a picture of 16 samples, also relative to brightness, and of its layers.
+
+    True is the spread of frames of different seeds, some on each of several fills: that of frames on one fill, and that
+    of the fills, which is what their frames' means differ by beyond it.
+    """
+    tracer = Tracer(scene.proxy, RenderSettings(spp=16), aovs=False)
+    cells = tracer.cells([scene.camera], size)
+    caches = []
+    for seed in range(fills):
+        tracer.settings = RenderSettings(spp=16, seed=1000 + seed)
+        caches.append(tracer.fill(cells, scene.lighting, samples=samples))
+    print(f"{scene.name}: {fills} fills, {FRAMES_OF_A_FILL} frames on each")
+    for mode in MODES:
+        totals, stated = [], []
+        for seed in range(fills * FRAMES_OF_A_FILL):
+            tracer.settings = RenderSettings(spp=16, indirect=mode, seed=seed)
+            made = tracer.trace(scene.lighting, scene.camera, cache=caches[seed // FRAMES_OF_A_FILL])
+            totals.append(np.stack([made.beauty, *(x.total for x in made.layers)]).astype(np.float64))
+            stated.append(
+                np.stack([np.asarray(x, np.float64) for x in (made.variance, *(y.variance for y in made.layers))])
+            )
+        found = np.stack(totals).reshape(fills, FRAMES_OF_A_FILL, *totals[0].shape)
+        of_samples = found.var(axis=1, ddof=1).mean(axis=0)
+        of_fill = found.mean(axis=1).var(axis=0, ddof=1) - of_samples / FRAMES_OF_A_FILL
+        true = of_samples + (of_fill if mode != "traced" else 0)
+        bright = found[..., 0, :, :, :].mean(axis=(0, 1))
+        weight = (made.coverage[..., None] > 0) / (bright**2 + 0.01 * bright[made.coverage > 0].mean() ** 2)
+        said = np.mean(stated, axis=0)
+        plain = np.sqrt(said.mean(axis=(1, 2, 3)) / true.mean(axis=(1, 2, 3)))
+        relative = np.sqrt((said[0] * weight).mean() / (true[0] * weight).mean())
+        layers = ", ".join(f"{x:.2f}" for x in plain[1:])
+        print(f"  {mode:8} stated / true {plain[0]:.2f}, relative {relative:.2f}; of layers {layers}", flush=True)
+
+
 def main() -> None:
     """Measure the scenes that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else "")
@@ -125,12 +161,15 @@ def main() -> None:
     parser.add_argument("--truth", type=int, default=1024, help="samples a pixel of the truth")
     parser.add_argument("--resolution", type=int, nargs=2, default=[160, 90])
     parser.add_argument("--points", type=int, help="measure light on so many points of the surface instead of frames")
+    parser.add_argument("--bars", type=int, help="measure error bars instead, with so many fills")
     parser.add_argument("--picture", type=Path, help="truth | surface | difference x 10, one row a scene")
     chosen = parser.parse_args()
     rows = []
     for scene in scenes(chosen.resolution[0], chosen.resolution[1], 220):
         if scene.name in chosen.scenes and chosen.points:
             measure_points(scene, chosen.points, chosen.truth)
+        elif scene.name in chosen.scenes and chosen.bars:
+            measure_bars(scene, chosen.size, chosen.samples, chosen.bars)
         elif scene.name in chosen.scenes:
             truth, _, surface, _ = measure(scene, chosen.size, chosen.samples, chosen.frames, chosen.truth)
             level = 0.3 / truth.mean()

@@ -21,7 +21,7 @@ from mirelight.model import F32
 EVERY = 4  # the film keeps the difference of halves of one pixel in so many: enough for one number a layer
 FEWEST = 64  # pixels that tell p
 REMAINS = 2 / 3  # of p - 1 at the next scale; on the benchmark's scenes stated deviations then are the true ones
-SURE = 2.0  # standard errors by which Q may be larger than it was found
+SURE = 0.5  # standard errors by which Q may be larger than it was found; more overstates what few pixels tell
 STEEPEST = 3.0  # p of scrambled nets where the light is smooth
 
 
@@ -45,8 +45,11 @@ def share(variance: F32, halves: F32, mean: F32, batches: int) -> float:
         return 1.0
     weight = 1 / (squared + floor)
     found = (weight * halves.astype(np.float64) ** 2).sum(axis=1)
-    top = float(found.sum() + SURE * np.sqrt(len(found)) * found.std())
-    spread = float((weight * variance).sum()) * 4 * (batches - 1)
+    spreads = (weight * variance).sum(axis=1, dtype=np.float64) * 4 * (batches - 1)
+    spread = float(spreads.sum())
+    # what pixels have of Q beyond their share of the spread: a ratio's error, which noise that both have is not in
+    beyond = found - spreads * (found.sum() / spread) if spread > 0 else found
+    top = float(found.sum() + SURE * np.sqrt(np.square(beyond).sum()))
     low, high = 1.0, STEEPEST
     if spread <= top * _sum_of_levels(low, batches):
         return 1.0

@@ -38,7 +38,8 @@ class RenderTable(Table):
         default=_RENDER.max_depth,
         ge=1,
         le=1000,
-        description="Vertices of a path from the first hit on; 1: direct light alone.",
+        description="Vertices of a path from the first hit on; 1: direct light alone. "
+        "Where walls are bright more are worth their cost: docs/lighting.md.",
     )
     indirect: Indirect = Field(
         default=_RENDER.indirect,

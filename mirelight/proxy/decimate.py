@@ -20,7 +20,7 @@ FLIPPED = 0.2  # cosine to its old normal below which a face would have turned o
 AHEAD = 2  # times as many edges as must go are looked at in a round, the cheapest ones,
 DIVIDED = 4  # but no more than one in so many, as those between dear ones should not go before cheaper ones elsewhere,
 FEWEST = 64  # and no fewer than so many
-IDLE = 24  # rounds in which next to nothing goes, after which nothing more will
+IDLE = 10  # rounds in which next to nothing goes, after which nothing more will
 _SOFT = 1e-6  # share of a quadric that draws a vertex to the edge's middle where planes leave it free
 _LONG = 1e-6  # of an edge's own square: among edges that cost nothing short ones go first
 _RESTED = 4  # rounds after which what was refused is tried again
@@ -31,8 +31,8 @@ Mask = NDArray[np.bool_]
 def decimated(soup: Soup, most: int) -> Soup:
     """About `most` triangles, or the mesh itself where it has no more.
 
-    No collapse turns a face over or joins sheets, so where that leaves no edge there are more than `most`: each part
-    keeps a few triangles.
+    No collapse turns a face over or joins sheets, but at last at seams, where sheets overlap as cells do. Where that
+    leaves no edge there are more than `most`: each closed part keeps a few triangles.
     """
     if len(soup.faces) <= most:
         return soup
@@ -42,6 +42,8 @@ def decimated(soup: Soup, most: int) -> Soup:
         before = len(work.faces)
         work.round((before - most + 1) // 2)
         idle = idle + 1 if len(work.faces) > before - max(before // 2000, 1) else 0
+        if idle == IDLE and not work.joins_seams:
+            work.joins_seams, idle = True, 0
     return compact(Soup(work.vertices, work.faces))
 
 
@@ -54,6 +56,7 @@ class _Work:
     quadrics: F64  # (V, 10) upper triangle of [A b; bᵀ c], row by row
     refused: Int  # keys of edges that could not go
     rounds: int = 0
+    joins_seams: bool = False
 
     @staticmethod
     def of(soup: Soup) -> _Work:
@@ -89,7 +92,9 @@ class _Work:
         order = some[np.argsort(cost[some], kind="stable")]
         chosen = self._apart(edges[order])
         rows = order[chosen]
-        fits = self._joins_no_sheets(edges[rows], count[rows]) & self._turns_nothing(edges[rows], at[rows])
+        fits = (
+            self._joins_no_sheets(edges[rows], count[rows]) | self._at_seams(edges, count, rows)
+        ) & self._turns_nothing(edges[rows], at[rows])
         lost = edges[rows[~fits]]
         self.refused = np.concatenate([self.refused, lost[:, 0] * n + lost[:, 1]])
         self._collapse(edges[rows[fits]][:most], at[rows[fits]][:most])
@@ -141,6 +146,14 @@ class _Work:
         graph.data[:] = 1
         shared = np.asarray(graph[edges[:, 0]].multiply(graph[edges[:, 1]]).sum(axis=1)).ravel()
         return np.asarray(shared <= count)
+
+    def _at_seams(self, edges: Int, count: Int, rows: Int) -> Mask:
+        """(R,) of some edges, whether sheets may be joined there: both ends lie on edges without two faces."""
+        if not self.joins_seams:
+            return np.zeros(len(rows), bool)
+        open_ends = np.zeros(len(self.vertices), bool)
+        open_ends[edges[count != 2]] = True
+        return np.asarray(open_ends[edges[rows]].all(axis=1))
 
     def _turns_nothing(self, edges: Int, at: F64) -> Mask:
         """(E,) whether every face that stays keeps its side; an edge's faces are touched by it alone."""

@@ -1,7 +1,8 @@
 """Light on splats: each splat has a place on the proxy, found once, and takes the irradiance there.
 
 A splat's place is the nearest point of the proxy along its own axes, the flattest first; a splat that finds none within
-reach takes the place of the nearest one that does. Its side is the front of the face, unless that is the dark inside of
+reach takes the place of the nearest one that does, and so does one whose place is dark on both sides: such a place lies
+inside something, and no capture shows it. Its side is the front of the face, unless that is the dark inside of
 something.
 """
 
@@ -86,8 +87,14 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
     if len(dim):  # seldom met, or dark
         front[dim] = _brightness(tracer, reference, points[dim], normals[dim], MANY)
         dark = dim[front[dim] <= UNLIT * front.mean()]
-        behind = dark[_brightness(tracer, reference, points[dark], -normals[dark], MANY) > front[dark]]
-        normals[behind] *= -1
+        back = _brightness(tracer, reference, points[dark], -normals[dark], MANY)
+        normals[dark[back > front[dark]]] *= -1
+        front[dark] = np.maximum(front[dark], back)
+        unseen = dark[front[dark] <= UNLIT * front.mean()]
+        if 0 < len(unseen) < len(means):  # inside something, where nothing can have been captured
+            lit = np.setdiff1d(np.arange(len(means)), unseen, assume_unique=True)
+            _, nearest = cKDTree(means[lit]).query(means[unseen])
+            points[unseen], normals[unseen] = points[lit[nearest]], normals[lit[nearest]]
     return Places(points, normals, len(found) / len(means))
 
 

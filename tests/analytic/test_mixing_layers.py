@@ -119,6 +119,20 @@ def test_layers_sum_to_the_irradiance() -> None:
     np.testing.assert_array_equal(places.normals, np.tile([0.0, 1.0, 0.0], (len(SPLATS), 1)))
 
 
+def test_a_place_where_no_light_falls_is_not_what_was_seen() -> None:
+    """A sheet hidden under the floor is nearer to some splats, and dark on both sides when they are seen."""
+    hidden = (FLOOR.vertices * [0.9, 1, 0.9] - [0, 0.5, 0]).astype(np.float32)
+    proxy = ProxyMesh(
+        vertices=np.concatenate([FLOOR.vertices, hidden]), faces=np.concatenate([FLOOR.faces, FLOOR.faces + 4])
+    )
+    means = SPLATS.means.copy()
+    means[:5, 1] = -0.4
+    tracer = splat_light.tracer_for(proxy, JOB.render)
+    places = splat_light.places_of(replace(SPLATS, means=means), proxy, tracer, NIGHT)
+    np.testing.assert_allclose(places.points[:, 1], 0, atol=1e-6)
+    np.testing.assert_array_equal(places.normals, np.tile([0.0, 1.0, 0.0], (len(SPLATS), 1)))
+
+
 def test_the_jobs_mix_is_in_the_weights_and_not_in_the_layers(layers: MixLayers) -> None:
     mix = (LayerFactor(layer="lamp", factor=np.array([0.5, 0, 2])),)
     mixed = make(prepare(JOB), spp=64, lightings=(replace(DAY, mix=mix), NIGHT))

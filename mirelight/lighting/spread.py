@@ -21,7 +21,7 @@ from mirelight.model import F32
 EVERY = 4  # the film keeps the difference of halves of one pixel in so many: enough for one number a layer
 FEWEST = 64  # pixels that tell p
 REMAINS = 2 / 3  # of p - 1 at the next scale; on the benchmark's scenes stated deviations then are the true ones
-SURE = 0.5  # standard errors by which Q may be larger than it was found; more overstates what few pixels tell
+SURE = 2.0  # standard errors by which Q may be larger than it was found; more overstates what few pixels tell
 STEEPEST = 3.0  # p of scrambled nets where the light is smooth
 
 

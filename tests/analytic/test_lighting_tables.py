@@ -261,10 +261,10 @@ def test_the_error_of_a_denoised_picture_counts_its_bias(monkeypatch: pytest.Mon
     truth = np.ones((h, w, 3), np.float32)
     truth[:, ::2] = 1.5
     camera = Camera.look_at([0, 0, 1], [0, 0, 0], w, h)
-    one = np.ones((h, w), np.float32)
+    one, rng = np.ones((h, w), np.float32), np.random.default_rng(4)
 
     def seen(sigma: float) -> F32:
-        return (truth + sigma * RNG.standard_normal((h, w, 3))).astype(np.float32)
+        return (truth + sigma * rng.standard_normal((h, w, 3))).astype(np.float32)
 
     half, quarter, other = seen(0.57), seen(0.8), seen(0.8)
     beauty = ((2 * half + quarter + other) / 4).astype(np.float32)

@@ -11,16 +11,20 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 import mirelight
-from mirelight import colour, stages
+from mirelight import colour, sh, stages
+from mirelight.compositor import Compositor
+from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank, loaded_ply
+from mirelight.compositor.source import uploaded
 from mirelight.io.png import write_png
 from mirelight.mixing.bundle import export, page_file
-from mirelight.model import F32
+from mirelight.model import F32, CompositorSettings, Job, SplatCloud
 from mirelight.realtime import browser
 from mirelight.scene import prepare
 from mirelight.store import Store
@@ -87,8 +91,11 @@ def main() -> None:
         folder = Path(scratch)
         text = text.replace("../../out/courtyard", str(folder / "out"))
         (folder / "job.toml").write_text(text, encoding="utf-8")
-        seen = _driven(folder, args.spp)
+        seen, relit = _driven(folder, args.spp)
         for name in ("evening", "night"):
+            _say(
+                f"page against splats relit and drawn offline, {name}", _picture(seen[name]), relit[name], args.pictures
+            )
             truth = np.asarray(
                 Image.open(SCENE / "truth" / f"front.{name}.png").convert("RGB"), np.float32
             ) * np.float32(1 / 255)
@@ -103,21 +110,37 @@ def main() -> None:
             _say(f"edited page against its job offline, per {per}", _picture(seen["edited"]), offline, args.pictures)
 
 
-def _driven(folder: Path, spp: int) -> dict[str, bytes]:
+def _driven(folder: Path, spp: int) -> tuple[dict[str, bytes], dict[str, F32]]:
+    """What the page sends, and the same splats in the colours of its layers, drawn offline by the engine's rules."""
     job = mirelight.load(folder / "job.toml")
     store = Store(job)
     store.open()
     try:
-        page = export(prepare(job, store), folder / "page", spp=spp).folder
+        scene = prepare(job, store)
+        made = export(scene, folder / "page", spp=spp)
     finally:
         store.close()
+    page, layers = made.folder, made.layers
+    assert scene.splats is not None
+    relit = {x.name: _drawn(scene.splats, layers.factor(layers.weights(i)), job) for i, x in enumerate(job.lightings)}
     size = sum(path.stat().st_size for path in page.iterdir() if path.suffix in (".ply", ".bin", ".json"))
     print(f"the capture and its layers: {size / 1e6:.0f} MB")
     html = page_file("index.html").decode()
     html = html.replace("</body>", '<script type="module" src="driver.mjs"></script></body>')
     driver = DRIVER.replace("WIDTH", str(WIDTH)).replace("HEIGHT", str(HEIGHT))
     pages = {"driver.html": html.encode(), "driver.mjs": driver.encode()}
-    return browser.drive(page, browser.find_browser(), 900, page="driver.html", pages=pages, limits=LIMITS)
+    seen = browser.drive(page, browser.find_browser(), 900, page="driver.html", pages=pages, limits=LIMITS)
+    return seen, relit
+
+
+def _drawn(cloud: SplatCloud, factor: F32, job: Job) -> F32:
+    shown = colour.srgb_encode(colour.srgb_decode(0.5 + sh.C0 * cloud.sh[:, 0]) * factor)
+    new = replace(cloud, sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32))
+    rank = engine_rank(cloud, job.cameras[0], loaded=loaded_ply(cloud, reordered=False))
+    settings = CompositorSettings(profile="playcanvas", work_buffer="large")
+    drawing = EngineDrawing(rank, SOFTWARE_BITS)
+    drawn = Compositor(uploaded(new), settings).composite(job.cameras[0], depth=False, drawing=drawing)
+    return np.clip(drawn.color, 0, 1)
 
 
 def _picture(data: bytes) -> F32:

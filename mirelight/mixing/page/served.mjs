@@ -2,14 +2,12 @@
 import { createLive } from './live.mjs';
 import { factors } from './panel.mjs';
 
-const REST = 1500;  // milliseconds in which a view that moves on is asked for anew
-
 const find = (id) => document.getElementById(id);
 
 // page: { mix(), text(), paint(), moved(place, position) }
 export function serve(view, page) {
     const figure = find('still'), image = figure.querySelector('img'), split = find('split');
-    let asked = null, since = 0, moving = 0, said = '', next = null, held = 0;
+    let asked = null, touched = false, moving = 0, said = '', next = null, held = 0;
     // what is to be read for some seconds stays so long; then comes the newest of what was said meanwhile
     const say = (text, seconds = 0) => {
         const left = held - performance.now();
@@ -65,11 +63,14 @@ export function serve(view, page) {
         });
     };
 
+    for (const kind of ['pointerdown', 'wheel', 'keydown']) {
+        document.addEventListener(kind, () => { touched = true; }, { capture: true, passive: true });
+    }
     split.addEventListener('input', () => figure.style.setProperty('--split', split.value));
     return {
         changed: close,
-        // the camera has moved: it may still have been coming to rest
-        seen: () => { if (asked && performance.now() - since < REST) ask(); else close(); },
+        // the camera has moved: of itself it comes to rest, and its view is asked for anew
+        seen: () => { if (asked && !touched) ask(); else close(); },
         moved(handle, position) {
             close();
             moving++;
@@ -77,7 +78,7 @@ export function serve(view, page) {
         },
         render() {
             if (asked) return close();
-            since = performance.now();
+            touched = false;
             find('render').setAttribute('aria-pressed', true);
             ask();
         },

@@ -41,11 +41,11 @@ try {
     });
     const picture = async (name) => {
         page.view.resize(WIDTH, HEIGHT);
-        await frames(4);
+        await frames(30);  // the camera comes to rest
         page.jump();
         let [before, same] = [new Uint8Array(4 * WIDTH * HEIGHT), 0];
-        for (let tries = 0; tries < 50 && same < 2; tries++) {  // fades, and sorting in a worker, come to rest
-            await frames(4);
+        for (let tries = 0; tries < 100 && same < 4; tries++) {  // fades, and sorting in a worker, come to rest
+            await frames(8);
             const pixels = new Uint8Array(before.length);
             const gl = app.graphicsDevice.gl;
             gl.bindFramebuffer(gl.FRAMEBUFFER, null);

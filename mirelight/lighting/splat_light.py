@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight import conventions
 from mirelight.errors import RenderError
@@ -18,6 +19,8 @@ from mirelight.lighting.albedo import UNLIT, face_normals
 from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
+
+Int = NDArray[np.intp]
 
 REACH = 0.02  # of the bounds' diagonal
 FEW, MANY = 4, 32  # samples a splat, to tell the dark side: of all, and of those that few have found dark
@@ -57,8 +60,6 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
     Raises:
         RenderError: no splat lies within 2 % of the proxy's diagonal.
     """
-    from scipy.spatial import cKDTree
-
     low, high = proxy.bounds
     reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
     means = splats.means.astype(np.float64)
@@ -79,8 +80,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
     corner = proxy.vertices[proxy.faces[face]].astype(np.float64)
     points, normals = (corner * corners[:, :, None]).sum(axis=1), face_normals(proxy)[face]
     if len(lost):
-        _, nearest = cKDTree(points[found]).query(means[lost])
-        points[lost], normals[lost] = points[found[nearest]], normals[found[nearest]]
+        _take_over(lost, found, points[found], means, points, normals)
     reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
     front = _brightness(tracer, reference, points, normals, FEW)
     dim = np.flatnonzero(front <= UNLIT * front.mean())
@@ -93,9 +93,16 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
         unseen = dark[front[dark] <= UNLIT * front.mean()]
         if 0 < len(unseen) < len(means):  # inside something, where nothing can have been captured
             lit = np.setdiff1d(np.arange(len(means)), unseen, assume_unique=True)
-            _, nearest = cKDTree(means[lit]).query(means[unseen])
-            points[unseen], normals[unseen] = points[lit[nearest]], normals[lit[nearest]]
+            _take_over(unseen, lit, means[lit], means, points, normals)
     return Places(points, normals, len(found) / len(means))
+
+
+def _take_over(who: Int, whose: Int, where: F64, means: F64, points: F64, normals: F64) -> None:
+    """Gives some splats the places of others: those nearest to them, by where the others count as being (K, 3)."""
+    from scipy.spatial import cKDTree
+
+    _, nearest = cKDTree(where).query(means[who])
+    points[who], normals[who] = points[whose[nearest]], normals[whose[nearest]]
 
 
 def _brightness(tracer: Tracer, lighting: Lighting, points: F64, normals: F64, spp: int) -> F64:

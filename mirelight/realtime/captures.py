@@ -105,7 +105,7 @@ def _parts(job: Job, one: Handed, name: str) -> Iterator[tuple[str, Callable[[Pa
     if one.kind != "sog folder":
         yield name, lambda target: shutil.copyfile(path, target)
         return
-    head = sog.open_folder(path / "meta.json" if path.is_dir() else path)
+    head = _sog_head(path)
     texts = {image: f"{name.removesuffix('.meta.json')}.{image}" for image in _images(head)}
     yield name, lambda target: target.write_text(json.dumps(_renamed(head, texts)), encoding="utf-8")
     for image, own in texts.items():
@@ -137,7 +137,7 @@ def _kind(file: SplatFile) -> Kind | None:
         return None
     found = files.summary(file.path)
     if found.format.startswith("SOG v"):
-        if file.path.is_dir() or file.path.suffix.lower() == ".json":
+        if _is_sog_folder(file.path):
             return "sog folder"
         return "sog" if found.format == "SOG v2" else None  # it upgrades old ones in folders only
     if found.format not in ("INRIA PLY", "compressed PLY") or found.notes:
@@ -148,6 +148,16 @@ def _kind(file: SplatFile) -> Kind | None:
     if not little or end != file.path.stat().st_size:
         return None
     return "compressed" if found.format == "compressed PLY" else "ply"
+
+
+def _is_sog_folder(path: Path) -> bool:
+    return path.is_dir() or path.suffix.lower() == ".json"
+
+
+def _sog_head(path: Path) -> sog.SogHead:
+    if not _is_sog_folder(path):
+        return sog.open_bundle(path)
+    return sog.open_folder(path / "meta.json" if path.is_dir() else path)
 
 
 # --- as the engine holds them -----------------------------------------------------------------------------------------
@@ -200,11 +210,7 @@ def _chunk_bounds(path: Path) -> tuple[F64, F64]:
 
 def _sog_bounds(path: Path) -> tuple[F64, F64]:
     """The same of a SOG (`GSplatSogData.calcAabb`): of its centres alone."""
-    if path.is_dir() or path.suffix.lower() == ".json":
-        head = sog.open_folder(path / "meta.json" if path.is_dir() else path)
-    else:
-        head = sog.open_bundle(path)
-    means = head.meta.child("means")
+    means = _sog_head(path).meta.child("means")
     logs: Sequence[F64] = [np.asarray(means.vector(name, 3), dtype=np.float64) for name in ("mins", "maxs")]
     low, high = (np.array([math.copysign(math.expm1(abs(x)), x) for x in values]) for values in logs)
     return low, high

@@ -6,11 +6,9 @@ import numpy as np
 
 from mirelight.model import F32
 from mirelight.model.profiles import BRIGHTEST
-from mirelight.relighting.fill import Continuation
 from mirelight.relighting.mode import Factor, Mode, Task
 from mirelight.relighting.pixels import divide
-from mirelight.relighting.ratio import NO_LIGHT, Weight, mean_level
-from mirelight.relighting.resample import bilinear
+from mirelight.relighting.ratio import Weight, captured_light
 
 _BLACK = np.float32(1e-6)  # linear; keeps the bound of black splats finite
 
@@ -23,16 +21,11 @@ def prepared(task: Task) -> Factor:
     surface and no clamp: a pixel never sends out more than 0.95 of the new light that falls on it, whatever was
     captured there (highlights, lamps, noise in captured shadow).
     """
-    assert task.captured is not None, "apply() refuses a mode without what it needs"
-    new, coverage = Weight(task.new, task.size), bilinear(task.new.coverage, task.size)
-    old_coverage = bilinear(task.captured.coverage, task.size)
-    below = Weight(task.captured, task.size).light(task.captured.beauty)
-    level = mean_level(below, old_coverage) if task.captured_level is None else task.captured_level
-    below += np.float32(max(task.settings.delta * level, NO_LIGHT))
+    new = Weight(task.new, task.size)
+    below, _, outwards = captured_light(task)
     color = divide(task.unlit[..., :3], task.unlit[..., 3:])
     most = np.float32(BRIGHTEST) / np.maximum(color, _BLACK)
     per_light = np.minimum(1 / below, most)
-    outwards = Continuation(np.minimum(coverage, old_coverage) > 0)
 
     def factor(beauty: F32) -> F32:
         above = new.light(beauty)

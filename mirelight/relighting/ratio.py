@@ -23,15 +23,8 @@ def prepared(task: Task) -> Factor:
     pixels: the splats there are the same surface. (Against path-traced truth, averaging sub-pixel ratios costs 0.4 dB,
     fading by coverage 0.1 to 0.4 dB.)
     """
-    assert task.captured is not None, "apply() refuses a mode without what it needs"
-    settings = task.settings
-    new, new_coverage = Weight(task.new, task.size), bilinear(task.new.coverage, task.size)
-    old_coverage = bilinear(task.captured.coverage, task.size)
-    below = Weight(task.captured, task.size).light(task.captured.beauty)
-    level = mean_level(below, old_coverage) if task.captured_level is None else task.captured_level
-    floor = np.float32(max(settings.delta * level, NO_LIGHT))
-    below += floor
-    outwards = Continuation(np.minimum(new_coverage, old_coverage) > 0)
+    settings, new = task.settings, Weight(task.new, task.size)
+    below, floor, outwards = captured_light(task)
 
     def factor(beauty: F32) -> F32:
         above = new.light(beauty)
@@ -41,6 +34,17 @@ def prepared(task: Task) -> Factor:
         return outwards(above, settings.background)
 
     return factor
+
+
+def captured_light(task: Task) -> tuple[F32, np.float32, Continuation]:
+    """(H, W, 3) E_captured + d m, its floor d m, and what continues a factor from where both lights are known."""
+    assert task.captured is not None, "apply() refuses a mode without what it needs"
+    coverage = bilinear(task.captured.coverage, task.size)
+    light = Weight(task.captured, task.size).light(task.captured.beauty)
+    level = mean_level(light, coverage) if task.captured_level is None else task.captured_level
+    floor = np.float32(max(task.settings.delta * level, NO_LIGHT))
+    light += floor
+    return light, floor, Continuation(np.minimum(bilinear(task.new.coverage, task.size), coverage) > 0)
 
 
 class Weight:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Annotated, Any, TypeAlias
 
@@ -32,19 +32,7 @@ MixTable: TypeAlias = Annotated[dict[str, Any], Field(max_length=MOST_NAMES), Wi
 
 def mistakes(mix: object) -> Iterator[Mistake]:
     """What is wrong with the values of the table."""
-    for name, value in entries(mix):
-        if not isinstance(value, dict):
-            yield from _factor(("mix", name), value)
-        elif len(value) > MOST_NAMES:
-            yield Mistake(("mix", name), f"{len(value)} names", f"give at most {MOST_NAMES}")
-        else:
-            for layer, factor in value.items():
-                yield from _factor(("mix", name, layer), factor)
-
-
-def entries(mix: object) -> list[tuple[str, Any]]:
-    """What a table holds, unless it is none or too large."""
-    return list(mix.items()) if isinstance(mix, dict) and len(mix) <= MOST_NAMES else []
+    return of_values("mix", mix, _factor)
 
 
 def _factor(path: Path, value: object) -> Iterator[Mistake]:
@@ -61,21 +49,54 @@ def mixed(lightings: tuple[Lighting, ...], mix: dict[str, Any], wrong: list[Mist
     if not mix:
         return lightings
     layers = {x.name: [term.layer for term in terms(x)] for x in lightings}
-    everywhere = {name: value for name, value in mix.items() if not isinstance(value, dict)}
-    apart = {name: value for name, value in mix.items() if isinstance(value, dict)}
-    known = list(dict.fromkeys(name for names in layers.values() for name in names))
-    unknown(("mix",), everywhere, known, "light, group or environment", wrong)
-    unknown(("mix",), apart, list(layers), "lighting", wrong)
-    for name, factors in apart.items():
-        if name in layers:
-            unknown(("mix", name), factors, layers[name], "light, group or environment", wrong)
-    out: list[Lighting] = []
-    for one in lightings:
-        there = [*everywhere.items(), *apart.get(one.name, {}).items()]
-        own = set(layers[one.name])
-        given = tuple(LayerFactor(layer=k, factor=np.broadcast_to(v, 3)) for k, v in there if k in own)
-        out.append(replace(one, mix=given))
-    return tuple(out)
+    given = by_lighting("mix", mix, layers, "light, group or environment", wrong)
+    return tuple(
+        replace(one, mix=tuple(LayerFactor(layer=k, factor=np.broadcast_to(v, 3)) for k, v in given[one.name]))
+        for one in lightings
+    )
+
+
+# --- tables of values by name, for all lightings or by lighting ------------------------------------------------------
+
+
+def of_values(table: str, values: object, check: Callable[[Path, object], Iterator[Mistake]]) -> Iterator[Mistake]:
+    """What `check` finds in the values of a table, unless it is none or too large."""
+    if not isinstance(values, dict) or len(values) > MOST_NAMES:
+        return
+    for name, value in values.items():
+        if not isinstance(value, dict):
+            yield from check((table, name), value)
+        elif len(value) > MOST_NAMES:
+            yield Mistake((table, name), f"{len(value)} names", f"give at most {MOST_NAMES}")
+        else:
+            for own, one in value.items():
+                yield from check((table, name, own), one)
+
+
+def by_lighting(
+    table: str, values: dict[str, Any], known: dict[str, list[str]], what: str, wrong: list[Mistake]
+) -> dict[str, list[tuple[str, Any]]]:
+    """The entries of a table that each lighting has, those for all of them first.
+
+    Args:
+        table: its name.
+        values: by a name for all lightings, or by lighting and name.
+        known: the names of each lighting.
+        what: they are.
+        wrong: takes a mistake for each name that nothing has.
+    """
+    everywhere = {name: value for name, value in values.items() if not isinstance(value, dict)}
+    apart = {name: value for name, value in values.items() if isinstance(value, dict)}
+    unknown((table,), everywhere, list(dict.fromkeys(name for names in known.values() for name in names)), what, wrong)
+    unknown((table,), apart, list(known), "lighting", wrong)
+    for lighting, own in apart.items():
+        if lighting in known:
+            unknown((table, lighting), own, known[lighting], what, wrong)
+    found: dict[str, list[tuple[str, Any]]] = {}
+    for lighting, names in known.items():
+        there, given = set(names), (*everywhere.items(), *apart.get(lighting, {}).items())
+        found[lighting] = [(name, value) for name, value in given if name in there]
+    return found
 
 
 def unknown(at: Path, wanted: dict[str, Any], known: list[str], what: str, wrong: list[Mistake]) -> None:

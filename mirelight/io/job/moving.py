@@ -10,7 +10,7 @@ from pydantic import Field, WithJsonSchema
 
 from mirelight.io.job.fields import LARGEST
 from mirelight.io.job.mistakes import Mistake
-from mirelight.io.job.mixing import MOST_NAMES, entries, unknown
+from mirelight.io.job.mixing import MOST_NAMES, by_lighting, of_values
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import shown
 from mirelight.model import Lighting
@@ -33,14 +33,7 @@ MovedTable: TypeAlias = Annotated[dict[str, Any], Field(max_length=MOST_NAMES), 
 
 def mistakes(moved: object) -> Iterator[Mistake]:
     """What is wrong with the values of the table."""
-    for name, value in entries(moved):
-        if not isinstance(value, dict):
-            yield from _point(("moved", name), value)
-        elif len(value) > MOST_NAMES:
-            yield Mistake(("moved", name), f"{len(value)} names", f"give at most {MOST_NAMES}")
-        else:
-            for light, point in value.items():
-                yield from _point(("moved", name, light), point)
+    return of_values("moved", moved, _point)
 
 
 def _point(path: Path, value: object) -> Iterator[Mistake]:
@@ -56,19 +49,11 @@ def moved(lightings: tuple[Lighting, ...], table: dict[str, Any], wrong: list[Mi
     """The lightings with lights where the table puts them; names that nothing has are added to `wrong`."""
     if not table:
         return lightings
-    everywhere = {name: value for name, value in table.items() if not isinstance(value, dict)}
-    apart = {name: value for name, value in table.items() if isinstance(value, dict)}
     places = {x.name: [light.name for light in x.lights if position_of(light) is not None] for x in lightings}
-    known = list(dict.fromkeys(name for names in places.values() for name in names))
-    unknown(("moved",), everywhere, known, "light with a position", wrong)
-    unknown(("moved",), apart, list(places), "lighting", wrong)
-    for name, points in apart.items():
-        if name in places:
-            unknown(("moved", name), points, places[name], "light with a position", wrong)
+    given = by_lighting("moved", table, places, "light with a position", wrong)
     out: list[Lighting] = []
     for one in lightings:
-        there = everywhere | apart.get(one.name, {})
-        own = set(places[one.name]) & set(there)
-        lights = tuple(moved_to(x, there[x.name]) if x.name in own else x for x in one.lights)
-        out.append(replace(one, lights=lights) if own else one)
+        there = dict(given[one.name])
+        lights = tuple(moved_to(x, there[x.name]) if x.name in there else x for x in one.lights)
+        out.append(replace(one, lights=lights) if there else one)
     return tuple(out)

@@ -117,7 +117,7 @@ def _serve(scene: Scene, made: Exported, saved: Saved, port: int) -> None:
     from mirelight.mixing.session import Session
 
     try:
-        session = Session(scene, made.layers, tell=say.remark)
+        session = Session(scene, made.layers, tell=say.remark, order=made.order)
         with serving(session, made.folder, saved, port) as address:
             say.result(address)
             session.run()

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.job.hashing import file_digest
-from mirelight.io.splats import ply
+from mirelight.io.splats import compressed_ply, ply
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import Mixed, MixLayers, check, make
 from mirelight.model import F64, Camera, Job, SplatCloud
@@ -26,7 +27,8 @@ from mirelight.splat_light import Progress
 
 _MODULES = ("mixer", "view", "panel", "files", "colors", "handles", "live", "served")
 PAGE = ("index.html", "style.css", *(f"{name}.mjs" for name in _MODULES))
-SPLATS, LAYERS, DESCRIPTION = "splats.ply", "layers.bin", "layers.json"
+SPLATS = ("splats.ply", "splats.compressed.ply")  # without and with colours that change with the view
+LAYERS, DESCRIPTION = "layers.bin", "layers.json"
 _MOST_CAMERAS = 500  # bookmarks
 
 
@@ -36,6 +38,7 @@ class Exported:
 
     folder: Path
     layers: MixLayers
+    order: NDArray[np.intp]  # (N,) which of the capture's splats the page's files have, one after another
     warnings: tuple[str, ...]
 
 
@@ -73,19 +76,30 @@ def export(
     assert scene.splats is not None
     _copy_page(folder, made_by)
     (folder / DESCRIPTION).unlink(missing_ok=True)
-    ply.write(scene.splats, folder / SPLATS)
-    packed, scales = rgb9e5.pack(layers.values)
+    order = _write_splats(scene.splats, folder)
+    packed, scales = rgb9e5.pack(layers.values[:, order])
     with atomic_path(folder / LAYERS) as temporary:
         packed.astype("<u4").tofile(temporary)
     with atomic_path(folder / DESCRIPTION) as temporary:
         text = json.dumps(_described(job, scene.splats, layers, scales, folder), indent=1, ensure_ascii=False)
         temporary.write_text(text + "\n", encoding="utf-8")
-    return Exported(folder, layers, tuple(_warnings(job, layers)))
+    return Exported(folder, layers, order, tuple(_warnings(job, layers)))
 
 
 def page_file(name: str) -> bytes:
     """One of the files that ship with this package."""
     return resources.files("mirelight.mixing").joinpath("page", name).read_bytes()
+
+
+def _write_splats(splats: SplatCloud, folder: Path) -> NDArray[np.intp]:
+    """Gives the order in which the file has them. SH of degree 3 is 180 bytes a splat as floats, and 45 as codes."""
+    for name in SPLATS:
+        (folder / name).unlink(missing_ok=True)
+    if splats.sh.shape[1] == 1:
+        ply.write(splats, folder / SPLATS[0])
+        return np.arange(len(splats))
+    compressed_ply.write(splats, folder / SPLATS[1])
+    return compressed_ply.morton_order(splats.means)
 
 
 def _copy_page(folder: Path, engine_folder: Path) -> None:
@@ -106,7 +120,7 @@ def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, fol
     return {
         "title": job.source.parent.name if job.source.stem == "job" else job.source.stem,
         "count": len(splats),
-        "splats": _file(folder / SPLATS),
+        "splats": _file(folder / SPLATS[splats.sh.shape[1] > 1]),
         "light": _file(folder / LAYERS),
         "layers": [{"name": n, "scale": float(s)} for n, s in zip(layers.names, scales, strict=True)],
         "constant": list(layers.constant),

@@ -26,7 +26,7 @@ from mirelight.store.claims import Claims
 
 PATIENCE = 20.0  # seconds that a page waits for news before it asks again
 _LIMITS = {"live/light": 1 << 12, "live/still": 1 << 18, NAME: MOST_BYTES}
-_FILES = {*PAGE, SPLATS, LAYERS, DESCRIPTION, *(f"engine/{name}" for name in engine.FILES.values())}
+_FILES = {*PAGE, *SPLATS, LAYERS, DESCRIPTION, *(f"engine/{name}" for name in engine.FILES.values())}
 _LAYER = re.compile(r"live/layer/([0-9]{1,4})/([0-9]{1,15})")
 _STILL = re.compile(r"live/still/([0-9]{1,15})")
 _CLAIM = "mixer"

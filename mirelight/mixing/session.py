@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.errors import MirelightError
 from mirelight.mixing import rgb9e5
@@ -63,6 +64,7 @@ class Session:
     Args:
         scene: the prepared job.
         layers: as they were exported.
+        order: (N,) of the splats in the page's files; None: the capture's own.
         stages: samples a splat of one trace after another; the first is quick whatever it says.
         tell: called with a line where something cannot be traced.
     """
@@ -73,8 +75,10 @@ class Session:
         layers: MixLayers,
         stages: tuple[int, ...] = STAGES,
         tell: Callable[[str], None] = lambda line: None,
+        order: NDArray[np.intp] | None = None,
     ) -> None:
         self._scene, self._layers, self._stages, self._tell = scene, layers, stages, tell
+        self._order = slice(None) if order is None else order
         self._news = threading.Condition()
         self._units = list(layers.units)
         self._moved: dict[Place, tuple[float, ...]] = {}
@@ -215,7 +219,7 @@ class Session:
             if spp not in self._finer:
                 self._finer[spp] = self._splats.with_samples(spp)
             light = self._finer[spp].unit_light(unit)
-        packed, scales = rgb9e5.pack(self._layers.layer_of(light)[None])
+        packed, scales = rgb9e5.pack(self._layers.layer_of(light)[None, self._order])
         with self._news:
             if self._numbers[layer] != number and stage > 0:
                 return

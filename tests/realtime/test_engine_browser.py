@@ -49,6 +49,7 @@ from mirelight.model import (
 from mirelight.realtime import browser, bundle, engine, pages
 
 from .engine_cases import texture
+from .waiting import settled
 
 CAMERA = Camera.look_at((1, 2.5, 5), (0, -0.4, 0), 200, 150, yfov=45, near=0.1, far=100)
 LIGHTING = Lighting(
@@ -239,18 +240,12 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
         page.goto(served)
         page.wait_for_selector("#controls", state="visible", timeout=120_000)
         assert page.input_value("input[name=blend]") == "0.75"
-        page.wait_for_timeout(2000)
-        before = page.screenshot()
+        before = settled(page, page)
         page.locator("[name=brightness]").fill("5")
-        page.wait_for_timeout(2000)
-        assert page.screenshot() != before
-
-        lit = page.screenshot()
+        lit = settled(page, page, other_than=before)
         assert page.locator("#lights label").all_inner_texts() == ["sun", "lamp", "torch"]
         page.locator("#lights input[name=sun]").uncheck()
-        page.wait_for_timeout(2000)
-        dark = page.screenshot()
-        assert dark != lit
+        settled(page, page, other_than=lit)  # darker
         for width, height in ((1280, 720), (390, 844)):
             page.set_viewport_size({"width": width, "height": height})
             box = {"x": 0, "y": 0, "width": width, "height": height}

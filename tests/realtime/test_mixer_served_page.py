@@ -7,7 +7,6 @@ import io
 import os
 import signal
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
@@ -31,6 +30,7 @@ from mirelight.scene import prepare
 
 from .mixer_scene import walls
 from .test_mixer import JOB, decibels, displayed
+from .waiting import settled
 
 WAIT = 120_000  # milliseconds
 SAMPLES = 64  # a splat, in the end
@@ -51,7 +51,7 @@ def seen(folder: Path) -> dict[str, Any]:
     """What a person does on the page, one after another, while this thread traces."""
     scene = prepare(jobs.load(folder / "job.toml"))
     made = export(scene, folder / "page", spp=SAMPLES)
-    session = Session(scene, made.layers, (8, SAMPLES))
+    session = Session(scene, made.layers, (8, SAMPLES), order=made.order)
     saved = Saved(jobs.parse(folder / "job.toml")[0])
     found: dict[str, Any] = {}
 
@@ -76,7 +76,7 @@ def _visit(address: str, found: dict[str, Any]) -> None:
     def handles(page: Page) -> list[dict[str, Any]]:
         return list(page.evaluate("mixer.then(x => x.mix().lightings.flatMap(l => l.handles))"))
 
-    def settled(page: Page, samples: int) -> dict[str, Any]:
+    def traced(page: Page, samples: int) -> dict[str, Any]:
         """The news, once a layer has so many samples and nothing is traced."""
         while True:
             state = page.evaluate("fetch('live/state').then(x => x.json())")
@@ -92,11 +92,10 @@ def _visit(address: str, found: dict[str, Any]) -> None:
         page.on("pageerror", lambda error: failures.append(str(error)))
         page.goto(address)
         page.wait_for_function("document.getElementById('message').hidden", timeout=WAIT)
-        picture: Callable[[], bytes] = lambda: page.locator("#view").screenshot()  # noqa: E731
+        view = page.locator("#view")
         lamp = page.locator(".handle").first
         lamp.wait_for(state="visible", timeout=WAIT)
-        page.wait_for_timeout(1000)
-        found["before"] = picture()
+        found["before"] = settled(page, view)
         lamp.click()
         found["picked"] = page.locator("fieldset.picked legend").all_inner_texts()
         found["pressed"] = lamp.get_attribute("aria-pressed")
@@ -110,20 +109,19 @@ def _visit(address: str, found: dict[str, Any]) -> None:
         page.mouse.move(x - 60, y + 30, steps=3)
         page.mouse.up()
         found["dropped"] = lamp.bounding_box(), (x - 60, y + 30)
-        found["state"] = settled(page, SAMPLES)
+        found["state"] = traced(page, SAMPLES)
         found["dragged"] = handles(page)
-        page.wait_for_timeout(500)
-        found["after"] = picture()
+        found["after"] = settled(page, view, other_than=found["before"])
 
         lamp.focus()
         page.keyboard.press("Shift+ArrowUp")
         found["ground"] = handles(page)[0]["position"]
         page.keyboard.press("Alt+ArrowUp")
         found["height"] = handles(page)[0]["position"]
-        settled(page, SAMPLES)
+        traced(page, SAMPLES)
 
         page.evaluate("mixer.then(x => x.view.resize(160, 120))")
-        page.wait_for_timeout(1500)
+        settled(page, view)
         found["picture"] = page.evaluate("document.getElementById('view').toDataURL()")
         page.evaluate("dispatchEvent(new Event('resize'))")
         page.click("#save")
@@ -140,10 +138,11 @@ def _visit(address: str, found: dict[str, Any]) -> None:
 
         page.reload()  # what was moved is kept by the server
         page.wait_for_function("document.getElementById('message').hidden", timeout=WAIT)
-        page.wait_for_timeout(500)
+        there = "x.mix().lightings[0].handles[0].position.every((v, k) => v === place[k])"
+        page.wait_for_function(f"place => mixer.then(x => {there})", arg=found["height"], timeout=WAIT)
         found["again"] = handles(page)[0]["position"]
         page.set_viewport_size({"width": 390, "height": 844})
-        page.wait_for_timeout(500)
+        settled(page, page)
         found["width"] = page.evaluate("document.documentElement.scrollWidth")
         found["failures"] = failures
         chromium.close()

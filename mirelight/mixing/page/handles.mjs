@@ -50,14 +50,20 @@ export function createHandles(container, view, on) {
                 button.setPointerCapture(event.pointerId);
                 [from, began, last] = [[event.clientX, event.clientY], [...handle.position], null];
             });
-            button.addEventListener('pointermove', (event) => {
-                if (!from) return;
-                event.stopPropagation();
+            const follow = (event) => {
                 last = [event.clientX - from[0], event.clientY - from[1]];
                 on.move(handle, dragged(began, last, along(event), view.eye()), false);
                 place();
+            };
+            button.addEventListener('pointermove', (event) => {
+                if (!from) return;
+                event.stopPropagation();
+                follow(event);
             });
-            button.addEventListener('pointerup', end);
+            button.addEventListener('pointerup', (event) => {
+                if (last) follow(event);  // a busy page is not told of every move
+                end();
+            });
             button.addEventListener('pointercancel', end);
         }
         button.addEventListener('keydown', (event) => {

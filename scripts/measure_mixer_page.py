@@ -137,7 +137,7 @@ def _drawn(cloud: SplatCloud, factor: F32, job: Job) -> F32:
     shown = colour.srgb_encode(colour.srgb_decode(0.5 + sh.C0 * cloud.sh[:, 0]) * factor)
     new = replace(cloud, sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32))
     rank = engine_rank(cloud, job.cameras[0], loaded=loaded_ply(cloud, reordered=False))
-    settings = CompositorSettings(profile="playcanvas", work_buffer="large")
+    settings = CompositorSettings(profile="playcanvas", work_buffer="large", eight_bit=True)
     drawing = EngineDrawing(rank, SOFTWARE_BITS)
     drawn = Compositor(uploaded(new), settings).composite(job.cameras[0], depth=False, drawing=drawing)
     return np.clip(drawn.color, 0, 1)

@@ -78,7 +78,7 @@ class Session:
         order: NDArray[np.intp] | None = None,
     ) -> None:
         self._scene, self._layers, self._stages, self._tell = scene, layers, stages, tell
-        self._order = slice(None) if order is None else order
+        self._order = np.arange(layers.values.shape[1]) if order is None else order
         self._news = threading.Condition()
         self._units = list(layers.units)
         self._moved: dict[Place, tuple[float, ...]] = {}

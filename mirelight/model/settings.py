@@ -81,7 +81,7 @@ class RelightSettings:
     blend: float = 1.0  # 0: unlit frame, bit for bit; 1: fully relit
     brightness: float = 2.0  # multiplies the lit proxy (tint)
     background: float = 1.0  # the factor far from the proxy; playcanvas: wherever it does not cover
-    texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 1]
+    texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 2]
     delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
     max_ratio: float = 16.0  # ratio: upper clamp
     per: Per = "pixel"  # light is found for each pixel of a view, or for each splat, wherever it is seen from

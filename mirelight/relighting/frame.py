@@ -31,8 +31,8 @@ def apply(
     Args:
         splats: the composite to relight; None gives the lit proxy itself (radiance, premultiplied, alpha = coverage;
             `brightness` is a setting of the tint and is not applied).
-        lighting: the new light, seen by the same camera, at the frame's or a smaller resolution; None gives the unlit
-            frame.
+        lighting: the new light, seen by the same camera, on the frame's pixels, fewer, or four of each; None gives the
+            unlit frame.
         settings: mode, space, blend and the modes' own numbers.
         captured: the light that the capture was made under, from the same camera, resolution and seed, for modes that
             need it.
@@ -139,7 +139,8 @@ def unlit_rgba(splats: SplatLayer) -> F32:
 
 
 def lighting_camera(camera: Camera, settings: RelightSettings) -> Camera:
-    """The camera that the lighting of `camera` is traced with: the same view on `texture_scale` times the pixels.
+    """The camera that the lighting of `camera` is traced with: the same view on `texture_scale` times the pixels,
+    along each axis.
 
     Sizes are rounded up; where the profile has unit texels down, as GsplatRelighting sizes its texture.
     """

@@ -15,8 +15,10 @@ from mirelight.relighting.pixels import divide, unit_or_zero
 def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
     """The buffer on the pixel grid of `camera`: bilinear between pixel centres, edges repeated.
 
-    Colours stay premultiplied. AOVs are averages weighted by coverage, normals are made unit again. The variance of a
-    weighted sum of independent pixels has squared weights; neighbours become correlated, which it does not say.
+    On twice as many pixels along each axis that is the mean over each frame pixel's four. Colours stay premultiplied.
+    AOVs are averages weighted by coverage, normals are made unit again. The variance of a weighted sum of independent
+    pixels has squared weights; neighbours become correlated, which it does not say. What a denoiser leaves is shared by
+    neighbours, so there it is the mean: an upper bound.
     """
     size = camera.height, camera.width
     if lighting.coverage.shape == size:
@@ -27,7 +29,7 @@ def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
         if values is None:
             return None
         if plane.upsampling == "variance":
-            return bilinear(values, size, squared_weights=True)
+            return bilinear(values, size, squared_weights=not lighting.noisy)
         if plane.upsampling == "bilinear":
             return bilinear(values, size)
         flat = values.reshape(*values.shape[:2], -1)

@@ -416,6 +416,36 @@ def test_coarse_lighting_is_upsampled_into_the_frame() -> None:
     np.testing.assert_allclose(frame.factor, 1.5, rtol=1e-6)
 
 
+def test_four_lighting_pixels_of_a_frame_pixel_become_their_mean() -> None:
+    """Of light and of albedo times coverage apart: what a pixel's four parts send out, over what they would."""
+    settings = replace(RATIO, texture_scale=2, delta=1e-6, max_ratio=1e6)
+    fine = relighting.lighting_camera(camera(), settings)
+    assert (fine.width, fine.height) == (2 * W, 2 * H)
+    rng = np.random.default_rng(5)
+    new, old = rng.uniform(0.1, 2, (2, 2 * H, 2 * W, 3))
+    coverage = rng.uniform(0.1, 1, (2 * H, 2 * W))
+    frame = relighting.apply(
+        splat_layer(), lit(new, coverage, fine), settings, captured=lit(old, coverage, fine), captured_level=1.0
+    )
+
+    def mean(radiance: Any) -> Any:
+        return (radiance * coverage[..., None]).reshape(H, 2, W, 2, 3).mean(axis=(1, 3))
+
+    assert frame.factor is not None and frame.lighting is not None
+    np.testing.assert_allclose(frame.factor, mean(new) / mean(old), rtol=1e-4)
+    np.testing.assert_allclose(frame.lighting.beauty, mean(new), rtol=1e-5)
+
+
+def test_denoised_neighbours_share_their_error() -> None:
+    fine = camera(2 * W, 2 * H)
+    noisy = replace(lit(1.0, view=fine), variance=np.full((2 * H, 2 * W, 3), 4, np.float32))
+    parted = relighting.upsample(noisy, camera()).variance
+    shared = relighting.upsample(replace(noisy, noisy=noisy.layers), camera()).variance
+    assert parted is not None and shared is not None
+    np.testing.assert_allclose(parted, 1, rtol=1e-6)
+    np.testing.assert_allclose(shared, 4, rtol=1e-6)
+
+
 def test_engine_scaled_texture_darkens_towards_silhouettes() -> None:
     """The shader multiplies the interpolated colour (zeros outside) by the interpolated coverage once more."""
     settings = replace(TINT, profile="playcanvas", texture_scale=0.5, brightness=1.0, background=0.0)

@@ -113,7 +113,11 @@ class RelightTable(Table):
     brightness: NotNegative = Field(default=_RELIGHT.brightness, description="tint: multiplies the lit proxy.")
     background: NotNegative = Field(default=_RELIGHT.background, description="The factor far from the proxy.")
     texture_scale: float = Field(
-        default=_RELIGHT.texture_scale, ge=0.01, le=1, description="Lighting pixels per image pixel along each axis."
+        default=_RELIGHT.texture_scale,
+        ge=0.01,
+        le=2,
+        description="Lighting pixels per image pixel along each axis. At 2 a denoiser keeps edges apart; "
+        "`spp` is per lighting pixel.",
     )
     delta: float = Field(
         default=_RELIGHT.delta,

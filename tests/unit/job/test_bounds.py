@@ -122,7 +122,7 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("relight", "blend", "{}", (0, 1)),
     ("relight", "brightness", "{}", NOT_NEGATIVE),
     ("relight", "background", "{}", NOT_NEGATIVE),
-    ("relight", "texture_scale", "{}", (0.01, 1)),
+    ("relight", "texture_scale", "{}", (0.01, 2)),
     ("relight", "delta", "{}", (None, 1)),
     ("relight", "max_ratio", "{}", POSITIVE),
     ("display", "exposure", "{}", (-64, 64)),

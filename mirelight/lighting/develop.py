@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mirelight.errors import RenderError
 from mirelight.lighting.layers import Layers
-from mirelight.lighting.spread import EVERY, share
+from mirelight.lighting.spread import chosen, correct
 from mirelight.machine import free_memory
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
@@ -30,7 +30,7 @@ class Sums:
     surface: F32  # H * W * SURFACE
     parts: F32 | None = None  # K * 2: radiance over batches 0, 2, 4 … and over 1, 5, 9 …; None: not kept
     doubt: F32 | None = None  # K: half the difference of two fills of what was read; None: nothing was
-    halves: F32 | None = None  # K, of one pixel in `spread.EVERY`: over its first half less its second; None: not kept
+    again: F32 | None = None  # (K, n, 3) radiance over the second samples of `spread.chosen`; None: there are none
 
     def copied(self) -> Sums:
         """The same in memory of its own."""
@@ -47,7 +47,6 @@ def develop(
     *,
     sun: bool = False,
     occlusion: bool = False,
-    told: bool = False,
 ) -> LightingBuffer:
     """Sums to means, in the memory that the sums are in: they are used up.
 
@@ -58,7 +57,6 @@ def develop(
         samples: (H * W) taken; a pixel of none is black and uncovered.
         batch: samples in a batch.
         sun, occlusion: whether those AOVs were traced.
-        told: every pixel has the same even number of batches, all of one sequence, so that halves tell the error.
     """
     h, w = camera.height, camera.width
     n = np.maximum(samples, 1).reshape(h, w, 1).astype(np.float32)
@@ -75,10 +73,8 @@ def develop(
         squares /= batch * n
         for k, (mean, spread) in enumerate(zip(chain((x.total for x in means), [beauty]), squares, strict=False)):
             _variance(spread, mean, batches)
-            if told and sums.halves is not None:
-                count = int(batches.flat[0])
-                halves = sums.halves.reshape(max(len(means), 1), -1, 3) * np.float32(2 / (count * batch))
-                _narrow(spread, mean, halves, k, count)
+            if sums.again is not None:
+                _narrow(spread, mean, sums.again.reshape(max(len(means), 1), -1, 3), k, n)
         if sums.doubt is not None:
             _add_doubt(squares, sums.doubt.reshape(-1, h, w, 3) / n)
 
@@ -133,14 +129,14 @@ def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:
     squares /= batches - 1
 
 
-def _narrow(variance: F32, mean: F32, halves: F32, layer: int, batches: int) -> None:
+def _narrow(variance: F32, mean: F32, again: F32, layer: int, samples: F32) -> None:
     """A layer's variance from batches as if they were independent to that of one Sobol' sequence, in place.
 
-    `halves`: (N, 3) of each layer; behind them the beauty's, their sum.
+    `again`: (K, n, 3) sums of each layer; behind them the beauty's, their sum. `samples`: (H, W, 1) of each pixel.
     """
-    own = halves[layer] if layer < len(halves) else halves.sum(axis=0)
-    some = slice(None, None, EVERY)
-    variance *= np.float32(share(variance.reshape(-1, 3)[some], own, mean.reshape(-1, 3)[some], batches))
+    own = again[layer] if layer < len(again) else again.sum(axis=0)
+    some, flat = chosen(samples.size), mean.reshape(-1, 3)
+    correct(variance.reshape(-1, 3), flat, flat[some] - own / samples.reshape(-1, 1)[some], some)
 
 
 def _add_doubt(squares: F32, doubt: F32) -> None:

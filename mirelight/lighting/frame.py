@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting import grid
+from mirelight.lighting import grid, spread
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
 from mirelight.lighting.develop import Sums, develop
@@ -18,14 +18,17 @@ from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.cells import CellPoints, DeviceCells
+    from mirelight.lighting.kernel.paths import Pass
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.rays import CameraRays
     from mirelight.lighting.kernel.sky import Sky
+    from mirelight.lighting.kernel.types import UInt32
 
 LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
 PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
 LAUNCH_BYTES = 1 << 29  # most that the film's buffer of one launch may take
+AGAIN = 0x6A09E667  # between the seeds of first and second samples
 
 
 class FrameInProgress:
@@ -71,9 +74,8 @@ class FrameInProgress:
         self._sun = bool(shares.any())
         self._emission = emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
-        self._batches = settings.spp // self._batch  # but for a noise target, which takes more
-        self._told = settings.noise is None and not settings.denoise and self._batches % 2 == 0
-        self._seed = dr.opaque(mi.UInt32, settings.seed & 0xFFFFFFFF)
+        self._seed_number = settings.seed & 0xFFFFFFFF
+        self._seed = dr.opaque(mi.UInt32, self._seed_number)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
         low, high = surface.bounds
         diagonal = float(np.linalg.norm(high.astype(np.float64) - low))
@@ -85,39 +87,68 @@ class FrameInProgress:
         `count` is a power of two from the batch size up to PASS, so that a pixel's lanes lie in one packet or in
         neighbouring ones. `pixels` are different and in order.
         """
+        from mirelight.lighting.kernel.memory import integers
+        from mirelight.lighting.kernel.paths import trace_pass
+
+        chosen = np.arange(len(self.samples)) if pixels is None else pixels
+        for first, end, batches in self._launches(len(chosen), count):
+            some = chosen[first:end]
+            job = self._job(some, self.samples[some], count, self._seed)
+            before = integers(self.samples[some] // self._batch)
+            with uninterrupted():  # samples in the film that are not counted would be light twice
+                self._film.open(len(some), batches)
+                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
+                self._film.close(job.pixels, before, len(some), batches)
+                self.samples[some] += count
+            yield int(self.samples.sum())
+
+    def sample_again(self, counts: Sequence[int]) -> None:
+        """Sample some pixels a second time, in passes of so many samples as they had, to tell how noisy all are."""
+        import drjit as dr
+        import mitsuba as mi
+
+        from mirelight.lighting.kernel.paths import trace_pass
+
+        chosen = spread.chosen(len(self.samples))
+        seed = dr.opaque(mi.UInt32, (self._seed_number + AGAIN) & 0xFFFFFFFF)
+        done = 0
+        for count in counts:
+            for first, end, batches in self._launches(len(chosen), count):
+                some = chosen[first:end]
+                job = self._job(some, np.full(len(some), done), count, seed)
+                self._film.open(len(some), batches, counted=False)
+                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
+                self._film.keep(first, len(some), batches, len(chosen))
+            done += count
+
+    def _launches(self, pixels: int, count: int) -> Iterator[tuple[int, int, int]]:
+        """(first and end of the pixels, batches of each) of every launch of `count` samples of so many pixels."""
+        batches = count // self._batch
+        row = 24 * max(len(self.layers.names), 1) * batches
+        step = min(LANES // count, max(LAUNCH_BYTES // row, 1))
+        return ((first, min(first + step, pixels), batches) for first in range(0, pixels, step))
+
+    def _job(self, pixels: NDArray[np.int64], before: NDArray[np.int64], count: int, seed: UInt32) -> Pass:
+        """`count` more samples of each of some pixels, which have so many."""
         import drjit as dr
         import mitsuba as mi
 
         from mirelight.lighting.kernel.memory import integers
-        from mirelight.lighting.kernel.paths import Pass, trace_pass
+        from mirelight.lighting.kernel.paths import Pass
 
-        chosen = np.arange(len(self.samples)) if pixels is None else pixels
-        batches = count // self._batch
-        row = 24 * max(len(self.layers.names), 1) * batches
-        step = min(LANES // count, max(LAUNCH_BYTES // row, 1))
-        for first in range(0, len(chosen), step):
-            some = chosen[first : first + step]
-            places = integers(some)
-            before = integers(self.samples[some] // self._batch)
-            job = Pass(
-                lanes=len(some) * count,
-                count=dr.opaque(mi.UInt32, len(some)),
-                pixels=places,
-                first_samples=integers(self.samples[some]),
-                log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
-                log2_batch=dr.opaque(mi.UInt32, self._batch.bit_length() - 1),
-                seed=self._seed,
-                max_depth=self._max_depth,
-                ao_distance=self._ao_distance,
-                emission=self._emission,
-                irradiance=self._irradiance,
-            )
-            with uninterrupted():  # samples in the film that are not counted would be light twice
-                self._film.open(len(some), batches)
-                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
-                self._film.close(places, before, len(some), batches, self._batches // 2)
-                self.samples[some] += count
-            yield int(self.samples.sum())
+        return Pass(
+            lanes=len(pixels) * count,
+            count=dr.opaque(mi.UInt32, len(pixels)),
+            pixels=integers(pixels),
+            first_samples=integers(before),
+            log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
+            log2_batch=dr.opaque(mi.UInt32, self._batch.bit_length() - 1),
+            seed=seed,
+            max_depth=self._max_depth,
+            ao_distance=self._ao_distance,
+            emission=self._emission,
+            irradiance=self._irradiance,
+        )
 
     def estimate(self) -> Estimate:
         """How noisy each pixel is so far; every pixel has at least two batches."""
@@ -142,7 +173,6 @@ class FrameInProgress:
             self._batch,
             sun=self._film.aovs and self._sun,
             occlusion=self._film.aovs,
-            told=self._told and bool((self.samples == self._batches * self._batch).all()),
         )
 
 

@@ -1,63 +1,54 @@
-"""How much smaller a pixel's error is than the spread of its batches says. NumPy only.
+"""How large a picture's error is: from some pixels that are sampled twice. NumPy only.
 
-The samples of a pixel are one Sobol' sequence, so its batches complement each other, and the variance of the mean of n
-samples falls like n^-p with p from 1 (as if they were independent) to 3 (smooth light). Taken as independent, the
-spread of B batches gives a variance that is too large by (B^p - 1) / (B - 1).
-
-p is told from two scales: let Q be the mean squared difference of the means of a pixel's two halves. That of means of
-half as many samples is 2^p Q, and so on; the spread of B batches, split into such differences (Haar), then gives the
-variance Q / 4 (B^p - 1) / (2^p - 1) / (B - 1), where the mean's own is Q / 4 / (2^p - 1).
-
-That p is one number for many pixels, and falls with more samples: what is smooth settles first, what is rough remains.
-So only a part of what it exceeds 1 by is counted on, and of few pixels, whose Q is uncertain, less.
+The samples of a pixel are one Sobol' sequence, so its batches complement each other, and its mean errs less than they
+differ: by how much, no model tells beforehand, as edges, smooth light and rare paths settle each in their own way. So
+some pixels are sampled a second time from a sequence of their own, as long as the first. Half the squared difference of
+two independent means is their variance, whatever the light is; what of the spread of batches that is, is found for
+pixels of like brightness together and holds for all of them. The second samples are not in the picture.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import F32
 
-EVERY = 4  # the film keeps the difference of halves of one pixel in so many: enough for one number a layer
-FEWEST = 64  # pixels that tell p
-REMAINS = 2 / 3  # of p - 1 at the next scale; on the benchmark's scenes stated deviations then are the true ones
-SURE = 2.0  # standard errors by which Q may be larger than it was found; more overstates what few pixels tell
-STEEPEST = 3.0  # p of scrambled nets where the light is smooth
+EVERY = 64  # one pixel in so many is sampled twice, which costs as much more
+FEW = 512  # in small pictures more of them, up to so many
+MOST = 8  # but never more than one in so many
+FEWEST = 64  # pixels that tell anything
+OF_A_CLASS = 96  # pixels of like brightness, that one factor is told from
+CLASSES = 8  # at most
 
 
-def share(variance: F32, halves: F32, mean: F32, batches: int) -> float:
-    """What of a layer's stated variance is true, at most 1.
+def chosen(pixels: int) -> NDArray[np.int64]:
+    """(n,) the pixels that are sampled twice, in order; spread evenly, but not on a grid."""
+    count = max(pixels // EVERY, min(FEW, pixels // MOST))
+    if not count:
+        return np.zeros(0, np.int64)
+    return np.arange(count) * pixels // count + np.random.default_rng(0).integers(0, pixels // count, count)
+
+
+def correct(variance: F32, mean: F32, apart: F32, some: NDArray[np.int64]) -> None:
+    """A layer's variance from batches as if they were independent to the true one, in place.
 
     Args:
-        variance: (N, 3) of each pixel's mean, from its batches as if they were independent.
-        halves: (N, 3) mean over the first half of the batches less that over the second.
-        mean: (N, 3) over all of them.
-        batches: of each pixel; an even number.
-
-    Returns:
-        1 where too few pixels or batches tell.
+        variance: (N, 3) of each pixel's mean.
+        mean: (N, 3)
+        apart: (n, 3) mean less that of the second samples.
+        some: (n,) pixels that have such.
     """
-    if batches < 4 or len(mean) < FEWEST:
-        return 1.0
-    squared = mean.astype(np.float64) ** 2
-    floor = 0.01 * squared.mean()
-    if floor == 0:
-        return 1.0
-    weight = 1 / (squared + floor)
-    found = (weight * halves.astype(np.float64) ** 2).sum(axis=1)
-    spreads = (weight * variance).sum(axis=1, dtype=np.float64) * 4 * (batches - 1)
-    spread = float(spreads.sum())
-    # what pixels have of Q beyond their share of the spread: a ratio's error, which noise that both have is not in
-    beyond = found - spreads * (found.sum() / spread) if spread > 0 else found
-    top = float(found.sum() + SURE * np.sqrt(np.square(beyond).sum()))
-    low, high = 1.0, STEEPEST
-    if spread <= top * _sum_of_levels(low, batches):
-        return 1.0
-    for _ in range(30):
-        middle = (low + high) / 2
-        low, high = (middle, high) if spread > top * _sum_of_levels(middle, batches) else (low, middle)
-    return float((batches - 1) / (batches ** (1 + REMAINS * (low - 1)) - 1))
-
-
-def _sum_of_levels(p: float, batches: int) -> float:
-    return float((batches**p - 1) / (2**p - 1))
+    stated = variance[some].sum(axis=1, dtype=np.float64)
+    true = 0.5 * np.square(apart.astype(np.float64)).sum(axis=1)
+    lit = (stated > 0) | (true > 0)
+    if np.count_nonzero(lit) < FEWEST:
+        return
+    bright = mean.sum(axis=1)
+    known, stated, true = bright[some][lit], stated[lit], true[lit]
+    classes = min(max(len(known) // OF_A_CLASS, 1), CLASSES)
+    edges = np.quantile(known, np.arange(1, classes) / classes)
+    own = np.searchsorted(edges, known)
+    stated, true = (np.bincount(own, x, classes) for x in (stated, true))
+    factors = np.where(stated > 0, true / np.where(stated > 0, stated, 1), 1).astype(np.float32)
+    variance *= factors[np.searchsorted(edges, bright)][:, None]

@@ -366,12 +366,12 @@ def _with_pilot(settings: RenderSettings) -> RenderSettings:
 
 def _sample(frame: FrameInProgress, settings: RenderSettings, progress: Progress) -> None:
     """Passes until every pixel has its samples, then more of the noisy ones while the noise is above its target."""
-    size, left = len(frame.samples), settings.spp
-    while left:
-        count = min(PASS, 1 << (left.bit_length() - 1))
+    size, counts = len(frame.samples), _passes(settings.spp)
+    for count in counts:
         for done in frame.add_pass(count):
             progress(done, settings.spp * size)
-        left -= count
+    if settings.noise is None and not settings.denoise and settings.spp > 1:
+        frame.sample_again(counts)
     while settings.noise is not None:
         estimate = frame.estimate()
         wanted = estimate.wanted(settings.noise)
@@ -381,3 +381,8 @@ def _sample(frame: FrameInProgress, settings: RenderSettings, progress: Progress
         while len(noisy := np.flatnonzero(frame.samples < wanted)):
             for done in frame.add_pass(PASS, noisy):
                 progress(done, total)
+
+
+def _passes(spp: int) -> list[int]:
+    """Samples of each pass: powers of two, PASS at most."""
+    return [PASS] * (spp // PASS) + [1 << k for k in range(PASS.bit_length() - 2, -1, -1) if spp % PASS >> k & 1]

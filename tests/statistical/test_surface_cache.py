@@ -54,8 +54,8 @@ def test_a_frame_is_the_traced_one_within_the_bias(traced: Array, indirect: Indi
 def test_error_bars_hold_the_cache_s_own_error() -> None:
     """A point lamp's own light has no noise, so with few samples of a cell its layer's error is the cache's.
 
-    Deviations of a whole picture, stated and true, agree within 30 %, of layers within 50 %: Sobol' points make smooth
-    light's batches differ more than its mean errs, which `mirelight.lighting.spread` takes off.
+    Deviations of a whole picture, stated and true, agree within 30 %, of layers within 50 %: smooth light's batches
+    differ more than its mean errs, but few pixels are sampled twice to tell.
     """
     made = frames("surface", 16, 32, spp=64)
     ratios = []

@@ -1,4 +1,4 @@
-"""How much smaller errors are than the spread of batches says, on batches whose law is known."""
+"""What pixels that are sampled twice say of the error of all, on samples whose law is known."""
 
 from __future__ import annotations
 
@@ -6,50 +6,57 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight.lighting.spread import FEWEST, REMAINS, share
+from mirelight.lighting.spread import EVERY, FEW, FEWEST, MOST, chosen, correct
+from mirelight.model import F32
 
-PIXELS = 4000
-
-
-def batches(p: float, count: int) -> NDArray[np.float64]:
-    """(PIXELS, 3, count): means of 2^j batches differ from their neighbours with variance 2^(-p j), as on a Haar tree;
-    the mean of all has what is left of an endless one."""
-    rng = np.random.default_rng(7)
-    out = np.zeros((PIXELS, 3, count))
-    size = 1
-    while size < count:
-        halves = rng.normal(0, 0.5 * size ** (-p / 2), (PIXELS, 3, count // (2 * size), 1))
-        out += (halves * np.repeat([1, -1], size)).reshape(PIXELS, 3, count)
-        size *= 2
-    left = 0.25 * (count / 2) ** -p / (2**p - 1)
-    return 10 + out + rng.normal(0, np.sqrt(left), (PIXELS, 3, 1))
+PIXELS = 6000
+BRIGHT = np.repeat([1.0, 10.0], PIXELS // 2)[:, None]
+TRUE = np.repeat([0.02, 0.5], PIXELS // 2)[:, None]  # variance of the mean, three channels of it alike
 
 
-def told(drawn: NDArray[np.float64], pixels: int = PIXELS) -> tuple[float, float]:
-    """(variance as if batches were independent, what of it is true) of the first pixels."""
-    count = drawn.shape[-1]
-    own = drawn[:pixels]
-    stated = own.var(axis=-1, ddof=1) / count
-    halves = own[..., : count // 2].mean(axis=-1) - own[..., count // 2 :].mean(axis=-1)
-    stated, halves, mean = (x.astype(np.float32) for x in (stated, halves, own.mean(axis=-1)))
-    return float(stated.mean()), share(stated, halves, mean, count)
+def drawn(overstated: NDArray[np.float64]) -> tuple[F32, F32, F32, NDArray[np.int64]]:
+    """(variance as batches tell it, mean, first less second samples of some, which), light with rare bright samples."""
+    rng = np.random.default_rng(11)
+    tails = np.sqrt(rng.gamma(0.5, 2, (PIXELS, 1)))  # pixels are noisy by very different degrees
+    first, second = (BRIGHT + np.sqrt(TRUE) * tails * rng.normal(size=(PIXELS, 3)) for _ in range(2))
+    stated = TRUE * np.square(tails) * overstated * rng.gamma(1.5, 1 / 1.5, (PIXELS, 3))
+    some = chosen(PIXELS)
+    variance, mean, apart = (x.astype(np.float32) for x in (stated, first, (first - second)[some]))
+    return variance, mean, apart, some
 
 
-@pytest.mark.parametrize("count", [4, 8, 32])
-@pytest.mark.parametrize("p", [1.0, 1.4, 2.0, 2.9])
-def test_a_part_of_what_the_law_takes_off_is_taken_off(p: float, count: int) -> None:
-    drawn = batches(p, count)
-    stated, part = told(drawn)
-    true = np.mean((drawn.mean(axis=-1) - 10) ** 2)
-    own, counted = ((count - 1) / (count**q - 1) for q in (p, 1 + REMAINS * (p - 1)))
-    assert stated * own == pytest.approx(true, rel=0.1)
-    assert part == pytest.approx(counted, rel=0.1)
+def test_dark_and_bright_pixels_get_their_own_factor() -> None:
+    overstated = np.where(BRIGHT > 5, 4.0, 1.2)
+    variance, mean, apart, some = drawn(overstated)
+    before = variance.copy()
+    correct(variance, mean, apart, some)
+    for part in (slice(0, PIXELS // 2), slice(PIXELS // 2, None)):
+        assert before[part].mean() / TRUE[part].mean() == pytest.approx(overstated[part].mean(), rel=0.1)
+        assert variance[part].mean() / TRUE[part].mean() == pytest.approx(1, abs=0.25)
+    assert variance.mean() / TRUE.mean() == pytest.approx(1, abs=0.2)
 
 
-def test_where_nothing_can_be_told_batches_count_as_independent() -> None:
-    drawn = batches(2.5, 4)
-    assert told(drawn)[1] < 0.4
-    assert told(drawn, FEWEST - 1)[1] == 1
-    assert told(drawn[..., :2])[1] == 1
-    assert told(0 * drawn)[1] == 1
-    assert told(10 + np.cumsum(drawn, axis=-1))[1] == 1  # halves differ more than neighbours
+def test_an_understated_variance_is_raised() -> None:
+    variance, mean, apart, some = drawn(np.full((PIXELS, 1), 0.4))
+    correct(variance, mean, apart, some)
+    assert variance.mean() / TRUE.mean() == pytest.approx(1, abs=0.2)
+
+
+def test_where_too_few_pixels_tell_batches_count_as_independent() -> None:
+    variance, mean, apart, some = drawn(np.full((PIXELS, 1), 3.0))
+    before = variance.copy()
+    correct(variance, mean, apart[: FEWEST - 1], some[: FEWEST - 1])
+    np.testing.assert_array_equal(variance, before)
+    dark = 0 * variance
+    correct(dark, 0 * mean, 0 * apart, some)
+    assert not dark.any()
+
+
+@pytest.mark.parametrize("pixels", [0, 1, 100, 1536, 5184, 14400, 921600])
+def test_pixels_that_are_sampled_twice_are_few_and_everywhere(pixels: int) -> None:
+    some = chosen(pixels)
+    assert len(some) <= max(pixels / EVERY, min(FEW, pixels / MOST)) and (len(some) > 0) == (pixels >= MOST)
+    assert (np.diff(some) > 0).all()
+    if len(some):
+        assert some[0] >= 0 and some[-1] < pixels
+        assert np.diff(np.concatenate([[0], some, [pixels]])).max() <= 2 * pixels / len(some) + 1

@@ -9,7 +9,6 @@ from mirelight.lighting.develop import SURFACE, Sums
 from mirelight.lighting.kernel.proxy import Point
 from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector2f, Vector3f, Vector4f
 from mirelight.lighting.layers import Layers
-from mirelight.lighting.spread import EVERY
 from mirelight.model import F32
 
 
@@ -20,7 +19,7 @@ class Film:
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
     parts: (layer, 2, pixel, rgb) over every second batch and over one in four; only where they are asked for.
-    halves: (layer, one pixel in `spread.EVERY`, rgb) over the first half of its batches less the second.
+    again: (layer, pixel of `spread.chosen`, rgb) over its second samples; only once `keep` was called.
     doubt: (layer, pixel, rgb) half the difference of two fills of the cells that were read; only where some are.
 
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
@@ -39,12 +38,13 @@ class Film:
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
         self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
         self._surface = dr.zeros(mi.Float, pixels * SURFACE)
-        self._halves = dr.zeros(mi.Float, count * -(-pixels // EVERY) * 3)
+        self._again: Float | None = None
+        self._counted = dr.opaque(mi.Bool, True)
         self._parts = dr.zeros(mi.Float, count * 2 * pixels * 3 if parts else 1)
         self._doubt = dr.zeros(mi.Float, count * pixels * 3) if doubt else None
         self._launch = mi.Float(0)
         self._stride = mi.UInt32(0)
-        dr.eval(self._light, self._squares, self._halves, self._surface, self._parts, self._doubt)
+        dr.eval(self._light, self._squares, self._surface, self._parts, self._doubt)
 
     # --- in the kernel ---
 
@@ -58,15 +58,20 @@ class Film:
             mi.Vector2f(a.y, a.z),
         )
         for k, group in enumerate(groups):
-            _add(self._surface, group, pixel * (SURFACE // len(group)) + k * (4 // len(group)), active)
+            _add(
+                self._surface,
+                group,
+                pixel * (SURFACE // len(group)) + k * (4 // len(group)),
+                active & self._counted,
+            )
 
     def add_openness(self, pixel: UInt32, sunlit: Float, unoccluded: Float, active: Bool) -> None:
         """How much of the suns' light and of the hemisphere one sample's surface point sees, 0 to 1 each."""
-        _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active)
+        _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active & self._counted)
 
     def add_doubt(self, pixel: UInt32, layer: UInt32, value: Vector3f, active: Bool) -> None:
         """By how much one sample would be darker in one of two fills, and brighter in the other; with its sign."""
-        _add(self._doubt, value, layer * self._pixels + pixel, active)
+        _add(self._doubt, value, layer * self._pixels + pixel, active & self._counted)
 
     def add_light(
         self,
@@ -99,13 +104,17 @@ class Film:
 
     # --- between kernels ---
 
-    def open(self, pixels: int, batches: int) -> None:
-        """Room for one launch, (layer, direct and indirect, batch, pixel, rgb)."""
+    def open(self, pixels: int, batches: int, *, counted: bool = True) -> None:
+        """Room for one launch, (layer, direct and indirect, batch, pixel, rgb).
+
+        Not counted: a launch for `keep`, which leaves the surface and the doubt as they are.
+        """
+        self._counted = dr.opaque(mi.Bool, counted)
         self._stride = dr.opaque(mi.UInt32, batches * pixels)
         self._launch = dr.zeros(mi.Float, self._layer_count * 2 * batches * pixels * 3)
         dr.eval(self._launch)
 
-    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int, second_half: int) -> None:
+    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int) -> None:
         """Run what has been recorded, then add the launch to the film.
 
         Args:
@@ -113,7 +122,6 @@ class Film:
             first_batches: UInt32 (count,) how many batches each had before.
             count: pixels of the launch.
             batches: of each pixel in the launch.
-            second_half: the batch that the second half of all begins with.
         """
         dr.eval(self._launch, self._surface, self._doubt)
         n, b = dr.opaque(mi.UInt32, count * 3), dr.opaque(mi.UInt32, batches)
@@ -124,25 +132,45 @@ class Film:
         place = 3 * pixel + here % 3
         first = layer * 2 * b * n + here
         row = 3 * self._pixels
-        before = dr.gather(mi.UInt32, first_batches, here // 3)
-        second = dr.opaque(mi.UInt32, second_half)
-        direct, indirect, squares, halves = _layer_sums(self._launch, first, before, second, b, n)
+        direct, indirect, squares = _layer_sums(self._launch, first, b, n)
         _put(self._light, direct, layer * 2 * row + place)
         _put(self._light, indirect, (layer * 2 + 1) * row + place)
         _put(self._squares, squares, layer * row + place)
-        short = 3 * ((self._pixels + (EVERY - 1)) // EVERY)
-        _put(self._halves, halves, layer * short + 3 * (pixel // EVERY) + here % 3, pixel % EVERY == 0)
         if self.in_parts:
+            before = dr.gather(mi.UInt32, first_batches, here // 3)
             even, fourth = _part_sums(self._launch, first, before, b, n)
             _put(self._parts, even, layer * 2 * row + place)
             _put(self._parts, fourth, (layer * 2 + 1) * row + place)
-        dr.eval(self._light, self._squares, self._halves, self._parts)
+        dr.eval(self._light, self._squares, self._parts)
         if self.separate:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
             squares = _squared_batches(self._launch, here, b, n, 2 * self._layers)
             _put(self._squares, squares, self._layers * row + place)
             dr.eval(self._squares)
+        self._launch = mi.Float(0)
+        dr.sync_thread()
+
+    def keep(self, first: int, count: int, batches: int, pixels: int) -> None:
+        """Run what has been recorded, and add the launch to the second samples.
+
+        Args:
+            first: place of the launch's first pixel among those that are sampled twice.
+            count: pixels of the launch.
+            batches: of each pixel in the launch.
+            pixels: that are sampled twice.
+        """
+        if self._again is None:
+            self._again = dr.zeros(mi.Float, self._layer_count * pixels * 3)
+        dr.eval(self._launch, self._again)
+        n, b = dr.opaque(mi.UInt32, count * 3), dr.opaque(mi.UInt32, batches)
+        lane = dr.arange(mi.UInt32, self._layer_count * count * 3)
+        layer = lane // n
+        here = lane - layer * n
+        direct, indirect, _ = _layer_sums(self._launch, layer * 2 * b * n + here, b, n)
+        place = layer * dr.opaque(mi.UInt32, 3 * pixels) + dr.opaque(mi.UInt32, 3 * first) + here
+        _put(self._again, direct + indirect, place)
+        dr.eval(self._again)
         self._launch = mi.Float(0)
         dr.sync_thread()
 
@@ -158,25 +186,22 @@ class Film:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""
         parts = self._parts.numpy() if self.in_parts else None
         doubt = None if self._doubt is None else self._doubt.numpy()
-        halves = self._halves.numpy()
-        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts, doubt, halves)
+        again = None if self._again is None else self._again.numpy()
+        return Sums(self._light.numpy(), self._squares.numpy(), self._surface.numpy(), parts, doubt, again)
 
 
 @dr.syntax
-def _layer_sums(
-    launch: Float, place: UInt32, before: UInt32, second_half: UInt32, batches: UInt32, stride: UInt32
-) -> tuple[Float, Float, Float, Float]:
-    """(direct, indirect, sum of squared batches, first half of them less the second) of one layer and channel."""
-    direct, indirect, squares, halves, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
+def _layer_sums(launch: Float, place: UInt32, batches: UInt32, stride: UInt32) -> tuple[Float, Float, Float]:
+    """(direct, indirect, sum of squared batches) of one layer and channel."""
+    direct, indirect, squares, batch = mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0)
     while batch < batches:
         d = dr.gather(mi.Float, launch, place + batch * stride)
         i = dr.gather(mi.Float, launch, place + (batch + batches) * stride)
         direct += d
         indirect += i
         squares += dr.square(d + i)
-        halves += dr.select(before + batch < second_half, d + i, -d - i)
         batch += 1
-    return direct, indirect, squares, halves
+    return direct, indirect, squares
 
 
 @dr.syntax

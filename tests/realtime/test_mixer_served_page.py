@@ -30,7 +30,7 @@ from mirelight.scene import prepare
 
 from .mixer_scene import walls
 from .test_mixer import JOB, decibels, displayed
-from .waiting import settled
+from .waiting import settled, until
 
 WAIT = 120_000  # milliseconds
 SAMPLES = 64  # a splat, in the end
@@ -82,12 +82,12 @@ def _visit(address: str, found: dict[str, Any]) -> None:
             state = page.evaluate("fetch('live/state').then(x => x.json())")
             if not state["tracing"] and [x for x in state["layers"] if x["samples"] == samples]:
                 return dict(state)
-            page.wait_for_timeout(100)
+            page.wait_for_timeout(100)  # between two questions
 
     with sync_playwright() as playwright:
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
-        page = chromium.new_page(viewport={"width": 660, "height": 320})
+        page = chromium.new_page(viewport={"width": 660, "height": 320}, has_touch=True)
         failures: list[str] = []
         page.on("pageerror", lambda error: failures.append(str(error)))
         page.goto(address)
@@ -138,12 +138,20 @@ def _visit(address: str, found: dict[str, Any]) -> None:
 
         page.reload()  # what was moved is kept by the server
         page.wait_for_function("document.getElementById('message').hidden", timeout=WAIT)
-        there = "x.mix().lightings[0].handles[0].position.every((v, k) => v === place[k])"
-        page.wait_for_function(f"place => mixer.then(x => {there})", arg=found["height"], timeout=WAIT)
+        until(page, lambda: handles(page)[0]["position"] == found["height"])
         found["again"] = handles(page)[0]["position"]
         page.set_viewport_size({"width": 390, "height": 844})
         settled(page, page)
         found["width"] = page.evaluate("document.documentElement.scrollWidth")
+
+        touched = lamp.bounding_box()
+        assert touched is not None
+        x, y = touched["x"] + touched["width"] / 2, touched["y"] + touched["height"] / 2
+        finger = page.context.new_cdp_session(page)
+        for kind, shift in (("touchStart", 0), ("touchMove", 12), ("touchMove", 24), ("touchEnd", None)):
+            points = [] if shift is None else [{"x": x + shift, "y": y - shift}]
+            finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        found["touched"] = lamp.bounding_box(), (x + 24, y - 24), page.evaluate("[scrollX, scrollY]")
         found["failures"] = failures
         chromium.close()
 
@@ -159,6 +167,13 @@ def test_a_light_is_picked_and_dragged(seen: dict[str, Any]) -> None:
     assert worm["position"] == worm["first"]
     assert [x["layer"] for x in seen["state"]["layers"]] == [day["layer"]]
     assert seen["before"] != seen["after"]
+
+
+def test_a_finger_drags_a_light_on_a_phone(seen: dict[str, Any]) -> None:
+    box, wanted, scrolled = seen["touched"]
+    assert abs(box["x"] + box["width"] / 2 - wanted[0]) < 1.5
+    assert abs(box["y"] + box["height"] / 2 - wanted[1]) < 1.5
+    assert scrolled == [0, 0]
 
 
 def test_a_drag_stays_in_the_plane_that_faces_the_camera(seen: dict[str, Any], folder: Path) -> None:

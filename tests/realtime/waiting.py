@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from playwright.sync_api import Locator, Page
 
 LIMIT = 120_000  # milliseconds
@@ -22,3 +24,11 @@ def settled(page: Page, what: Page | Locator, *, other_than: bytes = b"") -> byt
         if same == 3:
             return now
     raise AssertionError("the picture never came to rest" if before != other_than else "the picture never changed")
+
+
+def until(page: Page, holds: Callable[[], bool]) -> None:
+    """Comes back once a condition holds, or after the limit: the test's own assertions tell what is missing."""
+    for _ in range(LIMIT // PAUSE):
+        if holds():
+            return
+        page.wait_for_timeout(PAUSE)

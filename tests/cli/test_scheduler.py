@@ -143,9 +143,15 @@ def test_ctrl_c_ends_the_workers_part_too(folder: Path, run: Run, cluster: Clust
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 130 and "the same command goes on from there" in err
-    time.sleep(1.0)
+
+    def unfinished() -> list[str]:
+        return [x for x in left_over(folder / "out") if "ballast" not in x]
+
+    end = time.monotonic() + 120
+    while unfinished() and time.monotonic() < end:  # what a worker is in the middle of
+        time.sleep(0.1)
+    assert not unfinished()
     made = rows(folder / "out")
-    assert not [x for x in left_over(folder / "out") if "ballast" not in x]
     time.sleep(1.0)
     assert rows(folder / "out") == made  # nobody goes on
 

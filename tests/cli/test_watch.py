@@ -225,7 +225,7 @@ class Process:
         self._until(lambda: sum(text in line for line in self.said) >= count, 240)
 
     def wait_for_mistakes(self, count: int) -> None:
-        self._until(lambda: len(self.mistakes) >= count, 60)
+        self._until(lambda: len(self.mistakes) >= count, 240)
 
     def _until(self, met: Callable[[], bool], seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -236,7 +236,7 @@ class Process:
     def end(self) -> int:
         self.process.send_signal(signal.SIGINT)
         code = self.process.wait(timeout=120)
-        self._reader.join(timeout=10)
+        self._reader.join(timeout=60)
         return code
 
 

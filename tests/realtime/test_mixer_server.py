@@ -86,7 +86,7 @@ class Asker:
         self.session, self.folder = session, folder
 
     def ask(self, name: str, body: bytes | None = None, token: str | None = None, **named: str) -> tuple[int, bytes]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         method = "GET" if body is None else "PUT"
         connection.request(method, f"/{self.token if token is None else token}/{name}", body, named)
         answer = connection.getresponse()
@@ -235,7 +235,7 @@ def test_nothing_else_is_written_and_nothing_large(asker: Asker) -> None:
     for name in ("layers.json", "layers.bin", "../job.toml", "job.toml", "live/layer/2/3", "live/state", "other"):
         assert asker.ask(name, b"1")[0] == 404
     for name, size in (("live/light", 1 << 12), ("live/still", 1 << 18), ("mix.toml", 1 << 20)):
-        connection = http.client.HTTPConnection("127.0.0.1", asker.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", asker.port, timeout=60)
         connection.putrequest("PUT", f"/{asker.token}/{name}")
         connection.putheader("Content-Length", str(size + 1))
         connection.endheaders()

@@ -23,14 +23,14 @@ class Asker:
         self.token, self.inbox = parts.path.strip("/"), inbox
 
     def ask(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> tuple[int, bytes]:
-        connection = http.client.HTTPConnection(self.host, self.port, timeout=10)
+        connection = http.client.HTTPConnection(self.host, self.port, timeout=60)
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         connection.request(method, path, body, named)
         answer = connection.getresponse()
         return answer.status, answer.read()
 
     def raw(self, text: str) -> bytes:
-        with socket.create_connection((self.host, self.port), timeout=10) as connection:
+        with socket.create_connection((self.host, self.port), timeout=60) as connection:
             connection.sendall(text.replace("\n", "\r\n").encode())
             return connection.recv(1000)
 

@@ -26,6 +26,9 @@ ROUNDS = 3  # of light by colours and colours by light; the first two bring all 
 FLOOR = 0.01  # of the mean irradiance: where there was no light, no colour can be found
 DARKEST = 0.01
 UNLIT = 0.01  # of the mean irradiance: a front darker than this is the inside of something, and the back was seen
+CLIPPED = 0.03  # of display white: splats that near it may have been brighter
+_MANY = 0.1  # share of clipped splats in bright light from which a vertex's colour is told by the others
+_OVEREXPOSED = 1e-4  # what a splat in such light counts then
 _START = 0.5  # albedo that the first round's light is traced with
 _FILL_STEPS = 256  # edges from a vertex with splats to the farthest without that takes its colour
 
@@ -62,7 +65,9 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
     on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E). Vertices on an edge
     between faces that look different ways are split, so that a corner of a room keeps the colours of its walls apart.
-    E holds light reflected by the proxy, so colours and light are found in turns.
+    E holds light reflected by the proxy, so colours and light are found in turns. Where splats end at display white,
+    all that lie in light as bright count only if there are no others: which of them are clipped depends on their
+    colour, and to leave out those alone would leave the dark ones.
 
     Args:
         splats: in world space; their colour averaged over directions is used, decoded from sRGB.
@@ -194,7 +199,8 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
 
 def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, neighbours: Int) -> F32:
     """(V, 3) sums of the splats' colours over sums of their light."""
-    values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1) * deposits.weight[:, None]
+    weight = deposits.weight * np.where(_overexposed(mesh, deposits, light), _OVEREXPOSED, 1)
+    values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1) * weight[:, None]
     sums = np.zeros((len(mesh.vertices), 7))
     for k in range(3):
         _add(sums, mesh.faces[deposits.face, k], values * deposits.corners[:, k, None])
@@ -202,6 +208,21 @@ def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, neighbours: Int) ->
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
+
+
+def _overexposed(mesh: ProxyMesh, deposits: Deposits, light: F64) -> NDArray[np.bool_]:
+    """(N,) splats in light that brings a white surface to display white, near a vertex where many such are clipped."""
+    bright = light.max(axis=1) * BRIGHTEST > np.pi
+    brightest = deposits.color.max(axis=1)
+    white = np.abs(brightest - 1) < CLIPPED
+    if white.sum() <= (brightest >= 1 + CLIPPED).sum():  # brightness goes on past white: nothing is clipped there
+        return np.zeros(len(bright), bool)
+    sums = np.zeros((len(mesh.vertices), 2))
+    values = np.stack([bright, bright & white], axis=1) * deposits.weight[:, None]
+    for k in range(3):
+        _add(sums, mesh.faces[deposits.face, k], values * deposits.corners[:, k, None])
+    clipped = (sums[:, 1] > _MANY * sums[:, 0])[mesh.faces[deposits.face]].any(axis=1)
+    return np.asarray(bright & clipped)
 
 
 def _neighbours(mesh: ProxyMesh) -> Int:

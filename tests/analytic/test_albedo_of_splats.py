@@ -89,6 +89,29 @@ def test_floor_under_a_sun() -> None:
         np.testing.assert_allclose(found.vertex_colors[inner], np.tile(wanted / 1.01, (inner.sum(), 1)), rtol=0.005)
 
 
+def test_clipped_splats_count_only_where_there_are_no_others() -> None:
+    """A floor under a lamp whose light ends at white in the middle: its colour is told by the splats round it."""
+    floor = joined(quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), parts=2))  # the lamp's middle is one vertex of nine
+    rng = np.random.default_rng(3)
+    at = np.stack([rng.uniform(-2, 2, 20000), np.zeros(20000), rng.uniform(-2, 2, 20000)], axis=1)
+    up = np.tile([0.0, 1.0, 0.0], (len(at), 1))
+    squared = 1 + at[:, 0] ** 2 + at[:, 2] ** 2
+    color = 0.7 * (2 * np.pi) / squared**1.5 / np.pi
+    assert 0.02 < (color > 1).mean() < 0.2
+    splats = splats_on(at, up, np.repeat(np.minimum(color, 1)[:, None], 3, axis=1), 0.02)
+    lamp = Lighting(lights=(PointLight(name="lamp", position=np.array([0.0, 1, 0]), intensity=2 * np.pi),))
+    found = colored_by(splats, floor, lamp, SETTINGS)
+    assert found.vertex_colors is not None
+    np.testing.assert_allclose(found.vertex_colors, 0.7, rtol=0.05)  # dark corners: a percent of the mean is added
+    middle = np.abs(found.vertices[:, [0, 2]]).max(axis=1) < 0.1
+    np.testing.assert_allclose(found.vertex_colors[middle], 0.7, rtol=0.02)
+    # all of it past white: what is left is a lower bound, as bright as clipped splats say
+    bright = replace(lamp, lights=(replace(lamp.lights[0], intensity=200 * np.pi),))
+    bound = colored_by(splats_on(at, up, np.ones((len(at), 3)), 0.02), floor, bright, SETTINGS)
+    assert bound.vertex_colors is not None
+    assert 0 < bound.vertex_colors[middle].max() < 0.05
+
+
 @pytest.mark.parametrize("facing", [1, -1])
 def test_what_lies_inside_is_not_what_was_seen(facing: int) -> None:
     """A closed box of either winding: only its outside is lit, so only that can be what the splats show."""

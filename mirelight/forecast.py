@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +28,8 @@ class Forecast:
     cameras: int
     lightings: int
     traces: int  # of sets of unit lights, over all cameras, that are not kept yet
+    fills: int | None  # of the surface, rays that serve any light, that are not kept yet; None: nothing is read there
+    gathered: int  # unit lights on the surface that are not kept yet
     seconds: float  # measured on a small frame and scaled by pixels and samples: no more than a guide
     bytes: int  # of new files
     remarks: tuple[str, ...] = ()  # cameras and lights of no use, see `mirelight.viewing.remarks`
@@ -70,10 +73,23 @@ def forecast(plan: Plan) -> Forecast:
         cameras=len(plan.groups),
         lightings=max(len(g.tasks) for g in plan.groups),
         traces=traces,
+        fills=None if not needs.reads_surface(job) or not left else int(not store.has_layers([made.surface_transport])),
+        gathered=sum(not store.has_layers([x]) for x in _on_surface(plan, missing)),
         seconds=seconds,
         bytes=round(size),
         remarks=_remarks(plan),
     )
+
+
+def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> set[str]:
+    """Keys of the unit lights on the surface that frames are made from."""
+    job, made = plan.job, plan.keys
+    wanted = [t.lighting for tasks in missing.values() for t in tasks if t.lighting is not None]
+    if not needs.reads_surface(job) or not wanted:
+        return set()
+    captured = [job.captured] if job.splats is not None and needs.compares(job) and job.captured is not None else []
+    sets = {s.digest: s for x in (*wanted, *captured) for s in made.mixture(x).sets}
+    return {made.surface_light(part) for one in sets.values() for part in one.parts()}
 
 
 def _remarks(plan: Plan) -> tuple[str, ...]:

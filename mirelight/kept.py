@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Protocol
 
-from mirelight.model import F32, Camera, CellLight, LightingBuffer, ProxyMesh, SurfaceCells
+from mirelight.model import F32, Camera, CellLight, LightingBuffer, ProxyMesh, SurfaceCells, SurfaceTransport
 
 
 class Kept(Protocol):
@@ -39,6 +39,12 @@ class Kept(Protocol):
 
     def keep_cells(self, key: str, cells: SurfaceCells) -> None:
         """Keep cells under their key."""
+
+    def transport(self, key: str, count: int) -> SurfaceTransport | None:
+        """Kept transport between `count` cells; None where there is none."""
+
+    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
+        """Keep transport under its key."""
 
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
         """Kept light on `count` cells; None where there is none."""
@@ -105,6 +111,14 @@ class KeptInMemory:
         """See :class:`Kept`."""
         self._beneath.keep_cells(key, cells)
 
+    def transport(self, key: str, count: int) -> SurfaceTransport | None:
+        """See :class:`Kept`."""
+        return self._beneath.transport(key, count)
+
+    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
+        """See :class:`Kept`."""
+        self._beneath.keep_transport(key, transport)
+
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
         """See :class:`Kept`."""
         return self._beneath.cell_lights(key, count)
@@ -152,6 +166,13 @@ class KeptNowhere:
 
     def keep_cells(self, key: str, cells: SurfaceCells) -> None:
         """Forgets them."""
+
+    def transport(self, key: str, count: int) -> SurfaceTransport | None:
+        """There is none."""
+        return None
+
+    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
+        """Forgets it."""
 
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
         """There is none."""

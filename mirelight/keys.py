@@ -153,13 +153,17 @@ class Keys:
         versions = self._versions("mitsuba", "drjit", "llvm", "numpy")
         return digest("cells", self.proxy, views, job.render.variant, versions)
 
+    @cached_property
+    def surface_transport(self) -> str:
+        """How light goes between those pieces, whatever the light."""
+        return digest("surface transport", self.surface_cells, self.job.render.seed)
+
     def surface_light(self, part: LightSet) -> str:
         """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
-        render = self.job.render
-        return digest("surface light", self.surface_cells, part.digest, render.seed, render.max_depth)
+        return digest("light on the surface", self.surface_transport, part.digest, self.job.render.max_depth)
 
     def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
-        yield self.surface_cells
+        yield from (self.surface_cells, self.surface_transport)
         yield from (self.surface_light(part) for one in every for part in one.parts())
 
     def lights(self) -> Iterator[str]:

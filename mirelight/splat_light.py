@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -15,7 +16,19 @@ import numpy as np
 
 from mirelight import keys, needs, relighting
 from mirelight.kept import Kept
-from mirelight.model import F32, Job, Lighting, ProxyMesh, SplatCloud, SurfaceCells
+from mirelight.model import (
+    F32,
+    DirectionalLight,
+    Job,
+    Light,
+    Lighting,
+    PointLight,
+    ProxyMesh,
+    SplatCloud,
+    SpotLight,
+    SurfaceCells,
+    SurfaceTransport,
+)
 from mirelight.units import GLOW, LightSet, Unit
 
 if TYPE_CHECKING:
@@ -25,6 +38,7 @@ if TYPE_CHECKING:
 EMISSION = "emission"
 FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
 READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
+SHARP_READS = 8  # samples of lights that are a point or a direction, as then only what is read differs between them
 _WAIT = 0.25  # seconds between two looks at what another process makes
 
 Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
@@ -76,6 +90,7 @@ class SplatLight:
         """The same splats with other samples."""
         out = copy(self)
         out._spp = spp
+        vars(out).pop("_transport", None)  # of as many rays as there are samples
         return out
 
     @property
@@ -197,14 +212,20 @@ class SplatLight:
         points, normals = self.places.points, self.places.normals
         lighting, tracer = self._scene.lighting_of(one), self.tracer
         say = partial(self._say, what)
-        cache, spp = None, self._spp
-        if self._reads_surface:
-            cache = tracer.fill(self._cells, lighting, samples=spp, emission=one.glow, progress=say)
-            spp = max(spp // READS, 1)
-        made = tracer.point_layers(lighting, points, normals, spp, emission=one.glow, cache=cache, progress=say)
+        if not self._reads_surface:
+            made = [tracer.point_layers(lighting, points, normals, self._spp, emission=one.glow, progress=say)]
+        else:
+            between = None if one.glow else self._transport
+            cells = self._cells
+            cache = tracer.fill(cells, lighting, samples=self._spp, transport=between, emission=one.glow, progress=say)
+            made = [
+                tracer.point_layers(part, points, normals, spp, emission=one.glow, cache=cache, progress=say)
+                for part, spp in _by_sharpness(lighting, max(self._spp // READS, 1), glow=one.glow)
+            ]
+        of_name = {name: (part, k) for part in made for k, name in enumerate(part.names)}
         for name in layers:
-            k = made.names.index(name)
-            light = np.asarray((made.direct[k] + made.indirect[k]) * np.float32(1 / np.pi), np.float32)
+            part, k = of_name[name]
+            light = np.asarray((part.direct[k] + part.indirect[k]) * np.float32(1 / np.pi), np.float32)
             yield light + self._own_glow if one.glow else light
 
     @cached_property
@@ -218,16 +239,41 @@ class SplatLight:
     def _cells(self) -> SurfaceCells:
         return self.tracer.cells_at(self.places.points, self.places.normals)
 
+    @cached_property
+    def _transport(self) -> SurfaceTransport:
+        rays = 1 << max(self._spp - 1, 15).bit_length()
+        return self.tracer.transport(self._cells, rays, partial(self._say, "rays between surfaces"))
+
     @property
     def _reads_surface(self) -> bool:
         """Whether indirect light is gathered on the surface first: where that is less work than paths from splats."""
-        from mirelight.lighting.fill import rounds_of
-
         paths = len(self.places.points) * self._spp
         if self._scene.job.render.max_depth == 1 or paths <= FEWEST_PATHS:
             return False
-        return paths > len(self._cells) * sum(rounds_of(self._spp))
+        return paths > len(self._cells) * self._spp
 
     def _say(self, what: str, done: int, total: int) -> None:
         if self._progress is not None:
             self._progress(what, done, total)
+
+
+def _by_sharpness(lighting: Lighting, spp: int, *, glow: bool) -> Iterator[tuple[Lighting, int]]:
+    """A lighting in parts, whose layers are whole, and the samples that each takes where reflected light is read."""
+    soft = {x.group or x.name for x in lighting.lights if not _is_sharp(x)}
+    sharp = tuple(x for x in lighting.lights if (x.group or x.name) not in soft)
+    rest = replace(lighting, lights=tuple(x for x in lighting.lights if (x.group or x.name) in soft))
+    if sharp:
+        yield Lighting(name=lighting.name, lights=sharp), min(spp, SHARP_READS)
+    if rest.lights or rest.environment is not None or rest.sky is not None or glow:
+        yield rest, spp
+
+
+def _is_sharp(light: Light) -> bool:
+    """Whether it reaches a point from one direction alone."""
+    match light:
+        case DirectionalLight():
+            return True
+        case PointLight() | SpotLight():
+            return light.radius == 0
+        case _:
+            return False

@@ -7,16 +7,17 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from mirelight import keys, needs
 from mirelight.kept import Kept
-from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells
+from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.units import LightSet
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
 
+T = TypeVar("T")
 Progress = Callable[[int, int], None]  # (samples done, samples in all)
 
 _WAIT = 0.25  # seconds between two looks at what another process makes
@@ -61,13 +62,35 @@ class SurfaceLight:
             self._kept.keep_cells(key, made)
             return made
 
+        return self._made_once(key, lambda: self._kept.cells(key), make)
+
+    @cached_property
+    def transport(self) -> SurfaceTransport:
+        """How light goes between the cells, whatever the light.
+
+        Raises:
+            RenderError: it does not fit in memory.
+        """
+        key = self._keys.surface_transport
+
+        def make() -> SurfaceTransport:
+            self._tell(f"finding how light goes between {len(self.cells):,} pieces of the surface, for any light")
+            made = self._tracer.transport(self.cells)
+            self._kept.keep_transport(key, made)
+            return made
+
+        return self._made_once(key, lambda: self._kept.transport(key, len(self.cells)), make)
+
+    def _made_once(self, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
+        """What is kept, or made now; one process makes it, and others wait."""
         while True:
-            found = self._kept.cells(key)
+            found = find()
             if found is not None:
                 return found
             with self._kept.claim(_claim(key)) as mine:
                 if mine:
-                    return self._kept.cells(key) or make()
+                    found = find()
+                    return make() if found is None else found
             time.sleep(_WAIT)
 
     def cache(self, light_set: LightSet, progress: Progress | None = None) -> SurfaceCache:
@@ -120,7 +143,10 @@ class SurfaceLight:
             "it is kept for the next time"
         )
         emission = whole.whole is not None or whole.glow
-        made = self._tracer.fill(self.cells, self._lighting_of(whole), emission=emission, progress=progress)
+        glows = emission and self._tracer.emissive
+        transport = None if glows else self.transport
+        lighting = self._lighting_of(whole)
+        made = self._tracer.fill(self.cells, lighting, transport=transport, emission=emission, progress=progress)
         by_name = {light.name: light for light in made.lights}
         for i, key in enumerate(parts):
             self._lights[key] = (by_name[str(i)],) if units else made.lights

@@ -90,6 +90,9 @@ def _say_forecast(found: Forecast) -> None:
     traces = f"{found.traces} trace{'' if found.traces == 1 else 's'} of unit lights"
     say.result(f"{_frames(found.frames)} ({views}), {found.there} of them there")
     say.result(f"{traces}; about {progress.duration(found.seconds)} on this machine as it is now")
+    if found.fills is not None:
+        fills = f"{found.fills} fill{'' if found.fills == 1 else 's'}"
+        say.result(f"{fills} of the surface, for any light; light of {found.gathered} sources to gather on it")
     say.result(f"about {found.bytes / 1e6:,.1f} MB of new files")
     for line in found.remarks:
         say.result(line)

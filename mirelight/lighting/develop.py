@@ -18,6 +18,7 @@ from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
 CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device
 PATH_BYTES = 1024  # of a path that finds cells: its hits on device and host, sorted and sorted again
+RAY_BYTES = 20  # of a ray between cells: where it ends and the albedo there, on host and device, and while it is made
 SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
 
 
@@ -222,6 +223,25 @@ def refuse_if_too_many_paths(paths: int, most: int | None = None) -> None:
         raise RenderError(
             f"finding the pieces of the surface that light is kept on takes {paths:,} paths, which need "
             f'{_size(needed)}, and {found}; set render.indirect = "traced"'
+        )
+
+
+def refuse_if_too_many_rays(rays: int, most: int | None = None) -> None:
+    """Stop before rays between cells of a surface are held that do not fit.
+
+    Args:
+        rays: how many, of all cells together.
+        most: bytes that they may take; None: what the machine has free.
+
+    Raises:
+        RenderError: says the size needed.
+    """
+    needed = RAY_BYTES * rays
+    allowed, found = _allowed(needed, most)
+    if needed > allowed:
+        raise RenderError(
+            f"{rays:,} rays between pieces of the surface need {_size(needed)} and {found}; "
+            'set render.indirect = "traced"'
         )
 
 

@@ -29,6 +29,7 @@ from mirelight.model import (
     RenderSettings,
     SurfaceCache,
     SurfaceCells,
+    SurfaceTransport,
     digest,
 )
 
@@ -176,12 +177,27 @@ class Tracer:
         size = thickness.cell_size(surface, self._proxy) if size is None else size
         return cells.make(surface, views, size, self.settings.max_memory)
 
+    def transport(
+        self, cells: SurfaceCells, rays: int = CELL_SAMPLES, progress: Progress | None = None
+    ) -> SurfaceTransport:
+        """How light goes between cells: `rays` of each (a power of two from 16 on; fewer of very many cells).
+
+        With it, `fill` traces no rays between surfaces. Progress is called with rays done and in all.
+
+        Raises:
+            BackendError, RenderError: as `fill`.
+        """
+        from mirelight.lighting.transport import found
+
+        return found(self._on_device(), cells, self.settings, rays, progress or _ignore)
+
     def fill(
         self,
         cells: SurfaceCells,
         lighting: Lighting,
         *,
         samples: int = CELL_SAMPLES,
+        transport: SurfaceTransport | None = None,
         emission: bool = True,
         progress: Progress | None = None,
     ) -> SurfaceCache:
@@ -191,6 +207,7 @@ class Tracer:
             cells: from `cells`.
             lighting: lights, environment, sky model.
             samples: of each cell; four times as many halve the cache's error.
+            transport: between these cells, which then says how many samples there are. What glows is not read from it.
             emission: False: surfaces that glow do not.
             progress: called with samples done and in all after every launch.
 
@@ -199,10 +216,13 @@ class Tracer:
             RenderError: the light of so many cells does not fit in memory.
         """
         from mirelight.lighting.fill import fill
+        from mirelight.lighting.transport import lit
 
         surface, lighting = self._on_device(), plain(lighting)
         sky = self._sky_of(lighting.environment)
         glow = emission and self.emissive
+        if transport is not None and not glow:
+            return lit(surface, sky, cells, transport, lighting, self.settings, progress or _ignore)
         return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
 
     def _cells(

@@ -45,7 +45,7 @@ from mirelight.model.settings import (
     ToneCurve,
     Variant,
 )
-from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells
+from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells, SurfaceTransport
 
 __all__ = [
     "F32",
@@ -99,6 +99,7 @@ __all__ = [
     "SunLight",
     "SurfaceCache",
     "SurfaceCells",
+    "SurfaceTransport",
     "ToneCurve",
     "Variant",
     "Wrap",

@@ -46,6 +46,56 @@ class SurfaceCells(ArrayHolder):
         return len(self.keys)
 
 
+SKY, NOTHING, LOST = 0xFFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFD  # where rays end that end on no node
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SurfaceTransport(ArrayHolder):
+    """How light goes between the C cells of a surface, whatever the light: where R rays of each cell end.
+
+    They end on nodes: the cells, and behind them E places that have no cell.
+    """
+
+    seed: int  # of the rays' directions, which are drawn again where they are asked for
+    target: NDArray[np.uint32]  # (R, C) a node, SKY, or NOTHING where no light comes back; two independent halves
+    albedo: NDArray[np.uint32]  # (R, C) at the ray's end, linear, red << 20 | green << 10 | blue of 1023 steps each
+    faces: I32  # (E, 1) triangle of each place
+    corners: F32  # (E, 1, 2) barycentric coordinates
+    normals: F32  # (E, 1, 3) against the ray that ends there
+    beyond: NDArray[np.uint32]  # (E,) where one ray from each place ends
+    beyond_albedo: NDArray[np.uint32]  # (E,)
+
+    def __post_init__(self) -> None:
+        freeze(self, "target", (None, None), np.uint32)
+        freeze(self, "albedo", self.target.shape, np.uint32)
+        freeze(self, "faces", (None, 1), np.int32)
+        places = len(self.faces)
+        freeze(self, "corners", (places, 1, 2))
+        freeze(self, "normals", (places, 1, 3))
+        freeze(self, "beyond", (places,), np.uint32)
+        freeze(self, "beyond_albedo", (places,), np.uint32)
+        if len(self.target) == 0 or len(self.target) % 8:
+            raise ValueError(f"SurfaceTransport.target: {len(self.target)} rays, expected a multiple of 8")
+        for ends in (self.target, self.beyond):
+            if np.any((ends >= self.nodes) & (ends < NOTHING)):
+                raise ValueError("SurfaceTransport: rays that end nowhere")
+
+    @property
+    def cells(self) -> int:
+        """How many cells there are."""
+        return int(self.target.shape[1])
+
+    @property
+    def nodes(self) -> int:
+        """Cells, and places without one."""
+        return self.cells + len(self.faces)
+
+    @property
+    def nbytes(self) -> int:
+        """Size of all arrays."""
+        return 2 * self.target.nbytes + len(self.faces) * (4 + 8 + 12 + 8)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CellLight(ArrayHolder):
     """One light's irradiance / pi on every cell, from two independent fills: (2, C, 3) each, linear."""

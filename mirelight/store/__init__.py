@@ -33,6 +33,7 @@ from mirelight.model import (
     ProxyMesh,
     SplatLayer,
     SurfaceCells,
+    SurfaceTransport,
 )
 from mirelight.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
@@ -233,6 +234,15 @@ class Store:
         """See `mirelight.kept.Kept`. Where there is no room, they are found again the next time."""
         with suppress(OutputError):
             self._light.keep_cells(key, cells)
+
+    def transport(self, key: str, count: int) -> SurfaceTransport | None:
+        """See `mirelight.kept.Kept`."""
+        return self._light.transport(key, count)
+
+    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
+        """See `mirelight.kept.Kept`. Where there is no room, it is found again the next time."""
+        with suppress(OutputError):
+            self._light.keep_transport(key, transport)
 
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
         """See `mirelight.kept.Kept`."""

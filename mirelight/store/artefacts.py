@@ -28,6 +28,7 @@ from mirelight.model import (
     ProxyMesh,
     SplatLayer,
     SurfaceCells,
+    SurfaceTransport,
 )
 from mirelight.store.arrays import Arrays, is_sound, read_arrays, write_arrays
 
@@ -136,6 +137,23 @@ class Artefacts:
         """
         write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(cells), {"size": cells.size})
 
+    def transport(self, key: str, count: int) -> SurfaceTransport | None:
+        """Kept transport between `count` cells; None where there is none, or it is damaged."""
+        try:
+            file = read_arrays(self._folder / f"{key}{_LIGHT}")
+            made = SurfaceTransport(seed=int(file.about["seed"]), **file.arrays)
+        except _BROKEN:
+            return None
+        return made if made.cells == count else None
+
+    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
+        """Keep transport.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(transport), {"seed": transport.seed})
+
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
         """Kept light on `count` cells; None where there is none, or it is damaged."""
         try:
@@ -193,7 +211,9 @@ def _arrays(buffer: LightingBuffer) -> dict[str, NDArray[Any]]:
     return out
 
 
-def _own_arrays(of: LightingBuffer | SplatLayer | SurfaceCells | CellLight) -> dict[str, NDArray[Any]]:
+def _own_arrays(
+    of: LightingBuffer | SplatLayer | SurfaceCells | SurfaceTransport | CellLight,
+) -> dict[str, NDArray[Any]]:
     return {f.name: x for f in fields(of) if isinstance(x := getattr(of, f.name), np.ndarray)}
 
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import mirelight
+from mirelight import executor
+from mirelight.forecast import forecast
 from mirelight.kept import KeptNowhere
 from mirelight.lighting import Tracer
 from mirelight.model import (
@@ -21,7 +23,10 @@ from mirelight.model import (
     PointLight,
     RenderSettings,
     SurfaceCells,
+    SurfaceTransport,
 )
+from mirelight.plan import plan
+from mirelight.store import Store
 
 from ..analytic.test_surface_cache import stage
 
@@ -67,6 +72,14 @@ class Shelf(KeptNowhere):
     def __init__(self) -> None:
         self.found: dict[str, SurfaceCells] = {}
         self.lights: dict[str, tuple[CellLight, ...]] = {}
+        self.transports: dict[str, SurfaceTransport] = {}
+
+    def transport(self, key: str, count: int) -> SurfaceTransport | None:
+        return self.transports.get(key)
+
+    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
+        assert key not in self.transports
+        self.transports[key] = transport
 
     def cells(self, key: str) -> SurfaceCells | None:
         return self.found.get(key)
@@ -129,7 +142,7 @@ def test_only_lights_that_changed_are_filled(monkeypatch: pytest.MonkeyPatch) ->
 
     turned = replace(one, lightings=(replace(whole, environment=Environment(radiance=np.ones((2, 4, 3), np.float32))),))
     lit(turned, shelf)
-    assert counts == [3, 1, 4, 1]
+    assert counts == [3, 1, 4, 1] and len(shelf.transports) == 1
     for changed in (replace(one.render, seed=1), replace(one.render, max_depth=5)):
         lit(replace(one, render=changed), shelf)
     assert counts == [3, 1, 4, 1, 3, 3]
@@ -150,3 +163,35 @@ def test_glowing_surfaces_are_filled_by_themselves(monkeypatch: pytest.MonkeyPat
     assert sorted(counts) == [0, 3] and len(shelf.lights) == 4
     assert np.array_equal(lit(glowing, shelf).new.beauty, first.new.beauty)
     assert len(counts) == 2
+
+
+def made(work: Job) -> None:
+    """The job rendered."""
+    store = Store(work)
+    store.open()
+    try:
+        executor.run(plan(work), store)
+    finally:
+        store.close()
+
+
+def test_turning_the_sky_takes_no_new_fill(tmp_path: Path) -> None:
+    """As the forecast says, and as the folder has it."""
+    one = job()
+    sky = one.lightings[0].environment
+    assert sky is not None
+
+    def turned(degrees: float) -> Lighting:
+        return Lighting(name=f"sky {degrees:g}", environment=replace(sky, rotation=degrees))
+
+    output = replace(one.output, directory=tmp_path, png=False)
+    small = tuple(x.resized(12, 9) for x in one.cameras)
+    first = replace(one, cameras=small, lightings=(turned(0), turned(90)), output=output)
+    before = forecast(plan(first))
+    assert (before.fills, before.gathered) == (1, 2)
+    made(first)
+    swept = replace(first, lightings=(*first.lightings, turned(180), turned(270)))
+    after = forecast(plan(swept))
+    assert (after.fills, after.gathered) == (0, 2)
+    made(swept)
+    assert forecast(plan(swept)).fills is None

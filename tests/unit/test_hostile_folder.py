@@ -110,6 +110,7 @@ def test_artefacts(tmp_path: Path, make: Make) -> None:
     assert kept.composite("a", CAMERA, "physical", True) is None
     assert kept.cells("a") is None
     assert kept.cell_lights("a", 1) is None
+    assert kept.transport("a", 1) is None
 
 
 @pytest.mark.parametrize(
@@ -135,6 +136,7 @@ def test_artefacts_with_other_heads(tmp_path: Path, head: bytes) -> None:
     assert kept.composite("a", CAMERA, "physical", True) is None
     assert kept.cells("a") is None
     assert kept.cell_lights("a", 1) is None
+    assert kept.transport("a", 1) is None
 
 
 @each

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.model import F32, CellLight, SurfaceCache, SurfaceCells
+from mirelight.model import F32, CellLight, SurfaceCache, SurfaceCells, SurfaceTransport
+from mirelight.model.surface_cache import NOTHING, SKY
 from mirelight.store.artefacts import Artefacts
 
 RNG = np.random.default_rng(3)
@@ -24,6 +25,22 @@ def cells() -> SurfaceCells:
         faces=RNG.integers(0, 9, (3, 4)).astype(np.int32),
         corners=RNG.random((3, 4, 2)).astype(np.float32),
         normals=RNG.random((3, 4, 3)).astype(np.float32),
+    )
+
+
+def transport(places: int = 2) -> SurfaceTransport:
+    """Between three cells."""
+    target = RNG.integers(0, 3 + places, (8, 3)).astype(np.uint32)
+    target[:2] = SKY, NOTHING, 2
+    return SurfaceTransport(
+        seed=5,
+        target=target,
+        albedo=RNG.integers(0, 1 << 30, (8, 3)).astype(np.uint32),
+        faces=RNG.integers(0, 9, (places, 1)).astype(np.int32),
+        corners=RNG.random((places, 1, 2)).astype(np.float32),
+        normals=RNG.random((places, 1, 3)).astype(np.float32),
+        beyond=np.full(places, SKY, np.uint32),
+        beyond_albedo=RNG.integers(0, 1 << 30, places).astype(np.uint32),
     )
 
 
@@ -59,6 +76,31 @@ def test_cells_and_their_light_come_back_as_they_were(tmp_path: Path) -> None:
     assert kept.cell_lights("none", 3) == ()
     assert not same(kept.cells("cells"), cells()) and not same(kept.cell_lights("light", 3), cache().lights)
     assert kept.there() == {"cells", "light", "none"}
+
+
+@pytest.mark.parametrize("places", [0, 2])
+def test_transport_comes_back_as_it_was(tmp_path: Path, places: int) -> None:
+    one, kept = transport(places), Artefacts(tmp_path)
+    kept.keep_transport("rays", one)
+    assert same(kept.transport("rays", 3), one)
+    assert (one.cells, one.nodes) == (3, 3 + places)
+    assert kept.transport("rays", 4) is None and kept.transport("other", 3) is None and kept.cells("rays") is None
+    path = tmp_path / "rays.light"
+    sound = path.read_bytes()
+    for damaged in (sound[:-64], b"", sound.replace(b'"seed": 5', b'"sead": 5')):
+        path.write_bytes(damaged)
+        assert kept.transport("rays", 3) is None
+
+
+def test_rays_end_on_nodes_that_there_are() -> None:
+    one = transport()
+    for name, ends in (("target", one.target), ("beyond", one.beyond)):
+        wrong = ends.copy()
+        wrong.flat[-1] = one.nodes
+        with pytest.raises(ValueError, match="end nowhere"):
+            dataclasses.replace(one, **{name: wrong})  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="6 rays"):
+        dataclasses.replace(one, target=one.target[:6], albedo=one.albedo[:6])
 
 
 def test_lights_are_scaled_and_joined() -> None:

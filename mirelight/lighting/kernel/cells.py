@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -15,7 +15,7 @@ from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
-from mirelight.model import F32, F64, SurfaceCells
+from mirelight.model import F32, F64, I32, SurfaceCells
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -169,10 +169,26 @@ class DeviceCells:
         return sums
 
 
+class Pieces(Protocol):
+    """Pieces of a surface, N of them, with P points each."""
+
+    @property
+    def faces(self) -> I32:
+        """(N, P)"""
+
+    @property
+    def corners(self) -> F32:
+        """(N, P, 2) barycentric coordinates"""
+
+    @property
+    def normals(self) -> F32:
+        """(N, P, 3) of those faces, on the side that counts"""
+
+
 class CellPoints:
     """Stands in for a camera: pixel k is cell k, its samples go round the cell's points."""
 
-    def __init__(self, cells: SurfaceCells) -> None:
+    def __init__(self, cells: Pieces) -> None:
         self.points = dr.opaque(mi.UInt32, cells.faces.shape[1])
         self.faces = integers(np.append(cells.faces.ravel(), np.zeros(2, np.int32)))
         self.corners = floats(np.append(cells.corners.ravel(), np.zeros(4, np.float32)))

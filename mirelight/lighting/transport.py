@@ -1,0 +1,261 @@
+"""How light goes from cell to cell of a surface, found once without any light; then any light is sums along it.
+
+Every cell sends out cosine-distributed rays. Where they end (a cell and the albedo there, or the sky) does not depend
+on the lights, so that is kept. For a lighting, each cell's own light is sampled, what the rays that end in the sky
+bring is looked up there, and reflected light is gathered along the others, bounce by bounce. So another picture of the
+sky, another rotation, another sun or lamp asks for no new rays between surfaces.
+
+A ray that ends on a place without a cell goes on from there, and few such places stand for all that a cell's rays end
+on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
+from mirelight.lighting.fill import on_device
+from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.lighting.layers import Layers
+from mirelight.model import (
+    F32,
+    I32,
+    Camera,
+    CellLight,
+    Lighting,
+    RenderSettings,
+    SurfaceCache,
+    SurfaceCells,
+    SurfaceTransport,
+)
+from mirelight.model.surface_cache import LOST, NOTHING
+
+if TYPE_CHECKING:
+    from mirelight.lighting.kernel.cells import Pieces
+    from mirelight.lighting.kernel.proxy import DeviceProxy
+    from mirelight.lighting.kernel.sky import Sky
+
+RAYS = 256  # of each cell, in two independent halves
+MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
+STAND_INS = 2  # places without a cell that stand for all that half of a cell's rays end on
+BEYOND = 4  # hits of a ray that goes on without a cell
+DIRECT = PASS  # samples of a cell's own light in each half
+DIRECT_BEYOND = 4  # and of a place without a cell
+BOUNCES = 16
+PARTS = 4  # of the rays: each bounce but the last takes one of them, in turn
+
+Progress = Callable[[int, int], None]
+Words = NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """Places without a cell; shapes as of `SurfaceTransport`."""
+
+    faces: I32
+    corners: F32
+    normals: F32
+
+    @staticmethod
+    def joined(parts: list[_Places]) -> _Places:
+        none = _Places(np.zeros((0, 1), np.int32), np.zeros((0, 1, 2), np.float32), np.zeros((0, 1, 3), np.float32))
+        rows = [none, *parts]
+        return _Places(*(np.concatenate([getattr(x, name) for x in rows]) for name in _Places.__slots__))
+
+
+def found(
+    surface: DeviceProxy, cells: SurfaceCells, settings: RenderSettings, rays: int, progress: Progress
+) -> SurfaceTransport:
+    """Where the rays of every cell end.
+
+    Args:
+        surface: the proxy on the device.
+        cells: of that proxy.
+        settings: seed and memory count.
+        rays: of each cell, a power of two; fewer where cells are many.
+        progress: called with rays done and in all.
+
+    Raises:
+        RenderError: they do not fit in memory.
+    """
+    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.transport import LANES, cast
+
+    count, seed = len(cells), (settings.seed + 0x51F15EED) & 0xFFFFFFFF
+    each = max(min(rays, 1 << max(MOST_RAYS // max(count, 1), 1).bit_length() - 1), FEWEST)
+    refuse_if_too_many_rays(count * each, settings.max_memory)
+    table, points = on_device(cells, np.zeros((1, 1, 3), np.float32), nearest=0.0), CellPoints(cells)
+    target, albedo = np.zeros((2, each, count), np.uint32)
+    parts, nodes = list[_Places](), count
+    step = LANES // each
+    for first in range(0, count, step):
+        some = min(step, count - first)
+        ends, lost = _stood_in(*cast(surface, table, points, seed, first, some, each), each // 2, nodes)
+        target[:, first : first + some], albedo[:, first : first + some] = ends.reshape(2, some, each).swapaxes(1, 2)
+        parts.append(lost)
+        nodes += len(lost.faces)
+        progress((first + some) * each, count * each)
+    onwards = [np.zeros((2, 0), np.uint32)]
+    new = _Places.joined(parts)
+    parts = [new]
+    for hit in range(BEYOND):
+        if not len(new.faces):
+            break
+        rays_on = cast(surface, table, CellPoints(new), seed + hit + 1, 0, len(new.faces), 1)
+        ends, new = _stood_in(*rays_on, 1, nodes)
+        if hit == BEYOND - 1:  # the end
+            ends[0][(ends[0] >= nodes) & (ends[0] < NOTHING)] = NOTHING
+        else:
+            parts.append(new)
+            nodes += len(new.faces)
+        onwards.append(ends)
+    beyond, places = np.concatenate(onwards, axis=1), _Places.joined(parts)
+    return SurfaceTransport(
+        seed=seed,
+        target=target,
+        albedo=albedo,
+        faces=places.faces,
+        corners=places.corners,
+        normals=places.normals,
+        beyond=beyond[0],
+        beyond_albedo=beyond[1],
+    )
+
+
+def _stood_in(ends: Words, face: Words, where: F32, of_half: int, nodes: int) -> tuple[Words, _Places]:
+    """Ends of rays (2, n) whose places without a cell are nodes from `nodes` on, and those places.
+
+    Of the rays of half a cell, `of_half` next to each other, all that end on such places share STAND_INS of them.
+    """
+    target = ends[0].reshape(-1, of_half)
+    lost = target == LOST
+    rank = np.cumsum(lost, axis=1, dtype=np.int64) - 1
+    few = np.minimum(rank[:, -1:] + 1, STAND_INS)
+    first = np.cumsum(few) - few[:, 0]
+    chosen = np.flatnonzero((lost & (rank < few)).ravel())
+    row, column = np.nonzero(lost)
+    index = first[row] + rank[row, column] % few[row, 0]
+    flat = row * of_half + column
+    out = ends.copy()
+    out[0, flat] = nodes + index
+    out[1, flat] = ends[1, chosen[index]]
+    way = where[chosen]
+    places = _Places(face[chosen, None].astype(np.int32), way[:, None, 0:2], -way[:, None, 2:5])
+    return out, places
+
+
+def lit(
+    surface: DeviceProxy,
+    sky: Sky,
+    cells: SurfaceCells,
+    transport: SurfaceTransport,
+    lighting: Lighting,
+    settings: RenderSettings,
+    progress: Progress,
+) -> SurfaceCache:
+    """Light of a lighting on every cell; surfaces do not glow.
+
+    Args:
+        surface, sky: the proxy and the lighting's environment on the device.
+        cells: of that proxy.
+        transport: between those cells.
+        lighting: with its sky model resolved.
+        settings: seed counts.
+        progress: called with samples done and in all.
+
+    Raises:
+        RenderError: the light of so many cells does not fit in memory.
+    """
+    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.transport import DeviceLinks, bounced, in_fours
+
+    layers = Layers.of(lighting, emissive=False)
+    count, around = len(layers.names), layers.environment
+    if not count or not len(cells):
+        nothing = np.zeros((2, count, len(cells), 3), np.float32)
+        return _cache(cells, layers, lighting, nothing, nothing[:, 0] if count else nothing, nothing)
+    refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
+    places = len(transport.faces)
+    total = 2 * DIRECT * len(cells) + DIRECT_BEYOND * places
+
+    def own(of: Pieces, samples: int, number: int, before: int) -> tuple[F32, F32]:
+        return _own(surface, sky, of, lighting, settings, samples, number, lambda x: progress(before + x, total))
+
+    halves = [own(cells, DIRECT, k, k * DIRECT * len(cells)) for k in range(2)]
+    direct = np.stack([x[0] for x in halves])
+    of_cells = DeviceLinks(transport.target, transport.albedo)
+    met = of_cells.met(surface, CellPoints(cells), sky, transport.seed)
+    base = np.zeros((count, transport.nodes, 3), np.float32)
+    base[:, : len(cells)] = direct.mean(axis=0)
+    if places:
+        base[:, len(cells) :], by_ray = own(transport, DIRECT_BEYOND, 2, 2 * DIRECT * len(cells))
+    if lighting.environment is not None:
+        base[around, : len(cells)] += met.mean(axis=0)
+        if places:
+            base[around, len(cells) :] += by_ray
+    beyond = DeviceLinks(transport.beyond[None], transport.beyond_albedo[None])
+    own_light, none = in_fours(base), in_fours(np.zeros_like(base))
+    light, part = own_light, of_cells.samples // PARTS
+    for bounce in range(BOUNCES):
+        some = [(of_cells, 0, bounce % PARTS * part, part), (beyond, len(cells), 0, 1)]
+        light = bounced(light, own_light, count, transport.nodes, some)
+    half = of_cells.samples // 2
+    gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
+    shape = count, transport.nodes, 4
+    values = [x.numpy()[: int(np.prod(shape))].reshape(shape) for x in gathered]
+    indirect = np.stack([x[:, : len(cells), :3] for x in values])
+    return _cache(cells, layers, lighting, direct, met, indirect)
+
+
+def _own(
+    surface: DeviceProxy,
+    sky: Sky,
+    of: Pieces,
+    lighting: Lighting,
+    settings: RenderSettings,
+    samples: int,
+    number: int,
+    progress: Callable[[int], None],
+) -> tuple[F32, F32]:
+    """(K, n, 3) irradiance / pi on n pieces of the surface, sampled towards the lights; (n, 3) what rays meet at once
+    of the sky."""
+    from mirelight.lighting.kernel.cells import CellPoints
+
+    layers = Layers.of(lighting, emissive=False)
+    count = len(layers.names)
+    layers = replace(layers, names=(*layers.names, "met", "nothing"), met=(count, count + 1))
+    row = Camera.perspective(np.eye(4), len(of.faces), 1, yfov=45, name="cells")
+    refuse_if_too_large(row, layers, most=settings.max_memory)
+    seed = (settings.seed + 0x9E3779B9 * (number + 1)) & 0xFFFFFFFF
+    alone = replace(settings, spp=samples, noise=None, denoise=False, seed=seed, max_depth=1)
+    view = CellPoints(of)
+    frame = FrameInProgress(
+        surface, sky, lighting, row, layers, alone, aovs=False, emission=False, view=view, irradiance=True
+    )
+    for done in frame.add_pass(samples):
+        progress(done)
+    made = np.stack([x.direct[0] for x in frame.develop().layers])
+    return made[:count], made[count]
+
+
+def _cache(
+    cells: SurfaceCells, layers: Layers, lighting: Lighting, direct: F32, met: F32, indirect: F32
+) -> SurfaceCache:
+    """Two halves of each layer (2, K, C, 3), and of what rays meet of the sky (2, C, 3), as what is kept."""
+    around = layers.environment if lighting.environment is not None else -1
+
+    def light(k: int) -> CellLight:
+        return CellLight(
+            name=layers.names[k],
+            kind="environment" if k == around else "lights",
+            direct=direct[:, k],
+            met=met if k == around else None,
+            indirect=indirect[:, k],
+        )
+
+    return SurfaceCache(cells=cells, lights=tuple(light(k) for k in range(len(layers.names))))

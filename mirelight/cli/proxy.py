@@ -13,7 +13,7 @@ from mirelight.cli import say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from mirelight.model import ProxyMesh, SplatCloud
+    from mirelight.model import Camera, ProxyMesh, SplatCloud
     from mirelight.proxy import ProxyQuality
     from mirelight.proxy.types import Progress
 
@@ -33,6 +33,11 @@ def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     parser.add_argument(
         "--fit", metavar="MESH", help="move this mesh onto the splats (turned, scaled, then bent) instead of making one"
     )
+    parser.add_argument(
+        "--cameras",
+        metavar="FILE",
+        help="the capture's cameras (docs/cameras.md), in its own axes: what they did not see is closed against light",
+    )
     parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
 
@@ -51,6 +56,8 @@ def run_proxy(args: argparse.Namespace) -> int:
     if args.triangles is not None and (args.triangles < FEWEST or args.fit is not None):
         remedy = "leave it out" if args.fit is not None else f"give {FEWEST} or more"
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
+    if args.cameras is not None and args.fit is not None:
+        raise InputError("--cameras", "given with --fit", "leave it out; it is for a mesh that is made")
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as report:
         cloud = splats.read(args.splats)
@@ -73,14 +80,34 @@ def _made(
     from mirelight.proxy import ProxySettings, judge, make, register
 
     if args.fit is None:
-        made = make(cloud, ProxySettings(triangles=args.triangles), report, source=args.splats)
-        return f"by {_METHODS[made.method]}, in {made.seconds:.0f} s", made.mesh, made.quality, None
+        cameras = _cameras(args.cameras) if args.cameras is not None else ()
+        made = make(cloud, ProxySettings(triangles=args.triangles), report, cameras=cameras, source=args.splats)
+        how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
+        if cameras:
+            how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"
+        return how, made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
     before = judge(cloud, mesh, source=args.splats)
     fitted = register(cloud, mesh, report, source=args.fit)
     return f"{args.fit} fitted to the splats", fitted, judge(cloud, fitted, source=args.splats), before
 
 
+def _cameras(path: str) -> list[Camera]:
+    """Of a file in the splats' axes."""
+    if path.lower().endswith((".glb", ".gltf")):
+        from mirelight.io.gltf.scene import read_cameras
+
+        found = [x.to_camera(*_SIZE) for x in read_cameras(Path(path))]
+    else:
+        from mirelight.io.cameras import open_file
+
+        found = [x.to_camera(x.size(_SIZE)) for x in open_file(Path(path)).read()]
+    if not found:
+        raise InputError(path, "no cameras", "give the capture's cameras, or leave --cameras out")
+    return found
+
+
+_SIZE = (1280, 720)  # pixels of cameras whose file gives none
 _METHODS = {"cells": "cells of the splats' planes", "depth": "depth maps"}
 
 

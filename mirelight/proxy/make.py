@@ -20,7 +20,8 @@ from mirelight.proxy.judge import judged
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
-from mirelight.proxy.views import ORBIT, PIXELS, around, from_points
+from mirelight.proxy.unseen import closing, joined
+from mirelight.proxy.views import ORBIT, PIXELS, around, from_points, moved
 
 PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
 FEWEST_PIXELS = 96  # along the longer side of a view
@@ -35,22 +36,26 @@ def make(
     settings: ProxySettings = _DEFAULT,
     progress: Progress | None = None,
     *,
+    cameras: Sequence[Camera] = (),
     source: str | Path = "splats",
 ) -> MadeProxy:
     """A triangle mesh that stands for the surface of splats.
 
     Discs (fitted surfels) become cells: pieces of their planes, cut by their neighbours. Other captures are looked at
-    from around, and the depth maps are fused. The mesh is decided, to the bit, by the splats' means, rotations, scales
-    and opacities and by the settings other than `threads`.
+    from around, and the depth maps are fused. Where the capture's cameras are known, what they did not see is closed
+    against light. The mesh is decided, to the bit, by the splats' means, rotations, scales and opacities, by the
+    cameras and by the settings other than `threads`.
 
     Args:
         splats: the capture, in world space.
         settings: how.
         progress: hears what is being done.
+        cameras: those of the capture's pictures, in world space; none: what was not seen stays open.
         source: whom to name in an error, usually the splats' file.
 
     Raises:
-        InputError: splats that have no surface: too few, transparent, fog, too far from the origin.
+        InputError: splats that have no surface: too few, transparent, fog, too far from the origin; cameras that do not
+            see it.
         BackendError: the variant cannot run here.
         RenderError: not enough memory.
     """
@@ -68,11 +73,19 @@ def make(
     if settings.triangles is not None:
         report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
-    local = soup.mesh()
-    report("judging the proxy", 0.95)
-    quality = judged(capture, maps, local, None, settings)
-    mesh = Soup(soup.vertices + capture.middle, soup.faces).mesh()
-    return MadeProxy(mesh=mesh, method=method, quality=quality, seconds=time.monotonic() - began)
+    report("judging the proxy", 0.9)
+    quality = judged(capture, maps, soup.mesh(), None, settings)
+    whole = soup
+    if cameras:
+        there = [moved(camera, -capture.middle) for camera in cameras]
+        whole = joined(soup, closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), source))
+    return MadeProxy(
+        mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
+        method=method,
+        quality=quality,
+        unseen=len(whole.faces) - len(soup.faces),
+        seconds=time.monotonic() - began,
+    )
 
 
 def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path) -> Soup:

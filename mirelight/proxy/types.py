@@ -73,7 +73,8 @@ class MadeProxy:
 
     mesh: ProxyMesh
     method: Method
-    quality: ProxyQuality
+    quality: ProxyQuality  # of the surface that was seen
+    unseen: int  # triangles of the mesh, its last, that close what no camera saw against light
     seconds: float  # that it took
 
 

@@ -110,7 +110,7 @@ class Command:
 _JOB_OPTIONS = {"--lighting": NAMES, "--set": ()}
 COMMANDS = (
     Command("new", ("floor.ply",), "new.toml", {"--light": (*PATHS, "sun", "point")}),
-    Command("proxy", ("floor.ply",), "made.glb", {"--fit": PATHS, "--triangles": NUMBERS}),
+    Command("proxy", ("floor.ply",), "made.glb", {"--fit": PATHS, "--cameras": PATHS, "--triangles": NUMBERS}),
     Command("estimate", ("job.toml",), "light.toml", {"--exposure": NUMBERS, "--camera": NAMES, "--set": ()}),
     Command("mix", ("job.toml",), "page", {**_JOB_OPTIONS, "--spp": NUMBERS, "--port": NUMBERS}, ("--spp", "1")),
     Command(

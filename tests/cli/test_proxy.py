@@ -53,6 +53,28 @@ def test_a_mesh_that_misfits_is_fitted(run: Run, tmp_path: Path) -> None:
     np.testing.assert_allclose(low + high, 0, atol=0.05)
 
 
+CAMERAS = "x,y,z,target_x,target_y,target_z,yfov,width,height\n0,{y},4,0,{y},{z},60,64,64\n"
+
+
+def test_what_the_cameras_did_not_see_is_closed(run: Run, tmp_path: Path) -> None:
+    """One camera sees half of a ball, and the rest of it is inside what it hides."""
+    splats.write(ball(1000), tmp_path / "ball.ply")
+    (tmp_path / "ball.csv").write_text(CAMERAS.format(y=0, z=0), encoding="utf-8")
+    (tmp_path / "other.csv").write_text(CAMERAS.format(y=0, z=9), encoding="utf-8")
+    done = run("proxy", "ball.ply", "--cameras", "other.csv", "-o", "made.glb")
+    assert done.returncode == 2
+    assert "ball.ply: its 1 cameras see 0% of its surface" in done.stderr
+    assert done.stderr.count("\n") == 1
+    done = run("proxy", "ball.ply", "--cameras", "ball.csv", "--fit", "made.glb", "-o", "made.glb")
+    assert done.returncode == 2
+    assert "--cameras: given with --fit" in done.stderr
+    assert not (tmp_path / "made.glb").exists()
+    (tmp_path / "ball.csv").write_text(CAMERAS.format(y=0, z=0) + "0,0,-4,0,0,0,60,64,64\n", encoding="utf-8")
+    done = run("proxy", "ball.ply", "--cameras", "ball.csv", "-o", "made.glb")
+    assert done.returncode == 0, done.stderr
+    assert "triangles more close what its 2 cameras did not see" in done.stdout
+
+
 def test_bad_input_is_one_line_and_writes_nothing(run: Run, tmp_path: Path) -> None:
     splats.write(ball(2), tmp_path / "two.ply")
     for arguments, said in (

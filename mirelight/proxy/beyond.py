@@ -1,0 +1,189 @@
+"""Walls and floors that go on where the cameras' pictures end.
+
+Pictures end somewhere, and walls do not end there with them: the wall beside a camera, the floor below it. Each large
+plane of the surface is looked at in rows along its two axes; where a row is still surface at the last place that any
+picture shows, it goes on, to the end of the box that holds the surface and the cameras. Where a picture shows that it
+ends, or what stands before it, it does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F64
+from mirelight.proxy.sampling import areas_of
+from mirelight.proxy.types import Int, Soup
+from mirelight.proxy.views import lattice, turned
+
+MOST_PLANES = 12
+LEAST_AREA = 0.02  # of the surface: smaller planes are parts of things
+_DIRECTIONS = 1500  # tried for normals, over the whole sphere
+_ALIKE = 0.985  # cosine between normals of one plane
+_GAP = 3  # cells between the last surface of a row and where pictures end
+_LEAST_ROW = 6  # cells of surface, that a row must have to go on
+_ENOUGH = 0.2  # of the rows: if so many are seen to end, a side does not go on
+_SPACINGS = 2.5  # of the splats, to a cell at least: its surface has no gaps then
+_CELLS = 200  # along the box's longest side
+
+Bool = NDArray[np.bool_]
+InPictures = Callable[[F64], Bool]  # (M, 3) points: whether any camera has them in its picture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plane:
+    normal: F64  # (3,) unit, to the side of most of its fronts
+    offset: float
+    faces: Int
+    area: float
+
+
+def beyond_pictures(soup: Soup, eyes: F64, spacing: float, in_pictures: InPictures) -> Soup:
+    """Triangles that carry on large planes of a surface where no picture shows whether they end.
+
+    Args:
+        soup: the surface.
+        eyes: (C, 3) where its cameras were.
+        spacing: of the capture's splats.
+        in_pictures: tells what they had in their pictures, seen or hidden.
+    """
+    low = np.minimum(soup.vertices.min(axis=0), eyes.min(axis=0))
+    high = np.maximum(soup.vertices.max(axis=0), eyes.max(axis=0))
+    cell = max(float((high - low).max()) / _CELLS, _SPACINGS * spacing)
+    planes = _planes(soup, cell)
+    vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for plane in planes:
+        made = _carried_on(plane, soup, planes, low, high, cell, in_pictures)
+        vertices.append(made.vertices)
+        faces.append(made.faces + start)
+        start += len(made.vertices)
+    return Soup(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _planes(soup: Soup, thick: float) -> list[_Plane]:
+    """The planes that hold most of the surface, the largest first."""
+    area = areas_of(soup.vertices, soup.faces)
+    a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    middle = (a + b + c) / 3
+    found: list[_Plane] = []
+    left, least = np.arange(len(area)), LEAST_AREA * float(area.sum())
+    tried = lattice(_DIRECTIONS)
+    tried = tried[: _DIRECTIONS // 2]  # a lattice over the sphere, half of it
+    while len(found) < MOST_PLANES and len(left):
+        plane = _largest(normal, middle, area, left, tried, thick)
+        if plane is None or plane.area < least:
+            break
+        found.append(plane)
+        left = np.setdiff1d(left, plane.faces, assume_unique=True)
+    return found
+
+
+def _largest(normal: F64, middle: F64, area: F64, left: Int, tried: F64, thick: float) -> _Plane | None:
+    some = left[:: max(len(left) // 20_000, 1)]
+    alike = np.abs(np.einsum("fi,di->df", normal[some], tried)) > _ALIKE
+    best: _Plane | None = None
+    for k in np.argsort(-(alike * area[some]).sum(axis=1), kind="stable")[:4]:
+        way = tried[k]
+        for _ in range(3):  # towards the mean of those alike
+            cosine = turned(normal[left], way[None])[:, 0]
+            near = np.abs(cosine) > _ALIKE
+            mean = (normal[left[near]] * (area[left[near]] * np.sign(cosine[near]))[:, None]).sum(axis=0)
+            if not np.linalg.norm(mean) > 0:
+                break
+            way = mean / np.linalg.norm(mean)
+        rows = left[np.abs(turned(normal[left], way[None])[:, 0]) > _ALIKE]
+        if not len(rows):
+            continue
+        at = turned(middle[rows], way[None])[:, 0]
+        bin_of = np.floor((at - at.min()) / thick).astype(np.int64)
+        heavy = np.bincount(bin_of, area[rows])
+        peak = int(np.argmax(heavy[:-1] + heavy[1:])) if len(heavy) > 1 else 0
+        on = (bin_of == peak) | (bin_of == peak + 1)
+        on_plane, total = rows[on], float(area[rows[on]].sum())
+        if best is None or total > best.area:
+            offset = float((at[on] * area[on_plane]).sum() / max(total, 1e-300))
+            fronts = float((np.sign(turned(normal[on_plane], way[None])[:, 0]) * area[on_plane]).sum())
+            side = -1.0 if fronts < 0 else 1.0
+            best = _Plane(side * way, side * offset, on_plane, total)
+    return best
+
+
+def _carried_on(
+    plane: _Plane, soup: Soup, planes: Sequence[_Plane], low: F64, high: F64, cell: float, in_pictures: InPictures
+) -> Soup:
+    """The part of a plane in the box that carries on its surface."""
+    u, v = _axes(plane, planes)
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    frame = np.stack([u, v])
+    flat = turned(corners, frame)
+    start = flat.min(axis=0)
+    count = np.ceil((flat.max(axis=0) - start) / cell).astype(int)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(count[0]), np.arange(count[1]), indexing="ij"))
+    spots = plane.normal * plane.offset + (start[0] + (i + 0.5) * cell)[:, None] * u
+    spots += (start[1] + (j + 0.5) * cell)[:, None] * v
+    inside = ((spots >= low - cell) & (spots <= high + cell)).all(axis=1).reshape(count)
+    shown = in_pictures(spots).reshape(count)
+    surface = np.zeros(count, bool)
+    own = turned(soup.vertices[soup.faces[plane.faces]].mean(axis=1), frame)
+    at = np.clip(np.floor((own - start) / cell).astype(int), 0, count - 1)
+    surface[at[:, 0], at[:, 1]] = True
+    more = np.zeros(count, bool)
+    for turn in range(4):
+        grown = _grown(*(np.rot90(x, turn) for x in (surface, shown, inside)))
+        more |= np.rot90(grown, -turn)
+    more &= ~surface & inside
+    return _rectangles(more, plane, u, v, start, cell)
+
+
+def _grown(surface: Bool, shown: Bool, inside: Bool) -> Bool:
+    """Cells past the end of rows, towards larger second indices, where pictures end before the surface does.
+
+    Where many rows are seen to end, the others end no farther out.
+    """
+    along = np.arange(surface.shape[1])
+    enough = surface.sum(axis=1) >= _LEAST_ROW
+    last = np.where(surface, along, -1).max(axis=1)
+    past = along > last[:, None]
+    soon = past & (along <= last[:, None] + _GAP)
+    at_the_end = last == surface.shape[1] - 1
+    goes_on = enough & ~at_the_end & ~(shown & past & ~soon).any(axis=1) & (soon & ~shown).any(axis=1)
+    ended = enough & ~at_the_end & ~goes_on
+    end = surface.shape[1]
+    if ended.sum() > _ENOUGH * enough.sum():
+        end = int(np.quantile(last[ended], 0.9)) + 1
+    return np.asarray(goes_on[:, None] & past & ~shown & inside & (along <= end))
+
+
+def _axes(plane: _Plane, planes: Sequence[_Plane]) -> tuple[F64, F64]:
+    """Two unit vectors in the plane: along the largest other plane that stands on it, and across."""
+    for other in planes:
+        if abs(float(np.dot(other.normal, plane.normal))) < 0.3:
+            u = other.normal - plane.normal * np.dot(other.normal, plane.normal)
+            break
+    else:
+        axis = np.eye(3)[int(np.abs(plane.normal).argmin())]
+        u = axis - plane.normal * np.dot(axis, plane.normal)
+    u = u / np.linalg.norm(u)
+    return u, np.cross(plane.normal, u)
+
+
+def _rectangles(chosen: Bool, plane: _Plane, u: F64, v: F64, start: F64, cell: float) -> Soup:
+    """Two triangles for each run of chosen cells, equal runs of neighbouring rows as one."""
+    i, j = np.nonzero(np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1))
+    row, first, past = i[::2], j[::2], j[1::2]  # a run begins and ends
+    order = np.lexsort((row, past, first))
+    row, first, past = row[order], first[order], past[order]
+    fresh = np.ones(len(row), bool)
+    fresh[1:] = (first[1:] != first[:-1]) | (past[1:] != past[:-1]) | (row[1:] != row[:-1] + 1)
+    of = np.cumsum(fresh) - 1
+    tall = np.bincount(of, minlength=int(fresh.sum()))
+    low, left, right = row[fresh], first[fresh], past[fresh]
+    x, y = np.stack([low, low + tall, low + tall, low], axis=1), np.stack([left, left, right, right], axis=1)
+    corners = plane.normal * plane.offset + (start[0] + x[..., None] * cell) * u + (start[1] + y[..., None] * cell) * v
+    at = 4 * np.arange(len(low))[:, None]
+    return Soup(corners.reshape(-1, 3), np.concatenate([at + corner for corner in ((0, 1, 2), (0, 2, 3))]))

@@ -1,0 +1,81 @@
+"""What the pictures of a capture show of space: looked through, hidden behind the surface, or not in any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.lighting.sight import Sight
+from mirelight.model import F32, F64, Camera
+from mirelight.proxy.types import Soup
+from mirelight.proxy.views import rays, turned
+
+MOST_CAMERAS = 96  # that are looked from; of more, evenly taken ones
+PIXELS = 480  # along the longer side of their pictures
+CRACK = 5  # pixels: gaps of the surface that are narrower are cracks, and nothing was seen through them
+_CHUNK = 1 << 18  # points at once
+
+Bool = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pictures:
+    """Cameras and how far they see."""
+
+    cameras: tuple[Camera, ...]
+    depths: tuple[F32, ...]  # (H, W) each, along the view axis to the surface, world units; infinite: none
+
+    @staticmethod
+    def of(soup: Soup, cameras: Sequence[Camera], sight: Sight) -> Pictures:
+        """Of a surface, everything in its space; `sight` is into it."""
+        chosen = tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // MOST_CAMERAS)])
+        return Pictures(chosen, tuple(_depth(camera, sight) for camera in chosen))
+
+    @property
+    def eyes(self) -> F64:
+        """(C, 3) where the cameras stand."""
+        return np.stack([camera.position for camera in self.cameras])
+
+    def states(self, points: F32, margin: float) -> tuple[Bool, Bool]:
+        """(N,) whether a camera looked through a point, or has it less than `margin` behind the surface; and whether
+        one has it in its picture at all, seen or hidden."""
+        free, shown = np.zeros(len(points), bool), np.zeros(len(points), bool)
+        for camera, depth in zip(self.cameras, self.depths, strict=True):
+            for start in range(0, len(points), _CHUNK):
+                rows = start + np.flatnonzero(~free[start : start + _CHUNK])
+                z, there = _at_pixels(camera, depth, points[rows])
+                shown[rows[~np.isnan(there)]] = True
+                free[rows[z < there + np.float32(margin)]] = True
+        return free, shown
+
+
+def _depth(camera: Camera, sight: Sight) -> F32:
+    """(H, W) depths, cracks of the surface closed (a grey opening, which leaves silhouettes where they are)."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    origins, directions = rays(camera)
+    starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
+    _, distance = sight.first_hits(starts, directions.reshape(-1, 3))
+    near = minimum_filter(distance.reshape(directions.shape[:2]).astype(np.float32), CRACK)
+    return np.asarray(maximum_filter(near, CRACK))
+
+
+def _at_pixels(camera: Camera, depth: F32, at: F32) -> tuple[F32, F32]:
+    """(M,) distance of points along the view axis, and the surface's at their pixels; NaN outside the picture."""
+    matrix = camera.camera_from_world.astype(np.float32)
+    own = turned(at, matrix[:3, :3]) + matrix[:3, 3]
+    z = -own[:, 2]
+    w = np.maximum(z, np.float32(1e-12)) if camera.projection == "perspective" else np.float32(1)
+    x = np.floor(np.float32(camera.cx) + np.float32(camera.fx) * own[:, 0] / w)
+    y = np.floor(np.float32(camera.cy) - np.float32(camera.fy) * own[:, 1] / w)
+    inside = (z > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+    pixel = np.where(inside, y * camera.width + x, 0).astype(np.int64)
+    return z, np.where(inside, depth.ravel()[pixel], np.float32(np.nan))
+
+
+def _small(camera: Camera) -> Camera:
+    share = min(PIXELS / max(camera.width, camera.height), 1.0)
+    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))

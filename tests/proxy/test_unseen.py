@@ -1,0 +1,151 @@
+"""What a capture's cameras did not see: closed against light, where that is what its pictures say."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mirelight.errors import InputError
+from mirelight.lighting.sight import Sight
+from mirelight.model import Camera, SplatCloud
+from mirelight.proxy import MadeProxy, make
+
+from .clouds import box_shell, on_surface, square
+
+F64 = NDArray[np.float64]
+SIDE = 4.0  # of a room about the origin, whose wall at +z, behind the cameras, nobody saw
+EYES = ((-0.5, 0.3, 1.0), (0.0, -0.2, 1.2), (0.6, 0.1, 0.9))
+CAMERAS = tuple(Camera.look_at(eye, (0.1 * k, 0, -2), 160, 120, yfov=90, name=f"{k}") for k, eye in enumerate(EYES))
+WALLS = {"right": (1.0, 0.0, 0.0), "left": (-1.0, 0.0, 0.0), "floor": (0.0, -1.0, 0.0), "ceiling": (0.0, 1.0, 0.0)}
+
+
+def taken(cloud: SplatCloud, rows: NDArray[np.bool_]) -> SplatCloud:
+    return SplatCloud(
+        means=cloud.means[rows],
+        quats=cloud.quats[rows],
+        scales=cloud.scales[rows],
+        opacities=cloud.opacities[rows],
+        sh=cloud.sh[rows],
+    )
+
+
+def in_pictures(points: F64) -> NDArray[np.bool_]:
+    """By the formula of a pinhole, the whole pixels of all cameras."""
+    out = np.zeros(len(points), bool)
+    for camera in CAMERAS:
+        own = (points - camera.position) @ camera.world_from_camera[:3, :3]
+        ahead = -own[:, 2]
+        x = camera.fx * own[:, 0] / np.maximum(ahead, 1e-9)
+        y = camera.fy * own[:, 1] / np.maximum(ahead, 1e-9)
+        out |= (ahead > 0) & (np.abs(x) < camera.width / 2) & (np.abs(y) < camera.height / 2)
+    return out
+
+
+@cache
+def room() -> SplatCloud:
+    """What the cameras saw of five walls."""
+    whole = box_shell(SIDE, 0.06, thin=0.02, faces=(0, 1, 2, 3, 4))
+    return taken(whole, in_pictures(whole.means.astype(np.float64)))
+
+
+@cache
+def made() -> tuple[MadeProxy, MadeProxy]:
+    """Without and with cameras."""
+    return make(room()), make(room(), cameras=CAMERAS)
+
+
+def blocked(of: MadeProxy, starts: F64, way: F64) -> NDArray[np.bool_]:
+    return Sight(of.mesh).first_hits(starts, np.broadcast_to(way, starts.shape))[0] >= 0
+
+
+def beside_the_cameras(wall: F64) -> F64:
+    """Places on a wall that no picture shows, no farther back than the cameras; looked at from the middle."""
+    across = np.cross((0.0, 0.0, 1.0), wall)
+    z, w = (x.ravel() for x in np.meshgrid(np.linspace(0.3, 0.9, 7), np.linspace(-1.0, 1.0, 5)))
+    points = wall * SIDE / 2 + z[:, None] * (0, 0, 1) + w[:, None] * across
+    return np.asarray(points[~in_pictures(points)])
+
+
+@pytest.mark.parametrize("wall", WALLS)
+def test_walls_go_on_beside_the_cameras(wall: str) -> None:
+    points = beside_the_cameras(np.array(WALLS[wall]))
+    assert len(points) > 5
+    eye = np.array((0.0, 0.0, 0.6))
+    open_, closed = (np.array([blocked(m, eye[None], p - eye)[0] for p in points]) for m in made())
+    assert closed.mean() > 0.9 > 0.3 > open_.mean()
+
+
+def test_what_was_seen_is_as_it_was() -> None:
+    """The same triangles come first, and no other stands before them in any picture."""
+    open_, closed = made()
+    assert closed.unseen > 0 and open_.unseen == 0
+    count = len(open_.mesh.faces)
+    np.testing.assert_array_equal(closed.mesh.faces[:count], open_.mesh.faces)
+    before, behind = Sight(open_.mesh), Sight(closed.mesh)
+    for camera in CAMERAS:
+        x, y = np.meshgrid(np.linspace(-0.95, 0.95, 40), np.linspace(-0.95, 0.95, 30))
+        own = np.stack(
+            [x.ravel() * camera.width / 2 / camera.fx, y.ravel() * camera.height / 2 / camera.fy, -np.ones(x.size)],
+            axis=1,
+        )
+        ways = own @ camera.world_from_camera[:3, :3].T
+        was, now = (s.first_hits(camera.position, ways)[1] for s in (before, behind))
+        assert (now < was - 0.05).mean() < 0.005
+
+
+def test_the_space_behind_the_cameras_stays_open() -> None:
+    """No picture shows whether there is a wall."""
+    ways = np.stack([np.linspace(-0.2, 0.2, 9), np.zeros(9), np.ones(9)], axis=1)
+    assert not blocked(made()[1], np.zeros((9, 3)), ways).any()
+
+
+@cache
+def screen() -> tuple[MadeProxy, MadeProxy]:
+    """A wall with a window, seen from the front alone, and a post before it: what lies behind both was not seen."""
+    points, normals = square(4.0, 0.05, 2, 0.0)
+    hole = (np.abs(points[:, 0] - 0.8) < 0.5) & (np.abs(points[:, 1]) < 0.6)
+    cloud = on_surface(points[~hole], normals[~hole], 0.035, thin=0.02)
+    far, away = square(9.0, 0.1, 2, -3.0)
+    both = [cloud, on_surface(far, away, 0.07, thin=0.02)]
+    whole = SplatCloud(
+        means=np.concatenate([x.means for x in both]),
+        quats=np.concatenate([x.quats for x in both]),
+        scales=np.concatenate([x.scales for x in both]),
+        opacities=np.concatenate([x.opacities for x in both]),
+        sh=np.concatenate([x.sh for x in both]),
+    )
+    eyes = ((-2.0, 0.4, 5.0), (0.0, -0.3, 5.5), (2.0, 0.2, 5.0))
+    cameras = [Camera.look_at(eye, (0, 0, -1), 200, 160, yfov=70, name=f"{k}") for k, eye in enumerate(eyes)]
+    return make(whole), make(whole, cameras=cameras)
+
+
+def test_light_from_hidden_space_is_stopped_and_a_window_stays_open() -> None:
+    open_, closed = screen()
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.45, 1.15, 8), np.linspace(-0.4, 0.4, 7)))
+    window = np.stack([x, y, np.full(x.size, 1.0)], axis=1)
+    straight = np.array((0.0, 0.0, -1.0))
+    sight = Sight(closed.mesh)
+    _, distance = sight.first_hits(window, np.broadcast_to(straight, window.shape))
+    assert (distance > 3.9).all()  # as far as the wall behind
+    # through the window from behind the wall's left part, where nobody looked
+    aslant = np.tile((-1.0, 0.0, -0.55), ((x > 0.7).sum(), 1))
+    within = window[x > 0.7] * (1, 1, 0) - (0, 0, 0.05)  # nearer the rim hidden space is a thin wedge, which is left
+    _, free = Sight(open_.mesh).first_hits(within, aslant)
+    _, stopped = sight.first_hits(within, aslant)
+    assert (free > 3).all()
+    assert (stopped < 2).mean() > 0.9
+
+
+def test_cameras_of_something_else_are_refused() -> None:
+    away = [Camera.look_at((0, 0, 30), (0, 0, 60), 64, 48, yfov=40, name="away")]
+    with pytest.raises(InputError, match="its 1 cameras see 0% of its surface"):
+        make(room(), cameras=away)
+
+
+def test_the_same_bits_every_time() -> None:
+    again = make(room(), cameras=CAMERAS).mesh
+    np.testing.assert_array_equal(again.vertices, made()[1].mesh.vertices)
+    np.testing.assert_array_equal(again.faces, made()[1].mesh.faces)

@@ -1,13 +1,14 @@
 """The sky's radiances and the sun's, so that surfaces alike come out alike: gradient descent on their logarithms.
 
 With irradiance / pi = open @ sky + seen * sun + met, the logarithm of albedo is log color - log(irradiance / pi). The
-loss is a robust mean over pairs of places of how much their albedos differ; near pairs, and far ones whose albedos have
-the same chroma. It knows scale from what surfaces send each other alone, and colour hardly, so what comes from sky and
+loss is a robust mean over pairs of places, near and farther ones, whose albedos have the same chroma, of how much these
+differ. It knows scale from what surfaces send each other alone, and colour hardly, so what comes from sky and
 sun (not what surfaces send, which has their colour) is drawn to white in the mean, and albedos between bounds.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -19,12 +20,11 @@ from mirelight.model import F64
 
 Int: TypeAlias = NDArray[np.int64]
 
-NEAR = 4  # neighbours that a place is paired with
-FAR = 6  # places anywhere
+BANDS = (1, 4, 16, 64, 256)  # first neighbours by nearness of each band, and the end of the last
+EACH = 3  # places of each band that a place is paired with
 ALIKE = 0.12  # of the logarithm of chroma: how far albedos of one material may differ
 WHITE_OUT = 0.98  # linear: what shows as bright may have been any brighter
 ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different material
-FAR_WEIGHT = 0.1  # of far pairs together, against near ones; more of it makes light of courtyards too strong
 WHITE = 0.3  # weight of light from sun and sky that is white in the mean
 DARK, BRIGHT, BOUNDS = 0.04, 0.85, 0.2  # albedos, and the weight of those beyond
 SMOOTH = 0.2  # weight of patches that differ from their ring's mean
@@ -36,11 +36,10 @@ _AGAIN = 20  # steps after which pairs are weighed anew
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Pairs of places, P of them; the first `near` are neighbours."""
+    """Pairs of places, P of them."""
 
     a: Int  # (P,)
     b: Int  # (P,)
-    near: int
     clipped: NDArray[np.bool_]  # (N, 3) of places, not of pairs: the picture says no more than "at least so bright"
 
     def apart(self, log_albedo: F64) -> F64:
@@ -50,8 +49,10 @@ class Pairs:
         return np.asarray(d)
 
     def weights(self, log_albedo: F64) -> F64:
-        """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); near and far sum to 1 each
-        times their weight. Channels that are clipped tell no chroma."""
+        """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); they sum to 1.
+
+        Channels that are clipped tell no chroma.
+        """
         d = log_albedo[self.a] - log_albedo[self.b]
         known = ~(self.clipped[self.a] | self.clipped[self.b])
         apart, told = np.zeros(len(d)), np.zeros(len(d), bool)
@@ -60,21 +61,25 @@ class Pairs:
             apart += both * (d[:, i] - d[:, j]) ** 2 / 3
             told |= both
         w = told * np.exp(apart / (-2 * ALIKE**2))
-        near, far = w[: self.near], w[self.near :]
-        return np.concatenate([near / max(near.sum(), 1e-12), far * (FAR_WEIGHT / max(far.sum(), 1e-12))])
+        return np.asarray(w / max(w.sum(), 1e-12))
 
 
 def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
-    """Each of places (N, 3) of those colours with its nearest, and with others taken anywhere."""
+    """Each of places (N, 3) of those colours with others at all distances, `EACH` from every band of nearness: the
+    nearest are of one material, but seldom one in light and one in shadow; the farther ones tell light from shadow."""
     from scipy.spatial import cKDTree
 
     n = len(points)
-    own = np.repeat(np.arange(n), NEAR)
-    _, near = cKDTree(points).query(points, k=NEAR + 1)
-    far_own = np.repeat(np.arange(n), FAR)
-    far = rng.integers(0, n, n * FAR)
-    a, b = np.concatenate([own, far_own]), np.concatenate([near[:, 1:].ravel(), far])
-    return Pairs(a.astype(np.int64), b.astype(np.int64), len(own), color >= WHITE_OUT)
+    last = min(BANDS[-1], n)
+    _, order = cKDTree(points).query(points, k=last, workers=-1)  # ties at one place are in any order, but the same one
+    own, other = [], []
+    for first, end in itertools.pairwise(min(b, n - 1) for b in BANDS):
+        if end > first:
+            rank = rng.integers(first, end, (n, EACH))
+            own.append(np.repeat(np.arange(n), EACH))
+            other.append(np.take_along_axis(order, rank, axis=1).ravel())
+    a, b = np.concatenate(own).astype(np.int64), np.concatenate(other).astype(np.int64)
+    return Pairs(a, b, color >= WHITE_OUT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +97,7 @@ def light_of(open_: F64, met: F64, seen: F64, sky: F64, sun: F64) -> F64:
 
 
 def judged(color: F64, light: F64, pairs: Pairs) -> float:
-    """The robust mean difference of log albedos over pairs, 0..2: what the fit makes small."""
+    """The robust mean difference of log albedos over pairs, 0..1: what the fit makes small."""
     a = np.log(color) - np.log(light + FLOOR * light.mean())
     d = pairs.apart(a)
     return float((pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1)).sum())

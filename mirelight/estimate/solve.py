@@ -100,6 +100,7 @@ def _taken(places: Places, rows: NDArray[np.int64]) -> Places:
         color=places.color[rows],
         points=places.points[rows],
         normals=places.normals[rows],
+        spread=places.spread[rows],
         open=places.open[rows],
         met=places.met[rows],
     )

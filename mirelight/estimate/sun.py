@@ -22,6 +22,8 @@ RADII = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
 _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
 _DISC = 24  # points of a disc
 _FEW = 8  # of a disc that is being moved
+_ACROSS = 1.5  # standard deviations of a splat, out to which the sun is asked for
+_STRIDE = 5  # no divisor of either number of points: which point of the splat goes with which of the disc
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,14 +147,15 @@ def _with_disc(of: Search, way: F64) -> Sun:
 
 
 def disc(places: Places, way: F64, radius: float, points: int = _DISC) -> F64:
-    """(N,) the mean over a disc around a direction of cosine where it is seen."""
-    if radius == 0:
-        return np.asarray(places.facing(way[None])[0])
+    """(N,) the mean of cosine where it is seen, over a disc around a direction and over each splat: at a shadow's edge
+    a splat shows a mean of light and shadow, and taken for either it makes the sun too weak."""
     k = np.arange(points)
     s = np.sin(np.radians(radius)) * np.sqrt((k + 0.5) / points)
     phi = k * np.pi * (3 - np.sqrt(5.0))
     local = np.stack([s * np.cos(phi), s * np.sin(phi), np.sqrt(1 - s * s)], axis=-1)
-    return np.asarray(places.facing(np.einsum("dk,kj->dj", local, frame_around(way))).mean(axis=0))
+    r = _ACROSS * np.sqrt((k * _STRIDE % points + 0.5) / points)
+    aside = np.stack([r * np.cos(-2 * phi), r * np.sin(-2 * phi)], axis=-1)
+    return np.asarray(places.facing(np.einsum("dk,kj->dj", local, frame_around(way)), aside).mean(axis=0))
 
 
 def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight import conventions
 from mirelight.errors import RenderError
 from mirelight.estimate.sky import PATCHES, frame_around, patch_of
 from mirelight.lighting import Tracer
@@ -20,12 +21,13 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
 
 PLACES = 6000  # splats that tell the light
-RAYS = 96  # from each, to what it faces
+RAYS = 384  # from each, to what it faces: the noise of what few rays meet looks smaller under more light
 GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more rays are sent where little of it shows
 MOST_RAYS = 1024
 SHOWN = 20000  # splats that tell what colour a ray meets
 FEWEST = 200  # splats on the proxy, below which nothing is known
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
+MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
 LIFT = 2e-4  # of the diagonal: where rays start
 _CHUNK = 1 << 20  # rays at once
 
@@ -40,6 +42,7 @@ class Places:
     color: F64  # (N, 3) linear, the splats' own
     points: F64  # (N, 3) world units, just off the surface
     normals: F64  # (N, 3) unit, towards the side that was seen
+    spread: F64  # (N, 2, 3) world units: a standard deviation of the splat along the surface, both ways
     open: F64  # (N, PATCHES) share of the cosine-weighted hemisphere that sees each patch of the sky
     met: F64  # (N, 3) linear: what the hemisphere's other part shows
     sight: Sight  # for shadow rays
@@ -52,14 +55,22 @@ class Places:
         """Share of the view that other surfaces take, 0..1."""
         return float(1 - self.open.sum(axis=1).mean())
 
-    def facing(self, to_sun: F64) -> F64:
-        """(D, N) cosine towards each of D unit directions where nothing stands between, else 0."""
+    def facing(self, to_sun: F64, aside: F64 | None = None) -> F64:
+        """(D, N) cosine towards each of D unit directions where nothing stands between, else 0.
+
+        Args:
+            to_sun: (D, 3).
+            aside: (D, 2) where on the splats, in standard deviations; None: in their middle.
+        """
         cosine = np.einsum("dk,nk->dn", to_sun, self.normals)
         out = np.zeros_like(cosine)
         d, n = np.nonzero(cosine > 1e-3)
         for first in range(0, len(d), _CHUNK):
             a, b = d[first : first + _CHUNK], n[first : first + _CHUNK]
-            face, _ = self.sight.first_hits(self.points[b], to_sun[a])
+            origins = self.points[b]
+            if aside is not None:
+                origins = origins + np.einsum("rj,rjk->rk", aside[a], self.spread[b])
+            face, _ = self.sight.first_hits(origins, to_sun[a])
             out[a, b] = np.where(face < 0, cosine[a, b], 0.0)
         return np.asarray(out)
 
@@ -78,11 +89,11 @@ class _Shown:
         from scipy.spatial import cKDTree
 
         points, normals = deposits.on(mesh)
-        sound = _sound(deposits, normals)
-        points, normals = points[sound], normals[sound]
+        whole = _whole(deposits, normals)  # black ones too: without them what rays meet would be too bright
+        points, normals = points[whole], normals[whole]
         normals = _seen_side(points, normals, face_normals(mesh), sight, lift, rng)
         apart = 10 * lift
-        return _Shown(cKDTree(points + apart * normals), deposits.color[sound], apart)
+        return _Shown(cKDTree(points + apart * normals), deposits.color[whole], apart)
 
     def at(self, points: F64, normals: F64, way: F64) -> F64:
         """(N, 3) at points of faces with those normals, met along directions."""
@@ -91,9 +102,12 @@ class _Shown:
         return np.asarray(self.color[nearest])
 
 
+def _whole(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
+    return np.asarray((deposits.weight > 0) & (np.linalg.norm(normals, axis=1) > 0.5))
+
+
 def _sound(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
-    whole = np.linalg.norm(normals, axis=1) > 0.5
-    return np.asarray((deposits.weight > 0) & (deposits.color.min(axis=1) > DARKEST) & whole)
+    return np.asarray(_whole(deposits, normals) & (deposits.color.min(axis=1) > DARKEST))
 
 
 def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) -> Places:
@@ -126,6 +140,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) ->
     facing = face_normals(mesh)
     shown = _Shown.of(deposits_of(splats, mesh, tracer, SHOWN), mesh, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
+    spread = _spread(splats, few.splat[sound], normals, MOST_SPREAD / LIFT * lift)
     start = points + lift * normals
     around, met = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3))
     step = max(_CHUNK // RAYS, 1)
@@ -146,7 +161,17 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) ->
     rays = min(int(GOING_OUT / max(float(around.sum(axis=1).mean()), 1e-9)), MOST_RAYS)
     if rays > 1.5 * RAYS:
         around = _open(start, normals, sight, rays, rng)
-    return Places(color=color, points=start, normals=normals, open=around, met=met, sight=sight)
+    return Places(color=color, points=start, normals=normals, spread=spread, open=around, met=met, sight=sight)
+
+
+def _spread(splats: SplatCloud, rows: NDArray[np.int64], normals: F64, most: float) -> F64:
+    """(N, 2, 3) the two longer axes of splats, laid on surfaces with those normals, `most` units long at most."""
+    axes = conventions.rotation_from_quaternion(splats.quats[rows].astype(np.float64)).swapaxes(1, 2)
+    scales = splats.scales[rows].astype(np.float64)
+    longer = np.argsort(-scales, axis=1, kind="stable")[:, :2]
+    own = np.take_along_axis(axes, longer[:, :, None], axis=1)
+    own *= np.minimum(np.take_along_axis(scales, longer, axis=1), most)[:, :, None]
+    return np.asarray(own - np.einsum("njk,nk->nj", own, normals)[:, :, None] * normals[:, None])
 
 
 def _open(start: F64, normals: F64, sight: Sight, rays: int, rng: np.random.Generator) -> F64:

@@ -39,6 +39,7 @@ Int = NDArray[np.int64]
 class Deposits:
     """Splats where they lie on the proxy."""
 
+    splat: Int  # (N,) row of the cloud
     face: I32  # (N,)
     corners: F32  # (N, 3) barycentric weights of the face's corners
     weight: F64  # (N,) opacity times extent, less with the distance
@@ -178,6 +179,7 @@ def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int =
     closeness = np.maximum(1 - (distance[near] / reach) ** 2, 1e-3) ** 2
     shown = np.maximum(0.5 + sh.C0 * splats.sh[::step][near, 0], 0)
     return Deposits(
+        splat=near * step,
         face=face[near],
         corners=corners[near],
         weight=splats.opacities[::step][near] * extent * closeness,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mirelight import colour
 from mirelight.conventions import quaternion_from_rotation, unit
 from mirelight.errors import RenderError
-from mirelight.estimate import Estimate, estimate, lighting_of
+from mirelight.estimate import Estimate, estimate, lighting_of, sun, transport
 from mirelight.estimate.describe import described, unknown
 from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
@@ -28,6 +28,14 @@ LIGHT = Lighting(
     lights=(SunLight(name="sun", direction=-TO_SUN, color=np.array([1, 0.9, 0.8]), intensity=2.5),),
     environment=Environment(radiance=np.array([[SKY]], np.float32)),
 )
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_rays() -> Iterator[None]:
+    """Toys are plain: a quarter of the rays tells as much."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transport, "RAYS", 96)
+        yield
 
 
 def boxes(*sizes: Sequence[ArrayLike]) -> ProxyMesh:
@@ -159,12 +167,62 @@ def test_the_sun_through_windows_is_found_though_its_patch_shows_white() -> None
 def test_what_shows_white_is_a_lower_bound() -> None:
     """Of two places, one white: they differ only if the white one's bound lies above the other; it tells no chroma."""
     color = np.array([[1.0, 1.0, 0.4], [0.5, 0.5, 0.4], [1.0, 1.0, 1.0]])
-    pairs = Pairs(a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), near=3, clipped=color >= 0.98)
+    pairs = Pairs(a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), clipped=color >= 0.98)
     higher, lower = np.log([[0.8] * 3, [0.5] * 3, [0.9] * 3]), np.log([[0.2] * 3, [0.5] * 3, [0.9] * 3])
     np.testing.assert_allclose(np.exp(np.abs(pairs.apart(higher)[:2])), 1.6)
     np.testing.assert_allclose(np.exp(pairs.apart(lower)[:2]), [[1, 1, 0.4], [1, 1, 2.5]])
     assert not pairs.apart(higher)[2, :2].any()
     assert not pairs.weights(higher).any()
+
+
+def slabs(color: float) -> tuple[ProxyMesh, SplatCloud]:
+    """A roof over half of a floor, and discs on the floor's top and the roof's underside; the roof's have a colour."""
+    mesh = boxes(
+        ([-2, -0.1, -2], [2, 0, 2], [0.5, 0.5, 0.5]),
+        ([0, 1, -2], [2, 1.1, 2], [0.5, 0.5, 0.5]),
+    )
+    rng = np.random.default_rng(5)
+    floor, roof = rng.uniform((-2, 0, -2), (2, 0, 2), (900, 3)), rng.uniform((0, 1, -2), (2, 1, 2), (600, 3))
+    points = np.concatenate([floor, roof])
+    linear = np.concatenate([np.full(900, 0.3), np.full(600, color)])
+    display = np.repeat(colour.srgb_encode(linear)[:, None], 3, axis=1)
+    return mesh, SplatCloud(
+        means=points.astype(np.float32),
+        quats=np.tile(quaternion_from_rotation(frame_around(np.array([0.0, 1, 0])).T).astype(np.float32), (1500, 1)),
+        scales=np.tile(np.array([0.05, 0.05, 0.001], np.float32), (1500, 1)),
+        opacities=np.full(1500, 0.95, np.float32),
+        sh=((display - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
+    )
+
+
+def test_black_splats_are_met_as_black() -> None:
+    """Half of the view from under a black roof is that roof: leaving out its splats would show something brighter."""
+    mesh, splats = slabs(0.0)
+    places = transport.places_of(splats, mesh, SETTINGS)
+    under = (places.points[:, 1] < 0.5) & (places.points[:, 0] > 0.5)
+    assert under.sum() > 100
+    assert places.met[under].max() < 1e-3
+    brighter = transport.places_of(slabs(0.2)[1], mesh, SETTINGS)
+    under = (brighter.points[:, 1] < 0.5) & (brighter.points[:, 0] > 0.5)
+    seen = 1 - brighter.open[under].sum(axis=1)
+    np.testing.assert_allclose(brighter.met[under], np.repeat(0.2 * seen[:, None], 3, axis=1), atol=2e-3)
+
+
+def test_a_splat_on_a_shadows_edge_is_partly_lit() -> None:
+    """The roof's edge is at x = 0: light straight down reaches the part of each splat that lies on the other side."""
+    mesh, splats = slabs(0.2)
+    places = transport.places_of(splats, mesh, SETTINGS)
+    floor = (places.points[:, 1] < 0.5) & (np.abs(places.points[:, [0, 2]]) < 1.9).all(axis=1)  # off the outer rims
+    x = places.points[floor, 0] / 0.05
+    lit = sun.disc(places, np.array([0.0, 1.0, 0.0]), 0.0)[floor]
+    np.testing.assert_array_equal(lit[x < -1.6], 1)
+    np.testing.assert_array_equal(lit[x > 1.6], 0)
+    edge = np.abs(x) < 1.4
+    u = x[edge] / 1.5  # share of a disc of 1.5 standard deviations beyond the chord at u of its radius
+    share = (np.arccos(u) - u * np.sqrt(1 - u * u)) / np.pi
+    assert edge.sum() > 20
+    assert np.abs(lit[edge] - share).max() < 0.12
+    assert abs(float(np.mean(lit[edge] - share))) < 0.02
 
 
 def test_exposure_multiplies_all_of_the_light() -> None:

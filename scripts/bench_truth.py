@@ -4,10 +4,10 @@ A fixed protocol: five captures (a courtyard under a soft and a hard sun, a stag
 sun through its windows and under clouds), three new lightings each, one camera each that no splat was made from. Every
 frame is made by mirelight's own calls in mode `ratio` with the splats' colours on the proxy.
 
-    python scripts/bench_truth.py [--quick] [--json FILE] [--pictures DIR] [--cache DIR]
+    python scripts/bench_truth.py [--quick] [--only NAME] [--json FILE] [--pictures DIR] [--cache DIR]
 
-True pictures and proxies are kept in the cache folder (out/bench_truth). Needs the extras `scenes`, `denoise`,
-`compare`.
+True pictures and proxies are kept in the cache folder (out/bench_truth), under digests of the code that makes them.
+Needs the extras `scenes`, `denoise`, `compare`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -34,6 +34,7 @@ from mirelight.compositor import Compositor
 from mirelight.lighting import Tracer, captured_level, colored_by
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (
+    Camera,
     Indirect,
     Lighting,
     ProxyMesh,
@@ -49,15 +50,31 @@ Surface = Literal[
 ]
 Known = Literal["known", "estimated"]
 
-FULL = Size(160, 90, truth_spp=256)
+FULL = Size(96, 54, truth_spp=256)
 QUICK = Size(96, 54, truth_spp=64, most=1)
-SPP = 64
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 SURFACES: tuple[Surface, ...] = ("exact", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own")
 FEW: tuple[Surface, ...] = ("exact", "own")  # of a scene's second capture; and with the light estimated
 ORDER: tuple[Surface, ...] = ("exact", "without bars", "solid", *SURFACES[1:])
-PLAIN: Surface = "solid"  # on which ways are compared, as the nearest to a proxy that people have
-WAYS: tuple[tuple[Indirect, int], ...] = tuple((way, spp) for way in ("traced", "surface", "near") for spp in (16, 64))
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a frame's light is found."""
+
+    indirect: Indirect
+    scale: int  # lighting pixels per pixel of the frame, along each axis
+    spp: int  # per lighting pixel
+
+    @property
+    def label(self) -> str:
+        """In a table."""
+        apart = f" as {self.scale}x{self.scale} of {self.spp}" if self.scale > 1 else ""
+        return f"`{self.indirect}`, {self.spp * self.scale**2} samples{apart}"
+
+
+BEST = Way("traced", 2, 16)  # by which proxies are compared
+WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +85,7 @@ class Row:
     mode: str  # unchanged, tint, ratio
     proxy: Surface
     light: Known
-    indirect: Indirect
-    spp: int
+    way: Way
     denoised: bool
     score: Score  # mean over the capture's lightings
     by_lighting: tuple[tuple[str, float], ...]  # light alone
@@ -77,13 +93,6 @@ class Row:
     fill: float  # CPU seconds of all lightings' caches, once for all cameras
     clean: float  # CPU seconds a frame of denoising
     triangles: int
-
-
-def timed(make: Callable[[], T]) -> tuple[T, float]:
-    """What it makes, and the CPU seconds that it takes."""
-    start = time.process_time()
-    made = make()
-    return made, time.process_time() - start
 
 
 class Bench:
@@ -117,113 +126,113 @@ class Bench:
 
     def mesh(self, surface: Surface) -> ProxyMesh:
         """A proxy without colours."""
-        exact, splats = self.capture.exact, self.capture.splats
+        capture, splats = self.capture, self.capture.splats
         match surface:
             case "exact":
-                return exact
+                return capture.exact
             case "without bars":
-                assert self.capture.without_bars is not None
-                return self.capture.without_bars
+                assert capture.without_bars is not None
+                return capture.without_bars
             case "solid":
-                return self.capture.solid
+                return capture.solid
             case "decimated 10x":
-                return self.capture.simplified(len(self.capture.solid.faces) // 10)
+                return capture.simplified(len(capture.solid.faces) // 10)
             case "decimated 50x":
-                return self.capture.simplified(len(self.capture.solid.faces) // 50)
+                return capture.simplified(len(capture.solid.faces) // 50)
             case "moved 1 %":
                 return self._moved
             case "moved 1 %, fitted":
-                return self._store.mesh(f"{self.capture.scene}.fitted", lambda: proxy.register(splats, self._moved))
+                name = f"{capture.scene}.fitted"
+                return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
             case "own":  # made of the splats' places and shapes, so one for all captures of a scene
-                return self._store.mesh(f"{self.capture.scene}.own", lambda: proxy.make(splats).mesh)
+                return self._store.mesh(f"{capture.scene}.own", "own proxies", lambda: proxy.make(splats).mesh)
 
     def rows(self, quick: bool) -> Iterator[Row]:
         """All rows of the capture."""
+        cost = self._store.cost
         yield from self._without_light()
-        if self.capture.first:
-            yield from self._ways(quick)
         bars: tuple[Surface, ...] = ("without bars",) if self.capture.without_bars is not None else ()
-        for surface in (*bars, *SURFACES) if self.capture.first and not quick else FEW:
+        all_of_them = (*bars, "solid", *SURFACES) if self.capture.first else FEW
+        for surface in ("exact",) if quick else all_of_them:
             mesh = self.mesh(surface)
-            yield from self._traced(surface, mesh, "known", self.capture.light)
-            if surface in FEW:
-                found = estimate.estimate(self.capture.splats, mesh, RenderSettings()).lighting
-                yield from self._traced(surface, mesh, "estimated", found)
+            ways = WAYS if surface == "exact" and self.capture.first else (BEST,)
+            yield from self._frames(surface, "known", mesh, self.capture.light, ways[:2] if quick else ways)
+            if surface in FEW and not quick:
+                found = cost("light estimated", partial(self._estimated, mesh))
+                yield from self._frames(surface, "estimated", mesh, found, (BEST,))
+
+    def _estimated(self, mesh: ProxyMesh) -> Lighting:
+        return estimate.estimate(self.capture.splats, mesh, RenderSettings()).lighting
 
     def _without_light(self) -> Iterator[Row]:
         """The capture as it is, and the engine's tint on a gray proxy."""
         exact = self.capture.exact
         unlit = [np.ones_like(self.splats.color) for _ in self.capture.lightings]
-        tracer = Tracer(exact, RenderSettings(spp=SPP), layers=False, aovs=False)
-        lit = [tracer.trace(x, self.capture.camera) for x in self.capture.lightings]
-        yield self._row("unchanged", "exact", "known", "traced", 0, False, unlit, len(exact.faces))
-        tint = [relighting.apply(self.splats, x, RelightSettings(mode="tint"), noise=False).factor for x in lit]
-        yield self._row("tint", "exact", "known", "traced", SPP, False, [_there(x) for x in tint], len(exact.faces))
+        tracer = Tracer(exact, RenderSettings(spp=BEST.spp), layers=False, aovs=False)
+        lit = [tracer.trace(x, self._seen(BEST)) for x in self.capture.lightings]
+        yield self._row("unchanged", "exact", "known", BEST, False, unlit, len(exact.faces))
+        settings = RelightSettings(mode="tint", texture_scale=BEST.scale)
+        tint = [_there(relighting.apply(self.splats, x, settings, noise=False).factor) for x in lit]
+        yield self._row("tint", "exact", "known", BEST, False, tint, len(exact.faces))
 
-    def _ways(self, quick: bool) -> Iterator[Row]:
-        """Indirect light, samples and denoising, under known light."""
-        capture = self.capture
-        mesh = colored_by(capture.splats, self.mesh(PLAIN), capture.light, RenderSettings())
-        level = captured_level(capture.splats, mesh, capture.light, RenderSettings())
-        tracer = Tracer(mesh, RenderSettings(), layers=False, aovs=False)
-        cells, found = timed(lambda: tracer.cells([capture.camera]))
-        caches, filled = timed(lambda: [tracer.fill(cells, x) for x in (capture.light, *capture.lightings)])
-        self._say(f"  {len(cells):,} cells of {cells.size:.3g}; found and filled in {found + filled:.0f} CPU s")
-        for indirect, spp in WAYS[:3] if quick else WAYS:
-            tracer.settings = RenderSettings(spp=spp, indirect=indirect)
-            read = caches if indirect != "traced" else [None] * len(caches)
-            yield from self._frames(PLAIN, "known", tracer, mesh, level, capture.light, read, found + filled)
-
-    def _traced(self, surface: Surface, mesh: ProxyMesh, known: Known, light: Lighting) -> Iterator[Row]:
-        """64 samples, traced."""
-        settings = RenderSettings(spp=SPP)
-        colored = colored_by(self.capture.splats, mesh, light, settings)
-        level = captured_level(self.capture.splats, colored, light, settings)
-        tracer = Tracer(colored, settings, layers=False, aovs=False)
-        yield from self._frames(surface, known, tracer, colored, level, light, [None] * 9, 0.0)
+    def _seen(self, way: Way) -> Camera:
+        camera = self.capture.camera
+        return camera.resized(camera.width * way.scale, camera.height * way.scale)
 
     def _frames(
-        self,
-        surface: Surface,
-        known: Known,
-        tracer: Tracer,
-        mesh: ProxyMesh,
-        level: float,
-        light: Lighting,
-        caches: Sequence[SurfaceCache | None],
-        fill: float,
+        self, surface: Surface, known: Known, mesh: ProxyMesh, light: Lighting, ways: Sequence[Way]
     ) -> Iterator[Row]:
-        """Two rows: noisy and denoised."""
-        capture, settings = self.capture, RelightSettings(mode="ratio")
-        made = [
-            timed(lambda x=x, cache=cache: tracer.trace(x, capture.camera, cache=cache))  # type: ignore[misc]
-            for x, cache in zip((light, *capture.lightings), caches, strict=False)
-        ]
-        cost = made[0][1] + float(np.median([seconds for _, seconds in made[1:]]))
-        noisy = [buffer for buffer, _ in made]
-        clean = [timed(lambda x=x: denoise(x, layers=False)) for x in noisy]  # type: ignore[misc]
-        washing = clean[0][1] + float(np.median([seconds for _, seconds in clean[1:]]))
-        for buffers, denoised in ((noisy, False), ([x for x, _ in clean], True)):
-            factors = [
-                _there(
-                    relighting.apply(
-                        self.splats, x, settings, captured=buffers[0], captured_level=level, noise=False
-                    ).factor
-                )
-                for x in buffers[1:]
+        """Two rows of every way: noisy and denoised; of the one by which proxies are compared the denoised one."""
+        capture, cost = self.capture, self._store.cost
+        colored = cost("colours of proxies", lambda: colored_by(capture.splats, mesh, light, RenderSettings()))
+        level = captured_level(capture.splats, colored, light, RenderSettings())
+        tracer = Tracer(colored, RenderSettings(), layers=False, aovs=False)
+        lightings = (light, *capture.lightings)
+        caches: Sequence[SurfaceCache | None] = [None] * len(lightings)
+        before = self._store.spent.get("light on surfaces", 0.0)
+        if any(way.indirect == "surface" for way in ways):
+            cells = cost("light on surfaces", lambda: tracer.cells([capture.camera]))
+            caches = [cost("light on surfaces", partial(tracer.fill, cells, x)) for x in lightings]
+            self._say(f"  {len(cells):,} cells of {cells.size:.3g}")
+        fill = self._store.spent.get("light on surfaces", 0.0) - before
+        for way in ways:
+            tracer.settings = RenderSettings(spp=way.spp, indirect=way.indirect)
+            read = caches if way.indirect == "surface" else [None] * len(lightings)
+            seen = self._seen(way)
+            traced = [
+                self._timed("frames", partial(tracer.trace, x, seen, cache=cache))
+                for x, cache in zip(lightings, read, strict=True)
             ]
-            way, spp = tracer.settings.indirect, tracer.settings.spp
-            row = self._row("ratio", surface, known, way, spp, denoised, factors, len(mesh.faces))
-            filled = fill if way != "traced" else 0.0
-            yield replace(row, trace=cost, fill=filled, clean=washing if denoised else 0.0)
+            cleaned = [self._timed("denoising", partial(denoise, x, layers=False)) for x, _ in traced]
+            noisy, clean = [x for x, _ in traced], [x for x, _ in cleaned]
+            trace, wash = (sum(seconds for _, seconds in x) for x in (traced, cleaned))
+            settings = RelightSettings(mode="ratio", texture_scale=way.scale)
+            for buffers, denoised in ((noisy, False), (clean, True)) if len(ways) > 1 else ((clean, True),):
+                factors = [
+                    _there(
+                        relighting.apply(
+                            self.splats, x, settings, captured=buffers[0], captured_level=level, noise=False
+                        ).factor
+                    )
+                    for x in buffers[1:]
+                ]
+                row = self._row("ratio", surface, known, way, denoised, factors, len(mesh.faces))
+                share = 2 / len(lightings)  # a frame needs its new and the captured light
+                filled = fill if way.indirect == "surface" else 0.0
+                yield replace(row, trace=trace * share, clean=wash * share if denoised else 0.0, fill=filled)
+
+    def _timed(self, part: str, make: Callable[[], T]) -> tuple[T, float]:
+        """What it makes, and the CPU seconds that it takes."""
+        before = self._store.spent.get(part, 0.0)
+        made = self._store.cost(part, make)
+        return made, self._store.spent[part] - before
 
     def _row(
         self,
         mode: str,
         surface: Surface,
         known: Known,
-        indirect: Indirect,
-        spp: int,
+        way: Way,
         denoised: bool,
         factors: Sequence[F32],
         triangles: int,
@@ -236,17 +245,18 @@ class Bench:
             truth = capture.truth[lighting.name]
             scores.append(score(factor, unlit * factor, before, truth, self.edges))
             if self._pictures is not None:
-                name = f"{capture.name}.{lighting.name}.{mode}.{surface}.{known}.{indirect}.{spp}.{denoised}"
+                cut = f"{way.indirect}.{way.scale}x{way.spp}.{denoised}"
+                name = f"{capture.name}.{lighting.name}.{mode}.{surface}.{known}.{cut}"
                 parts = [(before[0] + before[1]) / 2, before[0] * factor, unlit * factor, (truth[0] + truth[1]) / 2]
                 _write(self._pictures / f"{name.replace(' ', '-').replace('%', 'p')}.png", parts)
         made = mean(scores)
         self._say(
-            f"  {capture.name} {mode} {surface} {known} {indirect} {spp} {'denoised' if denoised else ''}: "
+            f"  {capture.name} {mode} {surface} {known} {way.label} {'denoised' if denoised else ''}: "
             f"{made.light:.1f} dB light alone, {made.psnr:.1f} dB"
         )
         nan = math.nan
         own = tuple((x.name, y.light) for x, y in zip(capture.lightings, scores, strict=True))
-        return Row(capture.name, mode, surface, known, indirect, spp, denoised, made, own, nan, 0.0, 0.0, triangles)
+        return Row(capture.name, mode, surface, known, way, denoised, made, own, nan, 0.0, 0.0, triangles)
 
 
 def _there(factor: F32 | None) -> F32:
@@ -281,22 +291,26 @@ def table(title: str, rows: Sequence[Row], of: Callable[[Row], str]) -> str:
     return "\n".join(lines)
 
 
-def tables(rows: Sequence[Row]) -> str:
-    """What docs/truth.md shows."""
+def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
+    """What docs/truth.md is made from."""
 
     def proxy_label(row: Row) -> str:
         return row.mode if row.mode != "ratio" else f"{row.proxy}, light {row.light}"
 
     def way_label(row: Row) -> str:
-        return f"`{row.indirect}`, {row.spp} samples{', denoised' if row.denoised else ''}"
+        return f"{row.way.label}{', denoised' if row.denoised else ''}"
 
-    ways = [r for r in rows if r.mode == "ratio" and r.proxy == PLAIN]
-    most = max((r.spp for r in ways), default=SPP)
-    plain = [r for r in ways if r.denoised and r.indirect == "traced" and r.spp == most]
-    proxies = [r for r in rows if r.mode != "ratio" or (r.denoised and r.proxy != PLAIN)]
+    compared = {row.capture for row in rows if row.way != BEST}
+    known = [r for r in rows if r.mode == "ratio" and r.proxy == "exact" and r.light == "known"]
+    ways = [r for r in known if r.capture in compared and (r.denoised or r.way.scale == 1)]
+    proxies = [r for r in rows if r.mode != "ratio" or (r.denoised and r.way == BEST)]
     order = {"unchanged": 0, "tint": 1, "ratio": 2}
-    best = sorted([*proxies, *plain], key=lambda r: (order[r.mode], r.light == "estimated", ORDER.index(r.proxy)))
-    return "\n\n".join([table("proxy and light, denoised", best, proxy_label), table("way", ways, way_label)])
+    best = sorted(proxies, key=lambda r: (order[r.mode], r.light == "estimated", ORDER.index(r.proxy)))
+    parts = "\n".join(f"| {part} | {seconds:.0f} |" for part, seconds in spent.items())
+    costs = f"| part | CPU s |\n|---|---|\n{parts}"
+    return "\n\n".join(
+        [table("proxy and light", best, proxy_label), table("exact proxy, light known", ways, way_label), costs]
+    )
 
 
 def main() -> None:
@@ -323,7 +337,7 @@ def main() -> None:
             if chosen.json is not None:
                 chosen.json.write_text(json.dumps([asdict(x) for x in rows], indent=1), encoding="utf-8")
     say("done")
-    print(tables(rows))
+    print(tables(rows, store.spent))
 
 
 if __name__ == "__main__":

@@ -1,17 +1,19 @@
 """What bench_truth.py looks at: captures of scenes whose true pictures are known, from cameras kept apart.
 
-True pictures come in two halves of independent noise. What takes long is kept in a folder, by a digest of the scenes'
-sources.
+True pictures come in two halves of independent noise. What takes long is kept in a folder, under a digest of the code
+that makes it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +30,12 @@ from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
+T = TypeVar("T")
+
 METALS = ("iron", "brass")
+MAKES_PROXIES = ("proxy", "lighting", "compositor", "model")  # folders of mirelight
 ROOT = Path(__file__).resolve().parent.parent
-BAKE_SPP = {"courtyard": 16, "interior": 128}  # for one splat's colour; indoors light is noisy
+BAKE_SPP = {"courtyard": 16, "interior": 48}  # for one splat's colour; indoors light is noisy
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -83,7 +88,7 @@ PLANS = (
     _Plan("interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun")),
     _Plan("interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
 )
-QUICK = (PLANS[0], PLANS[3])
+QUICK = (PLANS[0], PLANS[2])  # their splats are shipped
 APART = {  # eye and target between the cameras that a capture is made from
     "courtyard": ((2.05, 2.3, 5.75), (-0.3, 1.55, -1.5), 43),
     "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),
@@ -92,33 +97,46 @@ APART = {  # eye and target between the cameras that a capture is made from
 
 
 class Store:
-    """Arrays kept in a folder."""
+    """Arrays kept in a folder, under a digest of the code that makes them; and what making the rest has cost."""
 
     def __init__(self, folder: Path) -> None:
-        sources = sorted((ROOT / "scripts" / "scenegen").glob("*.py"))
-        code = hashlib.sha256(b"".join(x.read_bytes() for x in [*sources, Path(__file__)])).hexdigest()
-        self._folder = folder / code[:12]
-        self._folder.mkdir(parents=True, exist_ok=True)
+        scenes = [*(ROOT / "scripts" / "scenegen").glob("*.py"), Path(__file__)]
+        made = [x for name in MAKES_PROXIES for x in (ROOT / "mirelight" / name).rglob("*.py")]
+        self._scenes, self._proxies = _digest(scenes), _digest([*scenes, *made])
+        self._folder = folder
+        self.spent: dict[str, float] = {}
 
-    def array(self, name: str, make: Callable[[], F32]) -> F32:
-        """The array of that name, made unless it is there."""
-        path = self._folder / f"{name.replace(' ', '-')}.npy"
+    def cost(self, part: str, make: Callable[[], T]) -> T:
+        """What it makes; its CPU seconds are noted under the part of the protocol that they belong to."""
+        start = time.process_time()
+        made = make()
+        self.spent[part] = self.spent.get(part, 0.0) + time.process_time() - start
+        return made
+
+    def array(self, name: str, part: str, make: Callable[[], F32], *, proxy: bool = False) -> F32:
+        """The array of that name, made unless it is there; `proxy`: by mirelight, so made again when that changes."""
+        path = self._folder / (self._proxies if proxy else self._scenes) / f"{name.replace(' ', '-')}.npy"
         if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
             fresh = path.with_suffix(".part.npy")
-            np.save(fresh, make())
+            np.save(fresh, self.cost(part, make))
             fresh.rename(path)
         return np.asarray(np.load(path), np.float32)
 
-    def mesh(self, name: str, make: Callable[[], ProxyMesh]) -> ProxyMesh:
+    def mesh(self, name: str, part: str, make: Callable[[], ProxyMesh], *, proxy: bool = True) -> ProxyMesh:
         """Vertices and faces of the mesh of that name, made unless it is there."""
 
         def pack() -> F32:
             made = make()  # as floats: 2 ** 24 vertices at most
             return np.concatenate([[[len(made.vertices), 0, 0]], made.vertices, made.faces]).astype(np.float32)
 
-        rows = self.array(name, pack)
+        rows = self.array(name, part, pack, proxy=proxy)
         count = 1 + int(rows[0, 0])
         return ProxyMesh(vertices=rows[1:count], faces=rows[count:].astype(np.int32))
+
+
+def _digest(sources: Iterable[Path]) -> str:
+    return hashlib.sha256(b"".join(x.read_bytes() for x in sorted(sources))).hexdigest()[:12]
 
 
 def captures(
@@ -174,21 +192,22 @@ class _Scene:
             scene = Truth(self.looks, self._lightings[lighting])
             return np.stack([scene.picture(self._camera, size.truth_spp, seed=k)[..., :3] for k in (1, 2)])
 
-        first, second = self._store.array(name, make)
+        first, second = self._store.array(name, "true pictures", make)
         return first, second
 
     def _exact(self) -> ProxyMesh:
-        return self._store.mesh(f"{self._name}.exact", lambda: _welded(self.looks))
+        return self._store.mesh(f"{self._name}.exact", "true surfaces", lambda: _welded(self.looks), proxy=False)
 
     def _solid(self) -> ProxyMesh:
         bare = replace(self.looks, soups=[s for s in self.looks.soups if s.solid])
-        return self._store.mesh(f"{self._name}.solid", lambda: _welded(bare))
+        return self._store.mesh(f"{self._name}.solid", "true surfaces", lambda: _welded(bare), proxy=False)
 
     def _without_bars(self) -> ProxyMesh | None:
         rest = [s for s in self.looks.soups if s.solid or s.material not in METALS]
         if len(rest) == len(self.looks.soups):
             return None
-        return self._store.mesh(f"{self._name}.without-bars", lambda: _welded(replace(self.looks, soups=rest)))
+        bare = replace(self.looks, soups=rest)
+        return self._store.mesh(f"{self._name}.without-bars", "true surfaces", lambda: _welded(bare), proxy=False)
 
     def _simplified(self, triangles: int) -> ProxyMesh:
         def make() -> ProxyMesh:
@@ -196,7 +215,7 @@ class _Scene:
             solid = self._solid()
             return decimated(Soup(solid.vertices.astype(np.float64), solid.faces.astype(np.int64)), triangles).mesh()
 
-        return self._store.mesh(f"{self._name}.{triangles}", make)
+        return self._store.mesh(f"{self._name}.{triangles}", "decimated proxies", make)
 
     def _splats(self, lighting: str) -> SplatCloud:
         if self._name != "interior":
@@ -216,7 +235,7 @@ class _Scene:
             )
             return np.concatenate([cloud.means, cloud.quats, cloud.scales], axis=1)
 
-        rows = self._store.array("interior.splats", make)
+        rows = self._store.array("interior.splats", "splats", make)
         n = len(rows)
         bare = SplatCloud(
             means=rows[:, :3],
@@ -246,7 +265,7 @@ class _Scene:
             light = surfels.bake(form, normal * np.where(best < 0, -1.0, 1.0), truth, BAKE_SPP[self._name], seed=3)
             return np.asarray(srgb_encode(np.clip(np.nan_to_num(light), 0, 1)), np.float32)
 
-        colour = self._store.array(f"{self._name}.colours.{lighting}", make)
+        colour = self._store.array(f"{self._name}.colours.{lighting}", "splats", make)
         return replace(splats, sh=((colour - 0.5) / C0)[:, None, :].astype(np.float32))
 
 

@@ -50,3 +50,37 @@ def test_silhouettes_are_bands_round_jumps_of_depth(scores: ModuleType) -> None:
 def test_a_mean_takes_each_figure_by_itself(scores: ModuleType) -> None:
     a, b = scores.Score(30, 20, 28, 18, 0.9, 0.1), scores.Score(34, 26, 30, 20, 0.7, 0.3)
     assert scores.mean([a, b]) == scores.Score(32, 23, 29, 19, pytest.approx(0.8), pytest.approx(0.2))
+
+
+def test_what_is_kept_is_made_again_when_the_code_that_makes_it_changes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    captures = importlib.import_module("bench_truth_captures")
+    for folder in (*captures.MAKES_PROXIES, "scripts/scenegen"):
+        source = tmp_path / ("" if "/" in folder else "mirelight") / folder / "made.py"
+        source.parent.mkdir(parents=True)
+        source.write_text("one", encoding="utf-8")
+    monkeypatch.setattr(captures, "ROOT", tmp_path)
+    made: list[str] = []
+
+    def read(name: str, *, proxy: bool) -> None:
+        def make() -> NDArray[np.float32]:
+            made.append(name)
+            return np.arange(3, dtype=np.float32)
+
+        store = captures.Store(tmp_path / "cache")
+        np.testing.assert_array_equal(store.array(name, "part", make, proxy=proxy), [0, 1, 2])
+        assert set(store.spent) <= {"part"}
+
+    for _ in range(2):
+        read("truth", proxy=False)
+        read("own", proxy=True)
+    assert made == ["truth", "own"]
+    (tmp_path / "mirelight" / "proxy" / "made.py").write_text("two", encoding="utf-8")
+    read("truth", proxy=False)
+    read("own", proxy=True)
+    assert made == ["truth", "own", "own"]
+    (tmp_path / "scripts" / "scenegen" / "made.py").write_text("two", encoding="utf-8")
+    read("truth", proxy=False)
+    assert made == ["truth", "own", "own", "truth"]

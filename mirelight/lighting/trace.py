@@ -204,16 +204,14 @@ class Tracer:
         """Light of a lighting on the surface, for every camera; light is additive, so parts may be filled apart.
 
         Args:
-            cells: from `cells`.
-            lighting: lights, environment, sky model.
+            cells, lighting: from `cells`; lights, environment, sky model.
             samples: of each cell; four times as many halve the cache's error.
-            transport: between these cells, which then says how many samples there are. What glows is not read from it.
+            transport: between these cells, in place of one of `samples` rays. What glows is filled without.
             emission: False: surfaces that glow do not.
             progress: called with samples done and in all after every launch.
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
-            RenderError: the light of so many cells does not fit in memory.
+            BackendError, RenderError: the variant `scalar_rgb`; the light of so many cells does not fit in memory.
         """
         from mirelight.lighting.fill import fill
         from mirelight.lighting.transport import lit
@@ -221,7 +219,8 @@ class Tracer:
         surface, lighting = self._on_device(), plain(lighting)
         sky = self._sky_of(lighting.environment)
         glow = emission and self.emissive
-        if transport is not None and not glow:
+        if not glow:
+            transport = transport or self.transport(cells, 1 << max(samples - 1, 15).bit_length())
             return lit(surface, sky, cells, transport, lighting, self.settings, progress or _ignore)
         return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
 

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.cells import Pieces
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.sky import Sky
+    from mirelight.lighting.kernel.types import Float
 
 RAYS = 256  # of each cell, in two independent halves
 MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
@@ -46,8 +47,9 @@ STAND_INS = 2  # places without a cell that stand for all that half of a cell's 
 BEYOND = 4  # hits of a ray that goes on without a cell
 DIRECT = PASS  # samples of a cell's own light in each half
 DIRECT_BEYOND = 4  # and of a place without a cell
-BOUNCES = 16
-PARTS = 4  # of the rays: each bounce but the last takes one of them, in turn
+PARTS = 8  # of the rays: each bounce but the last takes one of them, in turn
+ROUNDS = 2  # of them
+MOST_LEFT = 0.9  # of the light that a round brings, by the next: in a closed white room there is no end to it
 
 Progress = Callable[[int, int], None]
 Words = NDArray[np.uint32]
@@ -201,15 +203,34 @@ def lit(
     beyond = DeviceLinks(transport.beyond[None], transport.beyond_albedo[None])
     own_light, none = in_fours(base), in_fours(np.zeros_like(base))
     light, part = own_light, of_cells.samples // PARTS
-    for bounce in range(BOUNCES):
-        some = [(of_cells, 0, bounce % PARTS * part, part), (beyond, len(cells), 0, 1)]
-        light = bounced(light, own_light, count, transport.nodes, some)
-    half = of_cells.samples // 2
+    after = [base]
+    for _ in range(ROUNDS):
+        for k in range(PARTS):
+            some = [(of_cells, 0, k * part, part), (beyond, len(cells), 0, 1)]
+            light = bounced(light, own_light, count, transport.nodes, some)
+        after.append(_rows(light, base.shape))
+    light, half = in_fours(_in_the_end(*after)), of_cells.samples // 2
     gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
-    shape = count, transport.nodes, 4
-    values = [x.numpy()[: int(np.prod(shape))].reshape(shape) for x in gathered]
-    indirect = np.stack([x[:, : len(cells), :3] for x in values])
+    indirect = np.stack([_rows(x, base.shape)[:, : len(cells)] for x in gathered])
     return _cache(cells, layers, lighting, direct, met, indirect)
+
+
+def _rows(fours: Float, shape: tuple[int, ...]) -> F32:
+    """(..., 3) of groups of four on the device."""
+    count = int(np.prod(shape[:-1]))
+    return np.asarray(fours.numpy()[: 4 * count].reshape(*shape[:-1], 4)[..., :3], np.float32)
+
+
+def _in_the_end(first: F32, middle: F32, last: F32) -> F32:
+    """Light after all bounces, from that before a round, after it and after another (K, n, 3).
+
+    What rounds bring falls off as a geometric series, by a factor that grows towards its limit, so this is no more
+    than there is.
+    """
+    new = (last - middle).sum(axis=1, dtype=np.float64)
+    old = (middle - first).sum(axis=1, dtype=np.float64)
+    left = np.clip(new / np.where(old > 0, old, np.inf), 0, MOST_LEFT)[:, None]
+    return np.asarray(last + (last - middle) * (left / (1 - left)), np.float32)
 
 
 def _own(

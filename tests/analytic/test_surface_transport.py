@@ -20,7 +20,7 @@ from .test_surface_cache import SURFACE, lamp, means, room, stage
 
 def test_a_lamp_in_a_gray_ball_is_its_series() -> None:
     """Direct light I / r² on all of the ball, and a / (1 - a) times as much reflected."""
-    ball, albedo = sphere(1.0, rings=24), np.array([0.3, 0.5, 0.7])
+    ball, albedo = sphere(1.0, rings=24), np.array([0.3, 0.6, 0.9])
     tracer = Tracer(replace(ball, albedo=albedo), replace(SURFACE, spp=64))
     view = Camera.look_at([0, 0, 0], [0, 0, 1], 24, 18, yfov=80)
     cells = tracer.cells([view], 0.25)

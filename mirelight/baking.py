@@ -12,9 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.errors import InputError
-from mirelight.model import F32, F64, Job, Lighting, RelightSettings, SplatCloud, rules_of
+from mirelight import colour, needs
+from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
 from mirelight.relighting import gloss_of
 from mirelight.scene import Scene
 from mirelight.sh import C0
@@ -39,23 +38,9 @@ def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: Progress | 
         RenderError: no splat lies on the proxy.
         BackendError: the variant cannot be used on this machine.
     """
-    check(scene.job)
+    needs.check_lit_splats(scene.job)
     blend = np.float32(scene.job.relight_of(lighting).blend)
     return np.asarray(1 - blend + blend * SplatLight(scene, spp, progress).factor(lighting), np.float32)
-
-
-def check(job: Job) -> None:
-    """Raises InputError, in one line, where a job has nothing to bake."""
-    if job.splats is None:
-        raise InputError(job.source, "no splats", "name a capture to write relit", field="splats")
-    if job.proxy is None:
-        found = "no proxy mesh for light to fall on"
-        raise InputError(job.source, found, 'add the line proxy = "splats"', field="proxy")
-    if not job.lightings:
-        raise InputError(job.source, "no light", "a bake needs lights", field="lights")
-    if not rules_of(job.render.profile).path_traced:
-        found = "the profile playcanvas, whose light is not traced"
-        raise InputError(job.source, found, "use profile physical", field="profile")
 
 
 def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) -> SplatCloud:

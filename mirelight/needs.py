@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mirelight import relighting
+from mirelight.errors import InputError
 from mirelight.model import Camera, Job, Lighting
 from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of
@@ -23,6 +24,21 @@ def compares_in(job: Job, lighting: Lighting | None) -> bool:
 def follows_engine(job: Job) -> bool:
     """True where light is the real-time engine's."""
     return not rules_of(job.render.profile).path_traced
+
+
+def check_lit_splats(job: Job) -> None:
+    """Raises InputError, in one line, where a job has no traced light on splats: for bakes and the mixer."""
+    if job.splats is None:
+        raise InputError(job.source, "no splats", "name a capture: its splats take the light", field="splats")
+    if job.proxy is None:
+        found = "no proxy mesh for light to fall on"
+        raise InputError(job.source, found, 'add the line proxy = "splats"', field="proxy")
+    if not job.lightings:
+        raise InputError(job.source, "no light", "name lights or an environment", field="lights")
+    if follows_engine(job):
+        found = "the profile playcanvas, whose light is not traced"
+        remedy = "use profile physical; mirelight realtime has the engine's own light"
+        raise InputError(job.source, found, remedy, field="profile")
 
 
 def lighting_cameras(job: Job) -> list[Camera]:

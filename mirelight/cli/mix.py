@@ -45,13 +45,13 @@ def run_mix(args: argparse.Namespace) -> int:
     from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
-    from mirelight.mixing.layers import check
     from mirelight.mixing.saved import Saved
     from mirelight.mixing.server import claimed
+    from mirelight.needs import check_lit_splats
 
     overrides = [parse(text) for text in args.set]
     work = job.load(args.job, overrides)
-    check(work)
+    check_lit_splats(work)
     if not 1 <= args.spp <= 1_000_000:
         raise InputError("--spp", str(args.spp), "give 1 to 1000000")
     if args.port is not None and not (args.serve and 1 <= args.port <= 65535):

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight import needs
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import compressed_ply, ply
 from mirelight.mixing import rgb9e5
-from mirelight.mixing.layers import Mixed, MixLayers, check, make
+from mirelight.mixing.layers import Mixed, MixLayers, make
 from mirelight.model import F64, Camera, Job, SplatCloud
 from mirelight.realtime import engine
 from mirelight.relighting.modes import mode_of
@@ -66,7 +67,7 @@ def export(
         OutputError: the folder cannot be written.
     """
     job = scene.job
-    check(job)
+    needs.check_lit_splats(job)
     folder = Path(directory)
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")

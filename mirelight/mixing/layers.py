@@ -16,7 +16,7 @@ import numpy as np
 from mirelight import needs, relighting
 from mirelight.errors import InputError
 from mirelight.lighting.layers import MAX_LAYERS
-from mirelight.model import F32, F64, Job, Lighting, rules_of
+from mirelight.model import F32, F64, Lighting
 from mirelight.model.lights import position_of
 from mirelight.scene import Scene
 from mirelight.splat_light import EMISSION, Progress, SplatLight
@@ -83,28 +83,11 @@ class MixLayers:
         return np.asarray(total if self.limit is None else np.minimum(total, self.limit), dtype=np.float32)
 
 
-def check(job: Job) -> None:
-    """Raises InputError, in one line, where a job has nothing to mix."""
-    if job.splats is None:
-        raise InputError(job.source, "no splats", "name a capture: the mixer shows its light on splats", field="splats")
-    if job.proxy is None:
-        raise InputError(job.source, "no proxy mesh for light to fall on", "name a proxy", field="proxy")
-    if not job.lightings:
-        raise InputError(job.source, "no light", "name lights or an environment to mix", field="lights")
-    if not rules_of(job.render.profile).path_traced:
-        raise InputError(
-            job.source,
-            "the profile playcanvas, whose light is not traced",
-            "use profile physical, or mirelight realtime for the engine's own light",
-            field="profile",
-        )
-
-
 def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: Progress | None = None) -> MixLayers:
     """Trace what is not kept, and divide by the captured light.
 
     Args:
-        scene: of a job that :func:`check` lets through.
+        scene: of a job that `needs.check_lit_splats` lets through.
         spp: samples a splat.
         lightings: those of the job to mix, in their order.
         progress: hears what is traced.

@@ -12,7 +12,7 @@ from mirelight.errors import InputError
 from mirelight.lighting import Tracer, splat_light
 from mirelight.lighting.points import shown
 from mirelight.mixing import rgb9e5
-from mirelight.mixing.layers import MixLayers, check, make
+from mirelight.mixing.layers import MixLayers, make
 from mirelight.model import (
     F64,
     Deferred,
@@ -28,6 +28,7 @@ from mirelight.model import (
     SplatCloud,
     SurfaceCells,
 )
+from mirelight.needs import check_lit_splats
 from mirelight.scene import prepare
 from mirelight.splat_light import SplatLight
 
@@ -185,7 +186,7 @@ def test_extremes_of_the_packing() -> None:
 )
 def test_a_job_with_nothing_to_mix_is_refused(job: Job, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        check(job)
+        check_lit_splats(job)
 
 
 def test_more_layers_than_the_page_holds_are_refused() -> None:

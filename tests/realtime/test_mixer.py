@@ -349,7 +349,7 @@ def test_the_command_writes_a_page_and_refuses_in_one_line(folder: Path, tmp_pat
     assert [x["name"] for x in described["layers"]] == ["lamp", "glow worm", "base"]
     (tmp_path / "plain.toml").write_text(f'splats = "{folder / "splats.ply"}"\n')
     for arguments, said in (
-        ([str(tmp_path / "plain.toml")], "no proxy mesh for light to fall on; name a proxy"),
+        ([str(tmp_path / "plain.toml")], "no proxy mesh for light to fall on; add the line proxy"),
         ([str(folder / "job.toml"), "--spp", "0"], "--spp: 0; give 1 to 1000000"),
         ([str(folder / "job.toml"), "--lighting", "dusk"], "no lighting named 'dusk'; there are: day, night"),
     ):

@@ -76,7 +76,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "mixing": {"*"},
     "showing": {"*"},
     "watching": {"*"},
-    "baking": BASE | TOOLS | {"relighting", "scene", "splat_light"},
+    "baking": BASE | TOOLS | {"needs", "relighting", "scene", "splat_light"},
     "doctor": {"*"},
     "cli": {"*"},
     "__main__": {"cli"},

@@ -42,7 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "provenance": {"model", "backend"},
     "proxy": BASE | TOOLS | {"extras", "backend", "lighting", "compositor", "machine"},
     "estimate": BASE | TOOLS | {"lighting", "machine"},
-    "needs": {"model", "units", "relighting", "lighting"},
+    "needs": {"errors", "model", "units", "relighting", "lighting"},
     "keys": {"model", "needs", "units", "provenance", "relighting", "lighting"},
     "kept": {"model"},
     "view_light": {"model", "units", "mix", "keys", "needs", "kept", "lighting"},

@@ -54,7 +54,7 @@ FULL = Size(96, 54, truth_spp=256)
 QUICK = Size(96, 54, truth_spp=64, most=1)
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 SURFACES: tuple[Surface, ...] = ("exact", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own")
-FEW: tuple[Surface, ...] = ("exact", "own")  # of a scene's second capture; and with the light estimated
+FEW: tuple[Surface, ...] = ("exact", "own")  # of captures that are not `whole`; and with the light estimated
 ORDER: tuple[Surface, ...] = ("exact", "without bars", "solid", *SURFACES[1:])
 
 
@@ -152,10 +152,10 @@ class Bench:
         cost = self._store.cost
         yield from self._without_light()
         bars: tuple[Surface, ...] = ("without bars",) if self.capture.without_bars is not None else ()
-        all_of_them = (*bars, "solid", *SURFACES) if self.capture.first else FEW
+        all_of_them = (*bars, "solid", *SURFACES) if self.capture.whole else FEW
         for surface in ("exact",) if quick else all_of_them:
             mesh = self.mesh(surface)
-            ways = WAYS if surface == "exact" and self.capture.first else (BEST,)
+            ways = WAYS if surface == "exact" and self.capture.whole else (BEST,)
             yield from self._frames(surface, "known", mesh, self.capture.light, ways[:2] if quick else ways)
             if surface in FEW and not quick:
                 found = cost("light estimated", partial(self._estimated, mesh))

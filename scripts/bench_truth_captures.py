@@ -61,7 +61,7 @@ class Captured:
 
     name: str
     scene: str
-    first: bool  # of its scene's captures
+    whole: bool  # all proxies and ways are tried on it, not the ends alone
     camera: Camera  # not one that the splats were made from
     splats: SplatCloud
     light: Lighting  # under which they were captured
@@ -79,13 +79,14 @@ class _Plan:
     name: str
     captured: str  # lighting
     new: tuple[str, ...]
+    whole: bool = False
 
 
 PLANS = (
-    _Plan("courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun")),
+    _Plan("courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
     _Plan("courtyard", "courtyard, hard sun", "hard sun", ("evening", "night", "day")),
     _Plan("stage", "stage, soft boxes", "studio", ("spots", "gels", "sunset")),
-    _Plan("interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun")),
+    _Plan("interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
     _Plan("interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
 )
 QUICK = (PLANS[0], PLANS[2])  # their splats are shipped
@@ -170,7 +171,7 @@ class _Scene:
         return Captured(
             name=plan.name,
             scene=self._name,
-            first=plan.captured == self.recipe.captured.name,
+            whole=plan.whole,
             camera=self._camera,
             splats=self._splats(plan.captured),
             light=self._lightings[plan.captured],

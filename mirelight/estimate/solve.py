@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
 from mirelight.errors import RenderError
@@ -61,7 +60,7 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
             f"only {1 - places.blocked:.2%} of what the splats on the proxy face is open, so no light comes in from "
             "outside; lamps inside are not estimated: describe them in the job's [captured], or leave windows open"
         )
-    halves = [_taken(places, np.arange(k, len(places), 2)) for k in (0, 1)]
+    halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
     pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
     suns = [_searched(half, rng) for half in halves]
@@ -94,20 +93,8 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
     )
 
 
-def _taken(places: Places, rows: NDArray[np.int64]) -> Places:
-    return replace(
-        places,
-        color=places.color[rows],
-        points=places.points[rows],
-        normals=places.normals[rows],
-        spread=places.spread[rows],
-        open=places.open[rows],
-        met=places.met[rows],
-    )
-
-
 def _searched(half: Places, rng: np.random.Generator) -> Sun | None:
-    some = _taken(half, np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1)))
+    some = half.taken(np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1)))
     return sun.search(sun.Search.of(some, fit.pairs_of(some.points, some.color, rng)))
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
 from mirelight.estimate.fit import FLOOR, ROBUST, Fitted, Pairs, judged
@@ -12,13 +14,16 @@ from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
 
-DIRECTIONS = 600  # that light something
-MOST_DIRECTIONS = 5000  # over the whole sphere
+DIRECTIONS = 5000  # over the whole sphere: 3 degrees apart
+TRIED = 1000  # of these, those of most promise
 STARTS = 5  # of these, that are refined
 ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
 SHARES = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)  # of the sun in the direct light that are tried
 LEAST_LIT = 0.01  # share of the places that a sun must reach
 RADII = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
+_THINNED = 2  # of so many places one is asked what promise directions have
+_AT_ONCE = 500  # directions
+_WIDE = 1.0  # of the logarithm of albedo: differences that count in full before light is found
 _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
 _DISC = 24  # points of a disc
 _FEW = 8  # of a disc that is being moved
@@ -33,6 +38,7 @@ class Search:
     places: Places
     pairs: Pairs
     weights: F64  # (P,)
+    bound: NDArray[np.bool_]  # (2, P) where one or the other of a pair shows white: it may have been any brighter
     log_color: F64  # (N,)
     sky: F64  # (N,) open share of the view
     met: F64  # (N,)
@@ -43,28 +49,59 @@ class Search:
         """Over all places that the pairs name."""
         color = places.color @ REC709_LUMINANCE.astype(np.float64)
         log = np.log(places.color)
-        clipped = (pairs.clipped[pairs.a] | pairs.clipped[pairs.b]).any(axis=1)
+        bound = pairs.clipped.any(axis=1)
         return Search(
             places=places,
             pairs=pairs,
-            weights=pairs.weights(log) * ~clipped,
+            weights=pairs.weights(log),
+            bound=np.stack([bound[pairs.a], bound[pairs.b]]),
             log_color=np.log(color),
             sky=places.open.sum(axis=1),
             met=places.met @ REC709_LUMINANCE.astype(np.float64),
             mean=float(color.mean()),
         )
 
-    def losses(self, seen: F64) -> F64:
+    def apart(self, log_albedo: F64) -> F64:
+        """(P,) how far albedos (N,) surely differ."""
+        d = log_albedo[self.pairs.a] - log_albedo[self.pairs.b]
+        d[(self.bound[0] & (d < 0)) | (self.bound[1] & (d > 0))] = 0
+        return np.asarray(d)
+
+    def even(self) -> F64:
+        """(N,) irradiance / pi without a sun, at a middle albedo."""
+        level = self.mean / ALBEDOS[1]
+        direct = max(level - self.met.mean(), 0.1 * level)
+        return np.asarray(self.met + direct * self.sky / max(self.sky.mean(), 1e-9) + FLOOR * level)
+
+    def wanted(self) -> F64:
+        """(N,) by how much more light at each place, in proportion to what there is, would make albedos more alike."""
+        light, pairs = self.even(), self.pairs
+        d = self.apart(self.log_color - np.log(light))
+        pull = self.weights * d / (d * d + _WIDE**2) ** 2
+        n = len(light)
+        return np.asarray(np.bincount(pairs.a, pull, n) - np.bincount(pairs.b, pull, n))
+
+    def promise(self, seen: F64, rows: slice = slice(None)) -> F64:
+        """(D,) how well the change that lights (D, n) bring, each as bright as all that there is, is what is wanted; of
+        the places in `rows` alone. Next to a lamp more light counts no more than twice the light that there is."""
+        changed = seen / self.even()[rows]
+        changed = np.log1p(changed / np.maximum(changed.mean(axis=1, keepdims=True), 1e-12))
+        return np.asarray(changed @ self.wanted()[rows] / np.maximum(changed.std(axis=1), 1e-12))
+
+    def rough(self, seen: F64) -> float:
+        """The least loss of a few of :meth:`losses`."""
+        return float(self.losses(seen, ALBEDOS[1:2], SHARES[1:4:2]).min())
+
+    def losses(self, seen: F64, albedos: Sequence[float] = ALBEDOS, shares: Sequence[float] = SHARES) -> F64:
         """(A, S) losses with a sun of these cosines (N,), by the mean albedo and the sun's share."""
-        out = np.empty((len(ALBEDOS), len(SHARES)))
+        out = np.empty((len(albedos), len(shares)))
         sky, sun = self.sky / max(self.sky.mean(), 1e-9), seen / max(seen.mean(), 1e-9)
-        for i, albedo in enumerate(ALBEDOS):
+        for i, albedo in enumerate(albedos):
             level = self.mean / albedo
             direct = max(level - self.met.mean(), 0.1 * level)
-            for k, share in enumerate(SHARES):
+            for k, share in enumerate(shares):
                 light = self.met + direct * ((1 - share) * sky + share * sun) + FLOOR * level
-                a = self.log_color - np.log(light)
-                d = a[self.pairs.a] - a[self.pairs.b]
+                d = self.apart(self.log_color - np.log(light))
                 d *= d
                 out[i, k] = (self.weights * (d / (d + ROBUST**2))).sum()
         return out
@@ -82,30 +119,28 @@ class Sun:
 
 
 def search(of: Search) -> Sun | None:
-    """The best of `DIRECTIONS`, the best few refined, then the disc's radius; None where no sun reaches places.
+    """The best of all directions, the best few refined, then the disc's radius; None where no sun reaches places.
 
-    Through windows few directions light anything, and a sun a few degrees off lights the wrong places: where few do,
-    they are looked at as much more closely.
+    Through windows, and through the leaks of a proxy, a sun a few degrees off lights the wrong places, so directions
+    are close; those are tried whose light lies where a little more of it would make albedos more alike.
     """
-    directions, seen = _lighting(of, DIRECTIONS)
-    if not len(directions):
+    directions = sphere(DIRECTIONS)
+    rows = slice(None, None, _THINNED)
+    few = of.places.taken(np.arange(len(of.places))[rows])
+    promise = np.full(DIRECTIONS, -np.inf)
+    for first in range(0, DIRECTIONS, _AT_ONCE):
+        seen = few.facing(directions[first : first + _AT_ONCE])
+        enough = (seen > 0).mean(axis=1) >= LEAST_LIT
+        promise[first : first + len(seen)] = np.where(enough, of.promise(seen, rows), -np.inf)
+    tried = np.argsort(-promise, kind="stable")[:TRIED]
+    tried = tried[np.isfinite(promise[tried])]
+    if not len(tried):
         return None
-    count = min(int(DIRECTIONS**2 / len(directions)), MOST_DIRECTIONS)
-    if count > 1.5 * DIRECTIONS:
-        directions, seen = _lighting(of, count)
-    losses = np.array([of.losses(one).min() for one in seen])
-    best = [_refined(of, directions[k], losses[k]) for k in _apart(directions, losses)]
+    directions = directions[tried]
+    losses = np.array([of.rough(one) for one in of.places.facing(directions)])
+    best = [_refined(of, directions[k]) for k in _apart(directions, losses)]
     way, _ = min(best, key=lambda found: found[1])
     return _with_disc(of, way)
-
-
-def _lighting(of: Search, count: int) -> tuple[F64, F64]:
-    """(D, 3) those of evenly spread directions that light enough places, and (D, N) the cosines where they do."""
-    directions = sphere(count)
-    parts = [of.places.facing(directions[k : k + DIRECTIONS]) for k in range(0, count, DIRECTIONS)]
-    chosen = [(part > 0).mean(axis=1) >= LEAST_LIT for part in parts]
-    kept = [part[these] for part, these in zip(parts, chosen, strict=True)]
-    return directions[np.concatenate(chosen)], np.concatenate(kept)
 
 
 def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:
@@ -119,8 +154,9 @@ def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:
     return out
 
 
-def _refined(of: Search, way: F64, loss: float) -> tuple[F64, float]:
+def _refined(of: Search, way: F64) -> tuple[F64, float]:
     """Steps to the better of eight neighbours, ever smaller."""
+    loss = float(of.losses(of.places.facing(way[None])[0]).min())
     turn = np.arange(8) * np.pi / 4
     for step in _STEPS:
         for _ in range(4):

@@ -55,6 +55,18 @@ class Places:
         """Share of the view that other surfaces take, 0..1."""
         return float(1 - self.open.sum(axis=1).mean())
 
+    def taken(self, rows: NDArray[np.int64]) -> Places:
+        """Some of them."""
+        return replace(
+            self,
+            color=self.color[rows],
+            points=self.points[rows],
+            normals=self.normals[rows],
+            spread=self.spread[rows],
+            open=self.open[rows],
+            met=self.met[rows],
+        )
+
     def facing(self, to_sun: F64, aside: F64 | None = None) -> F64:
         """(D, N) cosine towards each of D unit directions where nothing stands between, else 0.
 

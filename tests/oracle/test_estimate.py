@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mirelight import colour
 from mirelight.conventions import quaternion_from_rotation, unit
 from mirelight.errors import RenderError
-from mirelight.estimate import Estimate, estimate, lighting_of, sun, transport
+from mirelight.estimate import Estimate, estimate, fit, lighting_of, sun, transport
 from mirelight.estimate.describe import described, unknown
 from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
@@ -148,20 +148,38 @@ def room() -> ProxyMesh:
     return boxes(*sides, ([-1.2, 0, -1.0], [-0.6, 0.7, -0.2], low), ([0.2, 0, 0.4], [0.7, 0.5, 1.0], low))
 
 
-def test_the_sun_through_windows_is_found_though_its_patch_shows_white() -> None:
-    to_sun = unit([0.8, 0.55, -0.25])
-    sun = SunLight(name="sun", direction=-to_sun, color=np.array([1, 0.93, 0.82]), intensity=14.0)
+ROOMS_SUN = SunLight(name="sun", direction=-unit([0.8, 0.55, -0.25]), color=np.array([1, 0.93, 0.82]), intensity=14.0)
+
+
+def painted_room(count: int) -> tuple[SplatCloud, NDArray[np.int64]]:
+    """Splats on the inner faces of the room, its sun through the windows; which box each of its faces is of."""
     sky = Environment(radiance=np.array([[(1.6, 1.8, 2.1)]], np.float32))
     middle = room().vertices[room().faces].astype(np.float64).mean(axis=1) - (0, 1.1, 0)
     inside = (np.abs(middle) < (2.01, 1.11, 2.01)).all(axis=1)
     inside &= (np.einsum("nk,nk->n", face_normals(room()), middle) < 0) | (np.arange(len(middle)) >= len(middle) - 24)
-    splats = painted(room(), Lighting(lights=(sun,), environment=sky), 5000, inside)
+    splats = painted(room(), Lighting(lights=(ROOMS_SUN,), environment=sky), count, inside)
+    return splats, np.arange(len(middle)) // 12
+
+
+def test_the_sun_through_windows_is_found_though_its_patch_shows_white() -> None:
+    splats, _ = painted_room(5000)
     white = (0.5 + 0.28209479177387814 * splats.sh[:, 0] > 0.999).any(axis=1).mean()
     assert 0.005 < white < 0.1
     lit = estimate(splats, room(), SETTINGS)
-    assert apart(lit.to_sun, to_sun) < 1
+    assert apart(lit.to_sun, -ROOMS_SUN.direction) < 1
     assert lit.confidence.sun_apart < 2
-    assert 0.5 < float(lit.sun.mean() / (14 * np.mean([1, 0.93, 0.82]))) < 1.5
+    assert 0.7 < float(lit.sun.mean() / (14 * np.mean([1, 0.93, 0.82]))) < 1.4
+
+
+def test_a_proxy_that_lets_light_in_where_there_was_a_wall_does_not_hide_the_sun() -> None:
+    """Through the gap most directions light something, but none of them what is bright."""
+    splats, box = painted_room(3000)
+    leaky = replace(room(), faces=room().faces[box != 2])
+    places = transport.places_of(splats, leaky, SETTINGS)
+    pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
+    found = sun.search(sun.Search.of(places, pairs))
+    assert found is not None
+    assert apart(found.to_sun, -ROOMS_SUN.direction) < 2
 
 
 def test_what_shows_white_is_a_lower_bound() -> None:

@@ -49,7 +49,7 @@ class Search:
         """Over all places that the pairs name."""
         color = places.color @ REC709_LUMINANCE.astype(np.float64)
         log = np.log(places.color)
-        bound = pairs.clipped.any(axis=1)
+        bound = np.asarray(pairs.clipped.any(axis=1))
         return Search(
             places=places,
             pairs=pairs,

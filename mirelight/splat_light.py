@@ -220,7 +220,7 @@ class SplatLight:
             cache = tracer.fill(cells, lighting, samples=self._spp, transport=between, emission=one.glow, progress=say)
             made = [
                 tracer.point_layers(part, points, normals, spp, emission=one.glow, cache=cache, progress=say)
-                for part, spp in _by_sharpness(lighting, max(self._spp // READS, 1), glow=one.glow)
+                for part, spp in by_sharpness(lighting, max(self._spp // READS, 1), glow=one.glow)
             ]
         of_name = {name: (part, k) for part in made for k, name in enumerate(part.names)}
         for name in layers:
@@ -257,7 +257,7 @@ class SplatLight:
             self._progress(what, done, total)
 
 
-def _by_sharpness(lighting: Lighting, spp: int, *, glow: bool) -> Iterator[tuple[Lighting, int]]:
+def by_sharpness(lighting: Lighting, spp: int, *, glow: bool) -> Iterator[tuple[Lighting, int]]:
     """A lighting in parts, whose layers are whole, and the samples that each takes where reflected light is read."""
     soft = {x.group or x.name for x in lighting.lights if not _is_sharp(x)}
     sharp = tuple(x for x in lighting.lights if (x.group or x.name) not in soft)

@@ -25,6 +25,7 @@ from mirelight.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import Indirect, LightingBuffer, PointLayers, RenderSettings
+from mirelight.splat_light import by_sharpness
 
 T = TypeVar("T")
 MODES: tuple[Indirect, ...] = ("traced", "surface", "near")
@@ -111,7 +112,11 @@ def measure_points(scene: BenchScene, count: int, truth_spp: int) -> None:
 
     def read() -> PointLayers:
         cache = tracer.fill(tracer.cells_at(points, normals), lighting, samples=64)
-        return tracer.point_layers(lighting, points, normals, 32, cache=cache)
+        parts = list(by_sharpness(lighting, 32, glow=False))
+        made = [tracer.point_layers(part, points, normals, spp, cache=cache) for part, spp in parts]
+        rows = {name: (x.direct[k], x.indirect[k]) for x in made for k, name in enumerate(x.names)}
+        direct, indirect = (np.stack([rows[name][k] for name in truth.names]) for k in range(2))
+        return PointLayers(names=truth.names, direct=direct, indirect=indirect, variance=None)
 
     say("read", *timed(read))
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,8 +46,8 @@ RAYS = 256  # of each cell, in two independent halves
 MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
 STAND_INS = 2  # places without a cell that stand for all that half of a cell's rays end on
 BEYOND = 4  # hits of a ray that goes on without a cell
-DIRECT = PASS  # samples of a cell's own light in each half
-DIRECT_BEYOND = 4  # and of a place without a cell
+DIRECT, AROUND = PASS, 2 * PASS  # samples of a cell's own light in each half: of lights, of the environment
+BEYOND_DIRECT = 4  # and of a place without a cell
 PARTS = 8  # of the rays: each bounce but the last takes one of them, in turn
 ROUNDS = 2  # of them
 MOST_LEFT = 0.9  # of the light that a round brings, by the next: in a closed white room there is no end to it
@@ -174,6 +175,7 @@ def lit(
         RenderError: the light of so many cells does not fit in memory.
     """
     from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.transport import DeviceLinks, bounced, in_fours
 
     layers = Layers.of(lighting, emissive=False)
@@ -183,19 +185,27 @@ def lit(
         return _cache(cells, layers, lighting, nothing, nothing[:, 0] if count else nothing, nothing)
     refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
     places = len(transport.faces)
-    total = 2 * DIRECT * len(cells) + DIRECT_BEYOND * places
+    # the environment takes more samples, and apart from it a lamp has the same bits as without
+    alone = (replace(lighting, environment=None), Sky(None), DIRECT), (replace(lighting, lights=()), sky, AROUND)
+    sources = [x for x in alone if x[0].lights or x[0].environment is not None]
+    total = 2 * len(cells) * sum(x[2] for x in sources)
 
-    def own(of: Pieces, samples: int, number: int, before: int) -> tuple[F32, F32]:
-        return _own(surface, sky, of, lighting, settings, samples, number, lambda x: progress(before + x, total))
+    def own(of: Pieces, number: int, most: int, done: int) -> tuple[F32, F32]:
+        made = []
+        for source, around_it, samples in sources:
+            say = partial(_say, progress, done, total)
+            made.append(_own(surface, around_it, of, source, settings, min(samples, most), number, say))
+            done += samples * len(cells)
+        return np.concatenate([x[0] for x in made]), made[-1][1]
 
-    halves = [own(cells, DIRECT, k, k * DIRECT * len(cells)) for k in range(2)]
+    halves = [own(cells, k, AROUND, k * total // 2) for k in range(2)]
     direct = np.stack([x[0] for x in halves])
     of_cells = DeviceLinks(transport.target, transport.albedo)
     met = of_cells.met(surface, CellPoints(cells), sky, transport.seed)
     base = np.zeros((count, transport.nodes, 3), np.float32)
     base[:, : len(cells)] = direct.mean(axis=0)
     if places:
-        base[:, len(cells) :], by_ray = own(transport, DIRECT_BEYOND, 2, 2 * DIRECT * len(cells))
+        base[:, len(cells) :], by_ray = own(transport, 2, BEYOND_DIRECT, total)
     if lighting.environment is not None:
         base[around, : len(cells)] += met.mean(axis=0)
         if places:
@@ -215,6 +225,10 @@ def lit(
     return _cache(cells, layers, lighting, direct, met, indirect)
 
 
+def _say(progress: Progress, before: int, total: int, done: int) -> None:
+    progress(min(before + done, total), total)
+
+
 def _rows(fours: Float, shape: tuple[int, ...]) -> F32:
     """(..., 3) of groups of four on the device."""
     count = int(np.prod(shape[:-1]))
@@ -227,8 +241,11 @@ def _in_the_end(first: F32, middle: F32, last: F32) -> F32:
     What rounds bring falls off as a geometric series, by a factor that grows towards its limit, so this is no more
     than there is.
     """
-    new = (last - middle).sum(axis=1, dtype=np.float64)
-    old = (middle - first).sum(axis=1, dtype=np.float64)
+    # layer by layer, as the order of a sum over all of them may depend on how many there are
+    new, old = (
+        np.array([(a - b).sum(axis=0, dtype=np.float64) for a, b in zip(*pair, strict=True)])
+        for pair in ((last, middle), (middle, first))
+    )
     left = np.clip(new / np.where(old > 0, old, np.inf), 0, MOST_LEFT)[:, None]
     return np.asarray(last + (last - middle) * (left / (1 - left)), np.float32)
 
@@ -258,8 +275,9 @@ def _own(
     frame = FrameInProgress(
         surface, sky, lighting, row, layers, alone, aovs=False, emission=False, view=view, irradiance=True
     )
-    for done in frame.add_pass(samples):
-        progress(done)
+    for _ in range(max(samples // PASS, 1)):
+        for done in frame.add_pass(min(samples, PASS)):
+            progress(done)
     made = np.stack([x.direct[0] for x in frame.develop().layers])
     return made[:count], made[count]
 

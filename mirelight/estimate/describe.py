@@ -28,6 +28,11 @@ def described(found: Estimate) -> Iterator[str]:
         yield f"             explains {c.sun_gain:.3f} of the differences; halves of the splats: {_apart(c.sun_apart)}"
     else:
         yield f"sun          none found (the best one explains {c.sun_gain:.3f} of the differences)"
+    for lamp, gain in zip(found.lamps, c.lamps_gain, strict=True):
+        yield (
+            f"lamp         at ({_numbers(lamp[:3])}), {_luminance(lamp[3:]):.3g} candela; explains {gain:.3f} of the "
+            "differences in splats that it was not found from"
+        )
     rows = len(found.radiance)
     weights = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)[:, None, None]
     above, below = (
@@ -66,7 +71,7 @@ def unknown(found: Estimate) -> Iterator[str]:
     if c.albedo[2] > 1:
         yield "the light where albedos come out above 1: glow, gloss, or a proxy that misfits there"
     yield "its colour: it is taken as white in the mean; a sunset's or a lamp's colour stays in the surfaces"
-    yield "lamps inside the scene, and what pictures that were tone-mapped or exposed by themselves hide"
+    yield "small lamps, lamps that are no points, and what pictures that were tone-mapped or exposed by themselves hide"
 
 
 def _luminance(rgb: F64) -> float:

@@ -9,6 +9,7 @@ sun (not what surfaces send, which has their colour) is drawn to white in the me
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -31,6 +32,7 @@ SMOOTH = 0.2  # weight of patches that differ from their ring's mean
 FLOOR = 0.005  # of the mean irradiance, added: nothing is black
 STEPS = 150
 _RATE = 0.06
+_BEAMS = len(RINGS) + PATCHES  # row of the first beam
 _AGAIN = 20  # steps after which pairs are weighed anew
 
 
@@ -87,13 +89,13 @@ class Fitted:
     """Radiances found, and how well they explain the colours."""
 
     sky: F64  # (PATCHES, 3)
-    sun: F64  # (3,) irradiance / pi of a facing surface
+    beams: F64  # (K, 3) strengths: of a sun the irradiance / pi of a facing surface, of a lamp candela / pi
     loss: float
 
 
-def light_of(open_: F64, met: F64, seen: F64, sky: F64, sun: F64) -> F64:
+def light_of(open_: F64, met: F64, seen: F64, sky: F64, beams: F64) -> F64:
     """(N, 3) irradiance / pi."""
-    return np.asarray(np.einsum("np,pc->nc", open_, sky) + met + seen[:, None] * sun)
+    return np.asarray(np.einsum("np,pc->nc", open_, sky) + met + np.einsum("nk,kc->nc", seen, beams))
 
 
 def judged(color: F64, light: F64, pairs: Pairs) -> float:
@@ -103,21 +105,21 @@ def judged(color: F64, light: F64, pairs: Pairs) -> float:
     return float((pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1)).sum())
 
 
-def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, sun: float) -> Fitted:
+def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, beams: Sequence[float]) -> Fitted:
     """Descent (Adam, Kingma and Ba 2015) from an even sky.
 
     Args:
         color: (N, 3) linear colours of places.
         open_: (N, PATCHES), and met: (N, 3), as in `Places`.
-        seen: (N,) the sun's cosine where it is seen; all 0: there is no sun.
+        seen: (N, K) what beams of strength 1 bring: the sun's cosine where it is seen, a lamp's over distance squared.
         pairs: of places.
         sky: radiance to start from.
-        sun: its irradiance / pi to start from.
+        beams: their strengths to start from.
     """
-    has_sun = bool(seen.any())
-    # ring means, each patch's departure from its ring's, the sun
-    theta = np.zeros((len(RINGS) + PATCHES + 1, 3))
-    theta[: len(RINGS)], theta[-1] = np.log(max(sky, 1e-6)), np.log(max(sun, 1e-6))
+    # ring means, each patch's departure from its ring's, the beams
+    theta = np.zeros((_BEAMS + seen.shape[1], 3))
+    theta[: len(RINGS)] = np.log(max(sky, 1e-6))
+    theta[_BEAMS:] = np.log(np.maximum(beams, 1e-6))[:, None]
     lone = np.asarray(RINGS)[RING_OF] == 1
     log_color = np.log(color)
     first, second = np.zeros_like(theta), np.zeros_like(theta)
@@ -125,8 +127,8 @@ def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, s
     rows = np.concatenate([pairs.a, pairs.b])
     loss = 0.0
     for step in range(STEPS):
-        sky_now, sun_now = _radiances(theta, has_sun)
-        light = light_of(open_, met, seen, sky_now, sun_now)
+        sky_now, beams_now = _radiances(theta)
+        light = light_of(open_, met, seen, sky_now, beams_now)
         soft = light + FLOOR * light.mean()
         a = log_color - np.log(soft)
         if step % _AGAIN == 0:
@@ -144,20 +146,20 @@ def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, s
         level = np.log(direct)
         by_light += WHITE * 2 * (level - level.mean()) / (direct * len(light))
         by_sky = np.einsum("np,nc->pc", open_, by_light) * sky_now
-        apart = theta[len(RINGS) : -1]
+        apart = theta[len(RINGS) : _BEAMS]
         gradient = np.zeros_like(theta)
         np.add.at(gradient, RING_OF, by_sky)
-        gradient[len(RINGS) : -1] = by_sky + (2 * SMOOTH / PATCHES) * apart
-        gradient[len(RINGS) : -1][lone] = 0
-        gradient[-1] = np.einsum("n,nc->c", seen, by_light) * sun_now
+        gradient[len(RINGS) : _BEAMS] = by_sky + (2 * SMOOTH / PATCHES) * apart
+        gradient[len(RINGS) : _BEAMS][lone] = 0
+        gradient[_BEAMS:] = np.einsum("nk,nc->kc", seen, by_light) * beams_now
         first = 0.9 * first + 0.1 * gradient
         second = 0.99 * second + 0.01 * gradient**2
         rate = _RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS))
         theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
-    sky_now, sun_now = _radiances(theta, has_sun)
-    return Fitted(sky_now, sun_now, loss)
+    sky_now, beams_now = _radiances(theta)
+    return Fitted(sky_now, beams_now, loss)
 
 
-def _radiances(theta: F64, has_sun: bool) -> tuple[F64, F64]:
-    sky = np.exp(np.clip(theta[: len(RINGS)][RING_OF] + theta[len(RINGS) : -1], -16, 16))
-    return sky, np.exp(np.clip(theta[-1], -16, 16)) if has_sun else np.zeros(3)
+def _radiances(theta: F64) -> tuple[F64, F64]:
+    sky = np.exp(np.clip(theta[: len(RINGS)][RING_OF] + theta[len(RINGS) : _BEAMS], -16, 16))
+    return sky, np.exp(np.clip(theta[_BEAMS:], -16, 16))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
 from mirelight.errors import RenderError
-from mirelight.estimate import fit, sun
+from mirelight.estimate import fit, lamps, sun
 from mirelight.estimate.fit import Fitted, Pairs
 from mirelight.estimate.sky import as_map
-from mirelight.estimate.sun import Sun
+from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
 from mirelight.estimate.types import Confidence, Estimate
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
@@ -21,6 +22,9 @@ LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is 
 MEAN_ALBEDO = 0.35  # where it cannot
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with
+MOST_LAMPS = 3
+LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
+_NO_LAMPS = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,18 +32,23 @@ class _Found:
     """Light from some of the places."""
 
     sun: Sun | None
+    lamps: F64  # (L, 3) positions
     light: Fitted
 
     def at(self, places: Places) -> F64:
         """(N, 3) irradiance / pi."""
-        seen = np.zeros(len(places))
-        if self.sun is not None:
-            seen = sun.disc(places, self.sun.to_sun, self.sun.radius)
-        return fit.light_of(places.open, places.met, seen, self.light.sky, self.light.sun)
+        seen = _beams(places, self.sun, self.lamps)
+        return fit.light_of(places.open, places.met, seen, self.light.sky, self.light.beams)
+
+
+def _beams(places: Places, one: Sun | None, positions: F64) -> F64:
+    """(N, K) what the sun, if there is one, and lamps at positions (L, 3) bring at strength 1."""
+    suns = [] if one is None else [sun.disc(places, one.to_sun, one.radius)[None]]
+    return np.concatenate([*suns, lamps.lit(places, positions)]).T
 
 
 def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exposure: float = 0.0) -> Estimate:
-    """The light that splats were captured under, as a sun and a sky.
+    """The light that splats were captured under, as a sun, a sky, and up to three lamps.
 
     Args:
         splats: world space; their colours are taken as the sRGB encoding of captured light.
@@ -67,6 +76,14 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
     found = [_fitted(half, p, s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns)
+    shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
+    if len(shining):
+        dark = _fitted(places, every, None, shining)
+        best = dark if best.sun is None else _fitted(places, every, best.sun, shining)
+        gain = dark.light.loss - best.light.loss
+        if gain < LEAST_GAIN:  # the sun was the lamps
+            best = dark
+        found = [_fitted(half, p, best.sun and s, shining) for half, p, s in zip(halves, pairs, suns, strict=True)]
     known = places.blocked >= LEAST_BLOCKED
     scale = 1.0 if known else _scale_for_albedo(places, best)
     light = best.at(places) if known else _scaled(best, scale).at(places)
@@ -81,32 +98,74 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
         sun_apart=_apart(suns),
         halves_apart=float(np.expm1(np.median(np.abs(np.log(both[0] / both[1]))))),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
+        lamps_gain=tuple(lamp_gains),
         albedo=(low, middle, high),
     )
     strength = scale * 2.0**exposure
     return Estimate(
         to_sun=np.array([0.0, 1.0, 0.0]) if best.sun is None else best.sun.to_sun,
-        sun=np.pi * best.light.sun * strength,
+        sun=np.zeros(3) if best.sun is None else np.pi * best.light.beams[0] * strength,
         sun_diameter=0.53 if best.sun is None else max(2 * best.sun.radius, 0.53),
+        lamps=np.concatenate([best.lamps, np.pi * strength * _strengths(best)], axis=1),
         radiance=as_map(best.light.sky * strength).astype(np.float64),
         confidence=confidence,
     )
 
 
 def _searched(half: Places, rng: np.random.Generator) -> Sun | None:
-    some = half.taken(np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1)))
-    return sun.search(sun.Search.of(some, fit.pairs_of(some.points, some.color, rng)))
+    some = half.taken(_thinned(half))
+    return sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
 
 
-def _fitted(places: Places, pairs: Pairs, found: Sun | None) -> _Found:
-    """Radiances with that sun, started from what it was found with."""
+def _strengths(found: _Found) -> F64:
+    """(L, 3) of its lamps, candela / pi."""
+    return found.light.beams[len(found.light.beams) - len(found.lamps) :]
+
+
+def _lamps(halves: list[Places], pairs: list[Pairs], base: _Found, rng: np.random.Generator) -> tuple[F64, list[float]]:
+    """(L, 3) positions of lamps that the first half asks for and the second confirms; and how much each of them makes
+    the second half's albedos more alike.
+
+    Args:
+        halves, pairs: of the places.
+        base: light of the first half without lamps.
+        rng: for where they are looked for.
+    """
+    half, other = halves
+    some = half.taken(_thinned(half))
+    search = Search.of(some, fit.pairs_of(some.points, some.color, rng))
+    positions, gains = np.zeros((0, 3)), list[float]()
+    while len(positions) < MOST_LAMPS:
+        over = lamps.over(search, base.at(some) - some.met)
+        lamp = lamps.search(over, rng)
+        if lamp is None or float(over.losses(np.zeros(len(some))).min()) - lamp.loss < LEAST_GAIN:
+            break
+        more = np.concatenate([positions, lamp.position[None]])
+        found = _fitted(half, pairs[0], base.sun, more)
+        before, after = (fit.judged(other.color, one.at(other), pairs[1]) for one in (base, found))
+        if before - after < LEAST_GAIN:
+            break
+        positions, base = more, found
+        gains.append(before - after)
+    return positions, gains
+
+
+def _thinned(half: Places) -> NDArray[np.int64]:
+    """Rows of the places that are searched with."""
+    return np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1))
+
+
+def _fitted(places: Places, pairs: Pairs, found: Sun | None, positions: F64 = _NO_LAMPS) -> _Found:
+    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3)."""
     albedo, share = (MEAN_ALBEDO, 0.0) if found is None else found.start
-    seen = np.zeros(len(places)) if found is None else sun.disc(places, found.to_sun, found.radius)
+    seen = _beams(places, found, positions)
     level = places.color.mean() / albedo
     direct = max(level - places.met.mean(), 0.1 * level)
     sky = direct * (1 - share) / max(places.open.sum(axis=1).mean(), 1e-6)
-    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, direct * share / max(seen.mean(), 1e-6))
-    return _Found(found, light)
+    shares = [share] * (found is not None) + [LAMPS_SHARE] * len(positions)
+    start = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, seen.mean(axis=0), strict=True)]
+    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start)
+    return _Found(found, positions, light)
 
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
@@ -127,8 +186,8 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found,
 
 
 def _scaled(found: _Found, scale: float) -> _Found:
-    light = Fitted(found.light.sky * scale, found.light.sun * scale, found.light.loss)
-    return _Found(found.sun, light)
+    light = Fitted(found.light.sky * scale, found.light.beams * scale, found.light.loss)
+    return replace(found, light=light)
 
 
 def _scale_for_albedo(places: Places, found: _Found) -> float:

@@ -199,7 +199,7 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
     sky = np.einsum("np,pc->nc", places.open, light.sky) + places.met
 
     def loss(way: F64, radius: float, points: int) -> float:
-        return judged(places.color, sky + disc(places, way, radius, points)[:, None] * light.sun, pairs)
+        return judged(places.color, sky + disc(places, way, radius, points)[:, None] * light.beams[0], pairs)
 
     way, turn = found.to_sun, np.arange(8) * np.pi / 4
     least = loss(way, found.radius, _FEW)

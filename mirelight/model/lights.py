@@ -202,14 +202,14 @@ class SkyModel(ArrayHolder):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatedSky:
     """Captured light that is still to be estimated (`mirelight.estimate`), known by what it is estimated from. Two
-    layers, as a sky model has: "sun" and "sky"."""
+    layers, as a sky model has: "sun", which lamps are in, and "sky"."""
 
     splats: str  # digest of the splats
     proxy: str  # digest of the proxy
     seed: int
     exposure: float = 0.0  # stops that the estimate is made stronger by
     intensity: float = 1.0  # multiplies lux and radiance
-    method: int = 3  # of estimating; counted up when the same splats give another light
+    method: int = 4  # of estimating; counted up when the same splats give another light
 
 
 SUN, SKY = "sun", "sky"  # names of a sky model's layers

@@ -1,0 +1,94 @@
+"""Lamps found from what they light: a yard at night, painted under one lamp and a faint sky."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.estimate import Estimate, estimate, lamps, lighting_of, transport
+from mirelight.estimate.describe import described
+from mirelight.io import job
+from mirelight.io.environment import write_environment
+from mirelight.io.job.captured_text import captured_text
+from mirelight.model import Environment, Lighting, PointLight
+
+from .test_estimate import SETTINGS, painted, yard
+
+LAMP_JOB = """
+lights = [{ type = "sun", direction = [0, -1, 0], intensity = 1 }]
+cameras = [{ position = [1, 1, 1], target = [0, 0, 0] }]
+"""
+AT = np.array([1.0, 1.3, 1.0])
+NIGHT = Lighting(
+    lights=(PointLight(name="lamp", position=AT, intensity=3.0),),
+    environment=Environment(radiance=np.full((1, 1, 3), 0.05, np.float32)),
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_rays() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transport, "RAYS", 96)
+        yield
+
+
+@cache
+def found() -> Estimate:
+    return estimate(painted(yard(), NIGHT, 1800), yard(), SETTINGS)
+
+
+def test_a_lamp_is_found_where_it_hangs_with_its_strength() -> None:
+    assert len(found().lamps) >= 1
+    assert not found().sun.any()
+    lamp = found().lamps[0]
+    assert np.linalg.norm(lamp[:3] - AT) < 0.15  # of a yard of 6 x 6
+    assert 0.7 < lamp[3:].mean() / 3.0 < 1.4
+    assert len(found().confidence.lamps_gain) == len(found().lamps)
+    assert any(line.startswith("lamp ") for line in described(found()))
+
+
+def test_a_lamps_light_falls_with_distance_and_stops_at_walls() -> None:
+    """Irradiance / pi is I cos / (pi d^2), against the lighting pass's own point light."""
+    from mirelight.lighting import Tracer
+
+    places = transport.places_of(painted(yard(), NIGHT, 700), yard(), SETTINGS)
+    column = lamps.lit(places, AT[None])[0]
+    tracer = Tracer(yard(), replace(SETTINGS, max_depth=1), layers=False, aovs=False)
+    size = np.linalg.norm(np.subtract(*yard().bounds))
+    points = places.points - transport.LIFT * size * places.normals
+    alone = Lighting(lights=(PointLight(name="lamp", position=AT, intensity=1.0),))
+    true = tracer.point_layers(alone, points, places.normals, 1).total[:, 0]
+    assert (column > 0).mean() > 0.3
+    same = (column > 0) == (true > 0)
+    assert same.mean() > 0.99
+    np.testing.assert_allclose(column[same], true[same], rtol=0.02, atol=1e-4)
+
+
+def test_lamps_are_kept_and_written_with_the_rest(tmp_path: Path) -> None:
+    light = lighting_of(found().packed())
+    assert light.environment is not None
+    np.testing.assert_array_equal(light.environment.pixels, found().radiance.astype(np.float32))
+    assert {x.group or x.name for x in light.lights} == {"sun"}  # one layer, whatever was found
+    lamp = light.lights[1]
+    assert isinstance(lamp, PointLight)
+    np.testing.assert_allclose(lamp.color * lamp.intensity, found().lamps[0, 3:])
+    write_environment(tmp_path / "captured.exr", light.environment.pixels)
+    text = (
+        'splats = "a.ply"\nproxy = "a.glb"\nresolution = [4, 4]\n'
+        + LAMP_JOB
+        + captured_text(light, "captured.exr", ["found"])
+    )
+    (tmp_path / "pasted.toml").write_text(text)
+    for name in ("a.ply", "a.glb"):
+        (tmp_path / name).write_bytes(b"")
+    pasted = job.load(tmp_path / "pasted.toml").captured
+    assert pasted is not None
+    again = pasted.lights[0]
+    assert isinstance(again, PointLight)
+    np.testing.assert_allclose(again.position, lamp.position, rtol=1e-5)
+    np.testing.assert_allclose(again.color * again.intensity, lamp.color * lamp.intensity, rtol=1e-4)

@@ -123,12 +123,14 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
         sun_apart=40.0 if doubted else 1.0,
         halves_apart=0.05,
         held_out=0.1,
+        lamps_gain=(),
         albedo=(0.1, 0.3, 0.7),
     )
     light = Estimate(
         to_sun=np.array([0.0, 1, 0]),
         sun=np.full(3, 4 * np.pi),
         sun_diameter=1.0,
+        lamps=np.zeros((0, 6)),
         radiance=np.full((48, 96, 3), 4.0),
         confidence=sure,
     )

@@ -2,6 +2,7 @@
 
     python scripts/bench_transport.py                     # indirect light on cells: rays between cells, a fill of
                                                           # their own for each sky, and patches or SH of the sky
+    python scripts/bench_transport.py --sizes             # cells of other sizes, with as many rays in all
     python scripts/bench_transport.py --flat FLAT.png     # traced, read from the surface, their difference x 10
 
 Errors are root mean squares over all cells, over the mean, against a fill by generations of many samples.
@@ -31,6 +32,7 @@ from mirelight.model import (
     CellLight,
     Environment,
     Lighting,
+    LightingBuffer,
     PointLight,
     RenderSettings,
     SurfaceCells,
@@ -156,6 +158,34 @@ def measure(scene: BenchScene, truth: int) -> None:
             print(f"    {basis}, {24 * numbers} bytes: loses {lost:.4f}, of the mean {bias:+.4f}", flush=True)
 
 
+def measure_sizes(scene: BenchScene, spp: int) -> None:
+    """Print the error of a frame's reflected light, relative to each pixel's, for cells of three sizes; two fills each.
+
+    The truth's own noise is taken off.
+    """
+    tracer = Tracer(scene.proxy, RenderSettings(spp=spp, max_depth=24, seed=777), aovs=False)
+    traced = tracer.trace(scene.lighting, scene.camera)
+    covered = traced.coverage > 0
+    true = _reflected(traced)[covered]
+    weight = 1 / (true**2 + 0.01 * true.mean() ** 2)
+    own = float((np.asarray(traced.variance)[covered] * weight).mean())
+    tracer.settings = RenderSettings(spp=64, indirect="surface")
+    size = tracer.cells([scene.camera]).size
+    for factor, rays in ((2.0, 1024), (1.0, 256), (0.5, 64)):
+        cells, squared = tracer.cells([scene.camera], factor * size), []
+        for seed in (1, 2):
+            tracer.settings = replace(tracer.settings, seed=seed)
+            cache = tracer.fill(cells, scene.lighting, samples=rays)
+            made = _reflected(tracer.trace(scene.lighting, scene.camera, cache=cache))[covered]
+            squared.append(float(((made - true) ** 2 * weight).mean()) - own)
+        error = max(float(np.mean(squared)), 0.0) ** 0.5
+        print(f"{scene.name}: {len(cells)} cells of {cells.size:.3f}, {rays} rays each: error {error:.4f}", flush=True)
+
+
+def _reflected(made: LightingBuffer) -> Array:
+    return np.asarray(np.sum([x.indirect for x in made.layers], axis=0, dtype=np.float64))
+
+
 def flat() -> BenchScene:
     """Two rows of seven rooms on one floor, walls of a millimetre to a metre between; every other room has a lamp and a
     door to the one behind."""
@@ -203,6 +233,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--scenes", nargs="+", default=["interior", "courtyard"])
     parser.add_argument("--truth", type=int, default=1024, help="samples of a cell, or of a pixel of the flat")
+    parser.add_argument("--sizes", action="store_true")
     parser.add_argument("--flat", type=Path)
     chosen = parser.parse_args()
     if chosen.flat:
@@ -210,7 +241,7 @@ def main() -> None:
         return
     for scene in scenes(96, 54, 60):
         if scene.name in chosen.scenes:
-            measure(scene, chosen.truth)
+            (measure_sizes if chosen.sizes else measure)(scene, chosen.truth)
 
 
 if __name__ == "__main__":

@@ -7,14 +7,13 @@ from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
-
 from mirelight import backend
 from mirelight.errors import BackendError
 from mirelight.lighting.develop import dark, refuse_if_too_large
-from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.lighting.frame import FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
+from mirelight.lighting.sampling import Progress, sample_all, with_pilot
 from mirelight.lighting.sunsky import plain
 from mirelight.model import (
     F32,
@@ -42,7 +41,6 @@ if TYPE_CHECKING:
 
 CELL_SAMPLES = 256  # of each cell of a surface cache
 
-Progress: TypeAlias = Callable[[int, int], None]
 Look: TypeAlias = Callable[[Callable[[], LightingBuffer]], None]  # may ask for the light so far
 
 
@@ -127,7 +125,7 @@ class Tracer:
             from mirelight.lighting.scalar import trace_scalar
 
             return trace_scalar(self._proxy, lighting, camera, self.settings, layers, emission=emission)
-        settings, sky = _with_pilot(self.settings), self._sky_of(lighting.environment)
+        settings, sky = with_pilot(self.settings), self._sky_of(lighting.environment)
         frame = FrameInProgress(
             self._surface,
             sky,
@@ -140,7 +138,7 @@ class Tracer:
             cells=self._cells(cache, lighting, layers, emission),
         )
         try:
-            _sample(frame, settings, _looking(frame, progress or _ignore, look))
+            sample_all(frame, settings, _looking(frame, progress or _ignore, look))
         except KeyboardInterrupt:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
         return frame.develop()
@@ -290,7 +288,7 @@ class Tracer:
 
         def sample(opened: FrameInProgress, before: int) -> None:
             report = progress or _ignore
-            _sample(opened, settings, lambda done, total: report(before * spp + done, len(points) * spp))
+            sample_all(opened, settings, lambda done, total: report(before * spp + done, len(points) * spp))
 
         return gathered(points, normals, layers, settings.seed, frame, sample)
 
@@ -374,34 +372,3 @@ def _looking(frame: FrameInProgress, progress: Progress, look: Look | None) -> P
             look(frame.so_far)
 
     return report
-
-
-def _with_pilot(settings: RenderSettings) -> RenderSettings:
-    """Under a noise target, samples everywhere for a first look: whole batches, two at least."""
-    if settings.noise is None:
-        return settings
-    return replace(settings, spp=max(-(-settings.spp // PASS), 2) * PASS)
-
-
-def _sample(frame: FrameInProgress, settings: RenderSettings, progress: Progress) -> None:
-    """Passes until every pixel has its samples, then more of the noisy ones while the noise is above its target."""
-    size, counts = len(frame.samples), _passes(settings.spp)
-    for count in counts:
-        for done in frame.add_pass(count):
-            progress(done, settings.spp * size)
-    if settings.noise is None and not settings.denoise and settings.spp > 1:
-        frame.sample_again(counts)
-    while settings.noise is not None:
-        estimate = frame.estimate()
-        wanted = estimate.wanted(settings.noise)
-        if np.array_equal(wanted, estimate.samples):
-            break
-        total = int(wanted.sum())
-        while len(noisy := np.flatnonzero(frame.samples < wanted)):
-            for done in frame.add_pass(PASS, noisy):
-                progress(done, total)
-
-
-def _passes(spp: int) -> list[int]:
-    """Samples of each pass: powers of two, PASS at most."""
-    return [PASS] * (spp // PASS) + [1 << k for k in range(PASS.bit_length() - 2, -1, -1) if spp % PASS >> k & 1]

@@ -1,0 +1,45 @@
+"""How many samples which pixels of a frame get."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.model import RenderSettings
+
+Progress: TypeAlias = Callable[[int, int], None]
+
+
+def with_pilot(settings: RenderSettings) -> RenderSettings:
+    """Under a noise target, samples everywhere for a first look: whole batches, two at least."""
+    if settings.noise is None:
+        return settings
+    return replace(settings, spp=max(-(-settings.spp // PASS), 2) * PASS)
+
+
+def sample_all(frame: FrameInProgress, settings: RenderSettings, progress: Progress) -> None:
+    """Passes until every pixel has its samples, then more of the noisy ones while the noise is above its target."""
+    size, counts = len(frame.samples), _passes(settings.spp)
+    for count in counts:
+        for done in frame.add_pass(count):
+            progress(done, settings.spp * size)
+    if settings.noise is None and not settings.denoise and settings.spp > 1:
+        frame.sample_again(counts)
+    while settings.noise is not None:
+        estimate = frame.estimate()
+        wanted = estimate.wanted(settings.noise)
+        if np.array_equal(wanted, estimate.samples):
+            break
+        total = int(wanted.sum())
+        while len(noisy := np.flatnonzero(frame.samples < wanted)):
+            for done in frame.add_pass(PASS, noisy):
+                progress(done, total)
+
+
+def _passes(spp: int) -> list[int]:
+    """Samples of each pass: powers of two, PASS at most."""
+    return [PASS] * (spp // PASS) + [1 << k for k in range(PASS.bit_length() - 2, -1, -1) if spp % PASS >> k & 1]

@@ -28,9 +28,9 @@ def add_estimate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = commands.add_parser(
         "estimate",
         help="find the light that splats were captured under",
-        description="Find the sun and sky under which the splats of a job were captured, from the splats and the proxy "
-        "alone. Writes a table [captured] to paste into the job and edit, its map beside it (.exr), and a picture to "
-        "judge it by (.png): captured, irradiance, captured / irradiance.",
+        description="Find the sun, sky and lamps under which the splats of a job were captured, from the splats and "
+        "the proxy alone. Writes a table [captured] to paste into the job and edit, its map beside it (.exr), and a "
+        "picture to judge it by (.png): captured, irradiance, captured / irradiance.",
     )
     parser.add_argument("job", metavar="JOB", help="job file (TOML) that names splats and a proxy")
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the table to write (.toml)")

@@ -30,7 +30,7 @@ from mirelight.model import (
 )
 from mirelight.needs import check_lit_splats
 from mirelight.scene import prepare
-from mirelight.splat_light import SplatLight
+from mirelight.splat_light import SplatLight, by_sharpness
 
 from .test_surface_cache import stage
 
@@ -232,3 +232,18 @@ def test_layers_read_from_the_surface_are_the_traced_ones(monkeypatch: pytest.Mo
     for one, other in zip(read.values, traced.values, strict=True):
         np.testing.assert_allclose(one.mean(axis=0), other.mean(axis=0), rtol=0.03)
         assert np.sqrt(((one - other) ** 2).mean()) < 0.15 * other.mean()
+
+
+def test_lights_that_need_few_samples_are_read_apart() -> None:
+    """A point or a direction takes few, all else many; the lights of a group, whose layer is one, stay together."""
+
+    def point(name: str, radius: float = 0.0, group: str | None = None) -> PointLight:
+        return PointLight(name=name, position=np.zeros(3), radius=radius, group=group)
+
+    around = Environment(radiance=np.ones((1, 1, 3), np.float32))
+    lights = (point("a"), point("ball", 0.2), point("b", group="g"), point("c", 0.1, group="g"))
+    sharp, soft = by_sharpness(Lighting(lights=lights, environment=around), 32, glow=False)
+    assert [x.name for x in sharp[0].lights] == ["a"] and sharp[0].environment is None and sharp[1] == 8
+    assert [x.name for x in soft[0].lights] == ["ball", "b", "c"] and soft[0].environment is around and soft[1] == 32
+    assert [n for _, n in by_sharpness(Lighting(lights=lights[:1]), 4, glow=False)] == [4]
+    assert [n for _, n in by_sharpness(Lighting(), 32, glow=True)] == [32]

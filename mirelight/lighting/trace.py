@@ -202,7 +202,8 @@ class Tracer:
         """Light of a lighting on the surface, for every camera; light is additive, so parts may be filled apart.
 
         Args:
-            cells, lighting: from `cells`; lights, environment, sky model.
+            cells: from `cells`.
+            lighting: lights, environment, sky model.
             samples: of each cell; four times as many halve the cache's error.
             transport: between these cells, in place of one of `samples` rays. What glows is filled without.
             emission: False: surfaces that glow do not.

@@ -103,6 +103,40 @@ def test_a_sent_job_makes_the_same(job: Path) -> None:
     np.testing.assert_array_equal(ours.faces, theirs.faces)
 
 
+CAMERAS = "x,y,z,target_x,target_y,target_z,yfov,width,height\n0,0,4,0,0,0,60,64,64\n0,0,-4,0,0,0,60,64,64\n"
+
+
+def test_the_captures_cameras_stand_where_its_splats_do(job: Path) -> None:
+    """What hides from them just inside the ball is closed, wherever the ball is; and it is another mesh."""
+    (job.parent / "taken.csv").write_text(CAMERAS, encoding="utf-8")
+    with_cameras = 'proxy={path="splats",cameras="taken.csv"}'
+    plain, closed = mirelight.load(job), mirelight.load(job, [with_cameras])
+    assert keys.Keys(plain).made_proxy != keys.Keys(closed).made_proxy
+    assert "taken.csv" in closed.inputs
+    placed = 'splats={path="ball.ply",transform={translation=[50,0,0],scale=2}}'
+    moved = mirelight.prepare(mirelight.load(job, [placed, with_cameras])).mesh
+    meshes = [mirelight.prepare(plain).mesh, mirelight.prepare(closed).mesh, moved]
+    radii = []
+    for mesh, middle, size in zip(meshes, (0, 0, 50), (1, 1, 2), strict=True):
+        assert mesh is not None
+        radii.append(np.linalg.norm(mesh.vertices - (middle, 0, 0), axis=1) / size)
+        assert radii[-1].max() < 1.1
+    added = [x[len(radii[0]) :] for x in radii[1:]]
+    assert min(len(x) for x in added) > 100
+    assert all(0.5 < np.median(x) < np.median(radii[0]) for x in added)
+
+
+def test_cameras_of_nothing_are_refused(job: Path) -> None:
+    (job.parent / "none.csv").write_text(CAMERAS.splitlines()[0] + "\n", encoding="utf-8")
+    (job.parent / "away.csv").write_text(CAMERAS.replace("4,0,0,0,60", "4,0,90,0,60"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"none\.csv|proxy\.cameras"):
+        mirelight.load(job, ['proxy={path="splats",cameras="none.csv"}'])
+    with pytest.raises(InputError, match="see 0% of its surface; give the cameras of this capture"):
+        mirelight.prepare(mirelight.load(job, ['proxy={path="splats",cameras="away.csv"}'])).mesh  # noqa: B018
+    with pytest.raises(InputError, match=r'cameras of a mesh that is in a file.* they are for "splats"'):
+        mirelight.load(job, ['proxy={path="ball.ply",cameras="away.csv"}'])
+
+
 def test_a_transform_or_the_files_colours_are_refused(job: Path) -> None:
     with pytest.raises(InputError, match="transform of a proxy that is made from the splats"):
         mirelight.load(job, ['proxy={path="splats",transform={scale=2}}'])

@@ -12,7 +12,8 @@ import numpy as np
 
 from mirelight import model
 from mirelight.conventions import Matrix
-from mirelight.io.job import cameras, lighting, mixing, moments, moving, placing, sweep
+from mirelight.io.job import camera_files, cameras, lighting, mixing, moments, moving, placing, sweep
+from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.light_tables import LightUnit, Lit
@@ -158,7 +159,7 @@ def build(source: Source, table: JobTable) -> Job:
 
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
-    made = _made_of_splats(source, table, splats)
+    made = _made_of_splats(source, table, splats, _capture_cameras(table, assets, wrong))
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
@@ -213,21 +214,43 @@ def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
     return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
 
 
-def _made_of_splats(source: Source, table: JobTable, splats: Deferred[SplatCloud] | None) -> Deferred[ProxyMesh] | None:
+def _capture_cameras(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[model.Camera, ...]:
+    """Those of the capture's pictures, in world space, that the proxy is made with."""
+    if table.proxy is None or table.proxy.cameras is None or table.splats is None:
+        return ()
+    named = CamerasFromTable.model_construct(
+        {"path"}, path=table.proxy.cameras, transform="splats", distortion="ignore"
+    )
+    at, size = ("proxy", "cameras"), (table.resolution[0], table.resolution[1])
+    found = tuple(camera_files.cameras_from(named, at, size, table.splats, assets, wrong))
+    if not found and not wrong:
+        wrong.append(Mistake(at, "a file without cameras", "give the capture's, or leave it out"))
+    return found
+
+
+def _made_of_splats(
+    source: Source, table: JobTable, splats: Deferred[SplatCloud] | None, cameras: tuple[model.Camera, ...]
+) -> Deferred[ProxyMesh] | None:
     """The mesh that a job has made from its splats; None where it names a file, or none."""
     if table.proxy is None or table.proxy.path != SPLATS or splats is None or table.splats is None:
         return None
     render = table.render
     variant: model.Variant = "llvm_ad_rgb" if render.variant == "scalar_rgb" else render.variant
     named = source.folder / table.splats[0].path if len(table.splats) == 1 else source.path
-    known = model.digest("proxy of splats", splats.digest, variant)
-    return Deferred(known, partial(_made, splats, variant, render.threads, str(named)))
+    known = model.digest("proxy of splats", splats.digest, variant, *((cameras,) if cameras else ()))
+    return Deferred(known, partial(_made, splats, cameras, variant, render.threads, str(named)))
 
 
-def _made(splats: Deferred[SplatCloud], variant: model.Variant, threads: int | None, named: str) -> ProxyMesh:
+def _made(
+    splats: Deferred[SplatCloud],
+    cameras: tuple[model.Camera, ...],
+    variant: model.Variant,
+    threads: int | None,
+    named: str,
+) -> ProxyMesh:
     from mirelight.proxy import ProxySettings, make
 
-    return make(splats.value, ProxySettings(variant=variant, threads=threads), source=named).mesh
+    return make(splats.value, ProxySettings(variant=variant, threads=threads), cameras=cameras, source=named).mesh
 
 
 def _worn(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[ProxyMesh]:

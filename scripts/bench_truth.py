@@ -46,15 +46,34 @@ from mirelight.model import (
 
 T = TypeVar("T")
 Surface = Literal[
-    "exact", "without bars", "solid", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own"
+    "exact",
+    "without bars",
+    "solid",
+    "decimated 10x",
+    "decimated 50x",
+    "moved 1 %",
+    "moved 1 %, fitted",
+    "own",
+    "own, cameras known",
 ]
 Known = Literal["known", "estimated"]
 
 FULL = Size(96, 54, truth_spp=256)
 QUICK = Size(96, 54, truth_spp=64, most=1)
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
-SURFACES: tuple[Surface, ...] = ("exact", "decimated 10x", "decimated 50x", "moved 1 %", "moved 1 %, fitted", "own")
-FEW: tuple[Surface, ...] = ("exact", "own")  # of captures that are not `whole`; and with the light estimated
+SURFACES: tuple[Surface, ...] = (
+    "exact",
+    "decimated 10x",
+    "decimated 50x",
+    "moved 1 %",
+    "moved 1 %, fitted",
+    "own",
+    "own, cameras known",
+)
+FEW: tuple[Surface, ...] = (
+    "exact",
+    "own, cameras known",
+)  # of captures that are not `whole`; and with the light estimated
 ORDER: tuple[Surface, ...] = ("exact", "without bars", "solid", *SURFACES[1:])
 
 
@@ -146,6 +165,9 @@ class Bench:
                 return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
             case "own":  # made of the splats' places and shapes, so one for all captures of a scene
                 return self._store.mesh(f"{capture.scene}.own", "own proxies", lambda: proxy.make(splats).mesh)
+            case "own, cameras known":
+                name, closed = f"{capture.scene}.closed", partial(proxy.make, splats, cameras=capture.orbit)
+                return self._store.mesh(name, "own proxies", lambda: closed().mesh)
 
     def rows(self, quick: bool) -> Iterator[Row]:
         """All rows of the capture."""

@@ -63,6 +63,7 @@ class Captured:
     scene: str
     whole: bool  # all proxies and ways are tried on it, not the ends alone
     camera: Camera  # not one that the splats were made from
+    orbit: tuple[Camera, ...]  # those that they were made from
     splats: SplatCloud
     light: Lighting  # under which they were captured
     lightings: tuple[Lighting, ...]  # new ones
@@ -173,6 +174,7 @@ class _Scene:
             scene=self._name,
             whole=plan.whole,
             camera=self._camera,
+            orbit=self.recipe.orbit,
             splats=self._splats(plan.captured),
             light=self._lightings[plan.captured],
             lightings=tuple(self._lightings[x] for x in new),

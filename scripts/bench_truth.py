@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from bench_truth_captures import ROOT, Captured, Size, Store, captures
@@ -61,20 +61,12 @@ Known = Literal["known", "estimated"]
 FULL = Size(96, 54, truth_spp=256)
 QUICK = Size(96, 54, truth_spp=64, most=1)
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
-SURFACES: tuple[Surface, ...] = (
-    "exact",
-    "decimated 10x",
-    "decimated 50x",
-    "moved 1 %",
-    "moved 1 %, fitted",
-    "own",
-    "own, cameras known",
-)
+ORDER: tuple[Surface, ...] = get_args(Surface)
+SURFACES = tuple(x for x in ORDER if x not in ("without bars", "solid"))
 FEW: tuple[Surface, ...] = (
     "exact",
     "own, cameras known",
 )  # of captures that are not `whole`; and with the light estimated
-ORDER: tuple[Surface, ...] = ("exact", "without bars", "solid", *SURFACES[1:])
 
 
 @dataclass(frozen=True, slots=True)

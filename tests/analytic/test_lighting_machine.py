@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +20,7 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
+from tests.threads import printed
 
 from .lighting_scenes import constant_sky, sphere
 
@@ -93,17 +91,7 @@ print(digest.hexdigest())
 
 
 def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
-    digests = set()
-    for threads in ("1", "2", "3", "7"):
-        run = subprocess.run(
-            [sys.executable, "-c", _IN_THREADS, threads],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=dict(os.environ),
-        )
-        digests.add(run.stdout.strip())
-    assert len(digests) == 1
+    assert len(printed(_IN_THREADS, "1", "2", "3", "7")) == 1
 
 
 def test_a_film_that_cannot_fit_is_refused_before_it_is_allocated() -> None:

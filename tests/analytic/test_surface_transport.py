@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +10,7 @@ import pytest
 from mirelight.errors import RenderError
 from mirelight.lighting import Tracer, transport
 from mirelight.model import Camera, CellLight, Environment, Lighting, SunLight, SurfaceCells
+from tests.threads import printed
 
 from .lighting_scenes import constant_sky, join, sphere
 from .test_surface_cache import SURFACE, lamp, means, room, stage
@@ -162,15 +160,4 @@ print(digest.hexdigest())
 
 
 def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
-    digests = set()
-    for threads in ("1", "3"):
-        run = subprocess.run(
-            [sys.executable, "-c", _IN_THREADS, threads],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        )
-        assert run.returncode == 0, run.stderr
-        digests.add(run.stdout.strip())
-    assert len(digests) == 1
+    assert len(printed(_IN_THREADS, "1", "3")) == 1

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +19,7 @@ from mirelight.model import (
     RenderSettings,
     SunLight,
 )
+from tests.threads import printed
 
 from .test_lighting_against_path import FLAT, KEY, VIEW, _quad, _sky
 from .ztest import Array, worst_and_allowed
@@ -200,18 +198,7 @@ print(digest.hexdigest())
 
 
 def test_a_noise_target_gives_the_same_bits_on_any_number_of_threads() -> None:
-    digests = set()
-    for threads in ("1", "3"):
-        run = subprocess.run(
-            [sys.executable, "-c", _IN_THREADS, threads],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        )
-        assert run.returncode == 0, run.stderr
-        digests.add(run.stdout.strip())
-    assert len(digests) == 1
+    assert len(printed(_IN_THREADS, "1", "3")) == 1
 
 
 # --- unit lights ---

@@ -241,8 +241,7 @@ class SplatLight:
 
     @cached_property
     def _transport(self) -> SurfaceTransport:
-        rays = 1 << max(self._spp - 1, 15).bit_length()
-        return self.tracer.transport(self._cells, rays, partial(self._say, "rays between surfaces"))
+        return self.tracer.transport(self._cells, self._spp, partial(self._say, "rays between surfaces"))
 
     @property
     def _reads_surface(self) -> bool:

@@ -178,7 +178,7 @@ class Tracer:
     def transport(
         self, cells: SurfaceCells, rays: int = CELL_SAMPLES, progress: Progress | None = None
     ) -> SurfaceTransport:
-        """How light goes between cells: `rays` of each (a power of two from 16 on; fewer of very many cells).
+        """How light goes between cells: along at least `rays` of each, a power of two (fewer of very many cells).
 
         With it, `fill` traces no rays between surfaces. Progress is called with rays done and in all.
 
@@ -187,7 +187,7 @@ class Tracer:
         """
         from mirelight.lighting.transport import found
 
-        return found(self._on_device(), cells, self.settings, rays, progress or _ignore)
+        return found(self._on_device(), cells, self.settings, 1 << max(rays - 1, 15).bit_length(), progress or _ignore)
 
     def fill(
         self,
@@ -219,7 +219,7 @@ class Tracer:
         sky = self._sky_of(lighting.environment)
         glow = emission and self.emissive
         if not glow:
-            transport = transport or self.transport(cells, 1 << max(samples - 1, 15).bit_length())
+            transport = transport or self.transport(cells, samples)
             return lit(surface, sky, cells, transport, lighting, self.settings, progress or _ignore)
         return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
 

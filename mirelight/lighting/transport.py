@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.types import Float
 
-RAYS = 256  # of each cell, in two independent halves
 MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
 STAND_INS = 2  # places without a cell that stand for all that half of a cell's rays end on
 BEYOND = 4  # hits of a ray that goes on without a cell

@@ -77,12 +77,12 @@ def export(
     assert scene.splats is not None
     _copy_page(folder, made_by)
     (folder / DESCRIPTION).unlink(missing_ok=True)
-    order = _write_splats(scene.splats, folder)
+    file, order = _write_splats(scene.splats, folder)
     packed, scales = rgb9e5.pack(layers.values[:, order])
     with atomic_path(folder / LAYERS) as temporary:
         packed.astype("<u4").tofile(temporary)
     with atomic_path(folder / DESCRIPTION) as temporary:
-        text = json.dumps(_described(job, scene.splats, layers, scales, folder), indent=1, ensure_ascii=False)
+        text = json.dumps(_described(job, scene.splats, layers, scales, file), indent=1, ensure_ascii=False)
         temporary.write_text(text + "\n", encoding="utf-8")
     return Exported(folder, layers, order, tuple(_warnings(job, layers)))
 
@@ -92,15 +92,16 @@ def page_file(name: str) -> bytes:
     return resources.files("mirelight.mixing").joinpath("page", name).read_bytes()
 
 
-def _write_splats(splats: SplatCloud, folder: Path) -> NDArray[np.intp]:
-    """Gives the order in which the file has them. SH of degree 3 is 180 bytes a splat as floats, and 45 as codes."""
+def _write_splats(splats: SplatCloud, folder: Path) -> tuple[Path, NDArray[np.intp]]:
+    """The file, and the order in which it has them. SH of degree 3 is 180 bytes a splat as floats, and 45 as codes."""
     for name in SPLATS:
         (folder / name).unlink(missing_ok=True)
+    plain, compressed = (folder / name for name in SPLATS)
     if splats.sh.shape[1] == 1:
-        ply.write(splats, folder / SPLATS[0])
-        return np.arange(len(splats))
-    compressed_ply.write(splats, folder / SPLATS[1])
-    return compressed_ply.morton_order(splats.means)
+        ply.write(splats, plain)
+        return plain, np.arange(len(splats))
+    compressed_ply.write(splats, compressed)
+    return compressed, compressed_ply.morton_order(splats.means)
 
 
 def _copy_page(folder: Path, engine_folder: Path) -> None:
@@ -116,13 +117,13 @@ def _copy_page(folder: Path, engine_folder: Path) -> None:
             temporary.write_bytes(page_file(name))
 
 
-def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, folder: Path) -> dict[str, Any]:
+def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, file: Path) -> dict[str, Any]:
     space = job.relight.space or mode_of(job.relight).space or "linear"
     return {
         "title": job.source.parent.name if job.source.stem == "job" else job.source.stem,
         "count": len(splats),
-        "splats": _file(folder / SPLATS[splats.sh.shape[1] > 1]),
-        "light": _file(folder / LAYERS),
+        "splats": _file(file),
+        "light": _file(file.with_name(LAYERS)),
         "layers": [{"name": n, "scale": float(s)} for n, s in zip(layers.names, scales, strict=True)],
         "constant": list(layers.constant),
         "lightings": [_lighting(x) for x in layers.lightings],

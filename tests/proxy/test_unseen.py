@@ -12,6 +12,7 @@ from mirelight.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import MadeProxy, make
+from mirelight.proxy.capture import take
 
 from .clouds import box_shell, on_surface, square
 
@@ -20,16 +21,6 @@ SIDE = 4.0  # of a room about the origin, whose wall at +z, behind the cameras, 
 EYES = ((-0.5, 0.3, 1.0), (0.0, -0.2, 1.2), (0.6, 0.1, 0.9))
 CAMERAS = tuple(Camera.look_at(eye, (0.1 * k, 0, -2), 160, 120, yfov=90, name=f"{k}") for k, eye in enumerate(EYES))
 WALLS = {"right": (1.0, 0.0, 0.0), "left": (-1.0, 0.0, 0.0), "floor": (0.0, -1.0, 0.0), "ceiling": (0.0, 1.0, 0.0)}
-
-
-def taken(cloud: SplatCloud, rows: NDArray[np.bool_]) -> SplatCloud:
-    return SplatCloud(
-        means=cloud.means[rows],
-        quats=cloud.quats[rows],
-        scales=cloud.scales[rows],
-        opacities=cloud.opacities[rows],
-        sh=cloud.sh[rows],
-    )
 
 
 def in_pictures(points: F64) -> NDArray[np.bool_]:
@@ -48,7 +39,7 @@ def in_pictures(points: F64) -> NDArray[np.bool_]:
 def room() -> SplatCloud:
     """What the cameras saw of five walls."""
     whole = box_shell(SIDE, 0.08, thin=0.02, faces=(0, 1, 2, 3, 4))
-    return taken(whole, in_pictures(whole.means.astype(np.float64)))
+    return take(whole, np.flatnonzero(in_pictures(whole.means.astype(np.float64))))
 
 
 @cache

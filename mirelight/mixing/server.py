@@ -117,18 +117,20 @@ class _Page(Handler):
                 self._saved.save(body)
                 self.answer(200, str(self._saved.path.name).encode(), "saved.txt")
             elif name == "live/light":
-                self._move(_table(body))
-                self.answer()
+                version = self._move(_table(body))
+                self.answer(200, str(version).encode(), "version.txt")
             else:
                 self._still(_table(body))
                 self.answer()
         except MirelightError as error:
             self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
 
-    def _move(self, asked: Mapping[str, Any]) -> None:
+    def _move(self, asked: Mapping[str, Any]) -> int:
         layer, light = (_whole(asked, key, 0, 1 << 20) for key in ("layer", "light"))
-        if not self._session.move(layer, light, np.array(_numbers(asked, "position", 3, LARGEST))):
+        version = self._session.move(layer, light, np.array(_numbers(asked, "position", 3, LARGEST)))
+        if version is None:
             raise InputError("the page", "a light that the job does not have")
+        return version
 
     def _still(self, asked: Mapping[str, Any]) -> None:
         if asked.get("number") is None:

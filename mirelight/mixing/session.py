@@ -97,11 +97,11 @@ class Session:
 
     # --- asked by any thread ---
 
-    def move(self, layer: int, light: int, position: F64) -> bool:
-        """A light of a layer is elsewhere now; False: there is no such light."""
+    def move(self, layer: int, light: int, position: F64) -> int | None:
+        """A light of a layer is elsewhere now: the version of the first news of it; None: there is no such light."""
         with self._news:
             if not (0 <= layer < len(self._units) and 0 <= light < len(self._units[layer].lights)):
-                return False
+                return None
             lights = list(self._units[layer].lights)
             lights[light] = moved_to(lights[light], position)
             self._units[layer] = Unit(lights=tuple(lights))
@@ -111,7 +111,7 @@ class Session:
             self._number += 1
             self._numbers[layer] = self._number
             self._changed()
-        return True
+            return self._version
 
     def ask_still(self, view: View) -> None:
         """A still of a view, in place of any other that was asked for."""

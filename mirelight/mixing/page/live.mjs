@@ -56,12 +56,14 @@ export function createLive(on) {
         const busy = sending.has(key);
         sending.set(key, body);
         if (busy) return;
+        let answer;
         try {
             while (sending.get(key)) {
                 const now = sending.get(key);
                 sending.set(key, null);
-                await send(name, now);
+                answer = await send(name, now);
             }
+            return answer;
         } catch (error) {
             on.trouble(error.message);
         } finally {
@@ -71,7 +73,8 @@ export function createLive(on) {
 
     follow();
     return {
-        move: (layer, light, position) => newest('live/light', `${layer} ${light}`, { layer, light, position }),
+        // the version of the first news that know of it
+        move: (layer, light, position) => newest('live/light', `${layer} ${light}`, { layer, light, position }).then(Number),
         still: (view) => newest('live/still', 'still', view),
         save: (text) => send('mix.toml', text),
         stop: () => { stopped = true; }

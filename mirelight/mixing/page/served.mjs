@@ -7,7 +7,7 @@ const find = (id) => document.getElementById(id);
 // page: { mix(), text(), paint(), moved(place, position) }
 export function serve(view, page) {
     const figure = find('still'), image = figure.querySelector('img'), split = find('split');
-    let asked = null, touched = false, moving = 0, said = '', next = null, held = 0;
+    let asked = null, touched = false, moving = 0, since = 0, said = '', next = null, held = 0;
     // what is to be read for some seconds stays so long; then comes the newest of what was said meanwhile
     const say = (text, seconds = 0) => {
         const left = held - performance.now();
@@ -40,8 +40,9 @@ export function serve(view, page) {
             Object.assign(figure.style, { width: `${width}px`, height: `${height}px` });
             figure.hidden = false;
         },
-        state({ moved, tracing, done, still, trouble }) {
-            if (!moving) for (const { layer, light, position } of moved) page.moved({ layer, light }, position);
+        state({ version, moved, tracing, done, still, trouble }) {
+            // news that were on their way when a light was moved here would put it back
+            if (!moving && version >= since) for (const { layer, light, position } of moved) page.moved({ layer, light }, position);
             const own = still && still.number === asked ? still : null;
             const share = (x) => `${Math.floor(100 * x)} %`;
             if (trouble) say(trouble);
@@ -74,7 +75,9 @@ export function serve(view, page) {
         moved(handle, position) {
             close();
             moving++;
-            live.move(handle.layer, handle.light, position).finally(() => { moving--; });
+            live.move(handle.layer, handle.light, position)
+                .then((version) => { since = version || since; })
+                .finally(() => { moving--; });
         },
         render() {
             if (asked) return close();

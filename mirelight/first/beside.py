@@ -22,6 +22,8 @@ _CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
 _POINTS = 5_000
 _NEAR = 0.02  # of the capture's size: so near does its proxy lie to most splats
 _MOST = 0.8
+_SHARE = 0.002  # of the splats, that a camera of theirs has in its picture at the least
+_LOOKED_AT = 20  # cameras
 _SUN = 3.5  # lux that a light of a file is brought to at the capture's middle
 
 LightKind = Literal["panorama", "glTF"]
@@ -87,6 +89,41 @@ def cameras(capture: Path) -> Cameras | None:
             if found:
                 return Cameras(path, tuple(found))
     return None
+
+
+def around(found: Cameras, cloud: SplatCloud) -> bool:
+    """Whether most cameras stand outside the box that holds the splats but strays: then it is no room.
+
+    Args:
+        found: the cameras.
+        cloud: as the file has it.
+    """
+    solid = cloud.means[cloud.opacities > 0.1].astype(np.float64)
+    if not len(solid):
+        return False
+    low, high = np.quantile(solid, [0.01, 0.99], axis=0)
+    places = np.array([one.world_from_camera[:3, 3] for one in found.cameras])
+    return float(((places < low) | (places > high)).any(axis=1).mean()) > 0.5
+
+
+def look_at(found: Cameras, cloud: SplatCloud) -> bool:
+    """Whether most cameras have splats before them: those of another scene, or in other axes or units, mostly do not.
+
+    Args:
+        found: the cameras.
+        cloud: as the file has it.
+    """
+    solid = cloud.means[cloud.opacities > 0.3].astype(np.float64)
+    means = solid[:: max(1, len(solid) // _POINTS)]
+    sees = []
+    for one in found.cameras[:: -(-len(found.cameras) // _LOOKED_AT)]:
+        camera = one.to_camera(one.size((960, 540)))
+        local = (means - camera.position) @ camera.world_from_camera[:3, :3]
+        away = np.maximum(-local[:, 2], 1e-9)
+        x = np.abs(local[:, 0] / away * camera.fx) < camera.width / 2
+        y = np.abs(local[:, 1] / away * camera.fy) < camera.height / 2
+        sees.append(bool((x & y & (local[:, 2] < 0)).sum() > _SHARE * len(means)))
+    return float(np.mean(sees)) > 0.5
 
 
 def lights(capture: Path, middle: F64, taken: Path | None) -> tuple[Lights, ...]:

@@ -62,12 +62,13 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     m[:3, :3] = turn
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
     proxy, misfit = beside.proxy(capture, cloud, turn)
-    seen = view.best(world, str(capture))
+    seen = view.best(world, str(capture), outside=cameras is not None and beside.around(cameras, cloud))
     known = None if proxy is None else captured.find(world, proxy, turn)
     named = _Names(folder)
     lines = [
         f"# {capture.name}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
-        *_scene(capture, cloud, found, proxy, misfit, known, named),
+        *_splats(capture, cloud, found, named),
+        *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
         *_cameras(cameras, wish, named),
         *_camera(seen, wish),
         *_captured(seen, proxy, known),
@@ -96,37 +97,55 @@ def _refuse_far(capture: Path, cloud: SplatCloud) -> None:
         raise InputError(capture, found, "single precision is too coarse there: move it to the origin before saving")
 
 
-def _scene(
-    capture: Path,
-    cloud: SplatCloud,
-    found: up.Up,
-    proxy: beside.Proxy | None,
-    misfit: Path | None,
-    known: captured.Known | None,
-    named: _Names,
-) -> Iterator[str]:
-    turned = found.euler != (0, 0, 0)
-    place = f", transform = {{ rotation_euler = {_vector(found.euler)} }}" if turned else ""
+def _splats(capture: Path, cloud: SplatCloud, found: up.Up, named: _Names) -> Iterator[str]:
     yield ""
     yield f"# {len(cloud):,} splats. Up, which is +Y in a job: {found.why}."
     if found.guessed:
         yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
+    place = _placed(found)
     yield f"splats = {{ path = {named(capture)}{place} }}" if place else f"splats = {named(capture)}"
+
+
+def _placed(found: up.Up) -> str:
+    turned = found.euler != (0, 0, 0)
+    return f", transform = {{ rotation_euler = {_vector(found.euler)} }}" if turned else ""
+
+
+def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, named: _Names) -> Iterator[str]:
+    """A mesh beside the capture, and the light that is known by it."""
     yield ""
-    if proxy is not None:
-        yield "# The mesh that light falls on. This one was beside the capture, and fits it."
-        colours = ', albedo = "splats"' if known is not None else ""
-        yield f"proxy = {{ path = {named(proxy.path)}{place if proxy.turned else ''}{colours} }}"
-    else:
-        if misfit is not None:
-            yield f"# {misfit.name} beside the capture does not fit it (`mirelight proxy` can register it)."
-        yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
-        yield 'proxy = "splats"'
+    yield "# The mesh that light falls on. This one was beside the capture, and fits it."
+    colours = ', albedo = "splats"' if known is not None else ""
+    yield f"proxy = {{ path = {named(proxy.path)}{_placed(found) if proxy.turned else ''}{colours} }}"
     if known is not None:
         yield ""
         yield f"# The light of the capture is estimated from its shading and shadows: {known.said}."
         yield "# `mirelight estimate` writes it out with a picture to judge it by (docs/captured-light.md)."
         yield 'captured = "estimate"'
+
+
+def _made(
+    cameras: beside.Cameras | None, cloud: SplatCloud, room: bool, misfit: Path | None, named: _Names
+) -> Iterator[str]:
+    """A mesh made from the splats, with the capture's cameras where they help."""
+    yield ""
+    if misfit is not None:
+        yield f"# {misfit.name} beside the capture does not fit it (`mirelight proxy` can register it)."
+    yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
+    if cameras is None:
+        yield 'proxy = "splats"'
+        return
+    with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)} }}'
+    if not beside.look_at(cameras, cloud):
+        yield f"# {cameras.path.name}: few of its cameras have splats before them, so they are left out of it."
+        yield 'proxy = "splats"'
+    elif room:
+        yield "# In a room whose walls the pictures show, its cameras gain nothing. Where they leave walls out:"
+        yield f"# {with_them}"
+        yield 'proxy = "splats"'
+    else:
+        yield "# The capture's cameras tell what no picture shows: walls there are closed against light."
+        yield with_them
 
 
 def _cameras(found: beside.Cameras | None, wish: Wish, named: _Names) -> Iterator[str]:

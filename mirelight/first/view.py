@@ -32,13 +32,14 @@ class FirstView:
     white: float  # share of them at the end of a channel
 
 
-def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = ()) -> FirstView:
+def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, outside: bool = False) -> FirstView:
     """The view to show first.
 
     Args:
         cloud: in the world, +Y up.
         source: whom to name in an error.
         captured: cameras of the capture in the same world; where there are any, one of these is chosen.
+        outside: whether it is known to be no room, closed as it may be.
 
     Raises:
         InputError: nothing is to be seen of it from anywhere.
@@ -60,7 +61,7 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = ()) -> Fir
     if captured:
         views = [_small(c) for c in captured[:: max(1, len(captured) // 24)]]
     else:
-        room = _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+        room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
         views = list(_inside(low, high) if room else _outside(points, middle))
     shown = [(_score(compositor.composite(camera, depth=True), middle, radius), camera) for camera in views]
     score, chosen = max(shown, key=lambda x: x[0])

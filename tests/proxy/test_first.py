@@ -18,7 +18,7 @@ from mirelight.first import Wish, job_text, up
 from mirelight.io import job, splats
 from mirelight.model import SplatCloud
 
-from .clouds import ball
+from .clouds import ball, box_shell
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -108,6 +108,28 @@ def test_cameras_beside_a_capture_are_rendered_too(
         assert all(x.position[1] == pytest.approx(2.0, abs=0.1) for x in work.cameras[1:])
         assert 'every = 17, resolution_scale = 0.25, distortion = "ignore"' in text
         assert "# Cameras: one in 17 of the capture's 50, as pinholes, beside the one below." in text
+
+
+@pytest.mark.parametrize("where", ["outside", "in a room", "elsewhere"])
+def test_cameras_beside_a_capture_close_its_proxy(tmp_path: Path, where: str) -> None:
+    """Not in a room, whose walls are all seen; nor where they look past the splats."""
+    cloud = box_shell(16, 0.5, thin=0.05) if where == "in a room" else ball()
+    splats.write(cloud, tmp_path / "capture.ply")
+    cameras_beside(tmp_path, 6, 640)
+    if where == "elsewhere":
+        away = splats.transform(cloud, np.array([[1.0, 0, 0, 60], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+        splats.write(away, tmp_path / "capture.ply")
+    text = job_text(tmp_path / "capture.ply", tmp_path, Wish(light="sun"))
+    line = 'proxy = { path = "splats", cameras = "transforms.json" }'
+    if where == "outside":
+        assert line in text.splitlines()
+        work = job.load_text(text, tmp_path / "job.toml")
+        assert work.made_proxy is not None
+        without = job.load_text(text.replace(line, 'proxy = "splats"'), tmp_path / "job.toml").made_proxy
+        assert without is not None and work.made_proxy.digest != without.digest
+    else:
+        assert tomllib.loads(text)["proxy"] == "splats"
+        assert ("# " + line in text) == (where == "in a room")
 
 
 @pytest.mark.parametrize("doubted", [False, True])

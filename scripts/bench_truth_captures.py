@@ -1,21 +1,17 @@
 """What bench_truth.py looks at: captures of scenes whose true pictures are known, from cameras kept apart.
 
-True pictures come in two halves of independent noise. What takes long is kept in a folder, under a digest of the code
-that makes it.
+True pictures come in two halves of independent noise.
 """
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
+from bench_truth_store import F32, ROOT, Store
 from numpy.typing import NDArray
 from scenegen import surfels
 from scenegen.recipe import Recipe
@@ -30,14 +26,9 @@ from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
-T = TypeVar("T")
-
 METALS = ("iron", "brass")
-MAKES_PROXIES = ("proxy", "lighting", "compositor", "model")  # folders of mirelight
-ROOT = Path(__file__).resolve().parent.parent
 BAKE_SPP = {"courtyard": 16, "interior": 48}  # for one splat's colour; indoors light is noisy
 
-F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 
@@ -90,7 +81,9 @@ PLANS = (
     _Plan("interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
     _Plan("interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
 )
-QUICK = (PLANS[0], PLANS[2])  # their splats are shipped
+NAMES = tuple(plan.name for plan in PLANS)
+WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
+QUICK = (NAMES[0], NAMES[2])  # their splats are shipped
 APART = {  # eye and target between the cameras that a capture is made from
     "courtyard": ((2.05, 2.3, 5.75), (-0.3, 1.55, -1.5), 43),
     "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),
@@ -98,57 +91,10 @@ APART = {  # eye and target between the cameras that a capture is made from
 }
 
 
-class Store:
-    """Arrays kept in a folder, under a digest of the code that makes them; and what making the rest has cost."""
-
-    def __init__(self, folder: Path) -> None:
-        scenes = [*(ROOT / "scripts" / "scenegen").glob("*.py"), Path(__file__)]
-        made = [x for name in MAKES_PROXIES for x in (ROOT / "mirelight" / name).rglob("*.py")]
-        self._scenes, self._proxies = _digest(scenes), _digest([*scenes, *made])
-        self._folder = folder
-        self.spent: dict[str, float] = {}
-
-    def cost(self, part: str, make: Callable[[], T]) -> T:
-        """What it makes; its CPU seconds are noted under the part of the protocol that they belong to."""
-        start = time.process_time()
-        made = make()
-        self.spent[part] = self.spent.get(part, 0.0) + time.process_time() - start
-        return made
-
-    def array(self, name: str, part: str, make: Callable[[], F32], *, proxy: bool = False) -> F32:
-        """The array of that name, made unless it is there; `proxy`: by mirelight, so made again when that changes."""
-        path = self._folder / (self._proxies if proxy else self._scenes) / f"{name.replace(' ', '-')}.npy"
-        if not path.is_file():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            fresh = path.with_suffix(".part.npy")
-            np.save(fresh, self.cost(part, make))
-            fresh.rename(path)
-        return np.asarray(np.load(path), np.float32)
-
-    def mesh(self, name: str, part: str, make: Callable[[], ProxyMesh], *, proxy: bool = True) -> ProxyMesh:
-        """Vertices and faces of the mesh of that name, made unless it is there."""
-
-        def pack() -> F32:
-            made = make()  # as floats: 2 ** 24 vertices at most
-            return np.concatenate([[[len(made.vertices), 0, 0]], made.vertices, made.faces]).astype(np.float32)
-
-        rows = self.array(name, part, pack, proxy=proxy)
-        count = 1 + int(rows[0, 0])
-        return ProxyMesh(vertices=rows[1:count], faces=rows[count:].astype(np.int32))
-
-
-def _digest(sources: Iterable[Path]) -> str:
-    return hashlib.sha256(b"".join(x.read_bytes() for x in sorted(sources))).hexdigest()[:12]
-
-
-def captures(
-    size: Size, store: Store, say: Callable[[str], None], *, quick: bool, only: str = ""
-) -> Iterator[Captured]:
-    """The protocol's captures, made or read; `only` those whose name holds it."""
-    plans = [plan for plan in (QUICK if quick else PLANS) if only in plan.name]
-    scenes = {name: _Scene(name, size, store, say) for name in dict.fromkeys(x.scene for x in plans)}
-    for plan in plans:
-        yield scenes[plan.scene].captured(plan)
+def capture(name: str, size: Size, store: Store, say: Callable[[str], None]) -> Captured:
+    """The capture of that name, made or read."""
+    plan = next(plan for plan in PLANS if plan.name == name)
+    return _Scene(plan.scene, size, store, say).captured(plan)
 
 
 class _Scene:
@@ -199,18 +145,18 @@ class _Scene:
         return first, second
 
     def _exact(self) -> ProxyMesh:
-        return self._store.mesh(f"{self._name}.exact", "true surfaces", lambda: _welded(self.looks), proxy=False)
+        return self._store.mesh(f"{self._name}.exact", "true surfaces", lambda: _welded(self.looks), "scenes")
 
     def _solid(self) -> ProxyMesh:
         bare = replace(self.looks, soups=[s for s in self.looks.soups if s.solid])
-        return self._store.mesh(f"{self._name}.solid", "true surfaces", lambda: _welded(bare), proxy=False)
+        return self._store.mesh(f"{self._name}.solid", "true surfaces", lambda: _welded(bare), "scenes")
 
     def _without_bars(self) -> ProxyMesh | None:
         rest = [s for s in self.looks.soups if s.solid or s.material not in METALS]
         if len(rest) == len(self.looks.soups):
             return None
         bare = replace(self.looks, soups=rest)
-        return self._store.mesh(f"{self._name}.without-bars", "true surfaces", lambda: _welded(bare), proxy=False)
+        return self._store.mesh(f"{self._name}.without-bars", "true surfaces", lambda: _welded(bare), "scenes")
 
     def _simplified(self, triangles: int) -> ProxyMesh:
         def make() -> ProxyMesh:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import json
+from dataclasses import asdict
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,35 +55,65 @@ def test_a_mean_takes_each_figure_by_itself(scores: ModuleType) -> None:
     assert scores.mean([a, b]) == scores.Score(32, 23, 29, 19, pytest.approx(0.8), pytest.approx(0.2))
 
 
-def test_what_is_kept_is_made_again_when_the_code_that_makes_it_changes(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+@pytest.fixture
+def storing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
+    """The module that keeps things, with code of its own to look at."""
     monkeypatch.syspath_prepend(SCRIPTS)
-    captures = importlib.import_module("bench_truth_captures")
-    for folder in (*captures.MAKES_PROXIES, "scripts/scenegen"):
-        source = tmp_path / ("" if "/" in folder else "mirelight") / folder / "made.py"
-        source.parent.mkdir(parents=True)
-        source.write_text("one", encoding="utf-8")
-    monkeypatch.setattr(captures, "ROOT", tmp_path)
+    module = importlib.import_module("bench_truth_store")
+    for sources in module.MAKERS.values():
+        for source in sources:
+            path = tmp_path / source if source.endswith(".py") else tmp_path / source / "made.py"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("one", encoding="utf-8")
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    return module
+
+
+def test_what_is_kept_is_made_again_when_the_code_that_makes_it_changes(storing: ModuleType, tmp_path: Path) -> None:
     made: list[str] = []
 
-    def read(name: str, *, proxy: bool) -> None:
+    def read(name: str, maker: str, of: object = None) -> None:
         def make() -> NDArray[np.float32]:
             made.append(name)
             return np.arange(3, dtype=np.float32)
 
-        store = captures.Store(tmp_path / "cache")
-        np.testing.assert_array_equal(store.array(name, "part", make, proxy=proxy), [0, 1, 2])
-        assert set(store.spent) <= {"part"}
+        store = storing.Store(tmp_path / "cache")
+        np.testing.assert_array_equal(store.array(name, "part", make, maker, of), [0, 1, 2])
 
-    for _ in range(2):
-        read("truth", proxy=False)
-        read("own", proxy=True)
-    assert made == ["truth", "own"]
+    def read_all() -> list[str]:
+        made.clear()
+        read("truth", "scenes")
+        read("own", "proxies")
+        read("sun", "light", np.ones(3))
+        return made
+
+    assert read_all() == ["truth", "own", "sun"]
+    assert read_all() == []
     (tmp_path / "mirelight" / "proxy" / "made.py").write_text("two", encoding="utf-8")
-    read("truth", proxy=False)
-    read("own", proxy=True)
-    assert made == ["truth", "own", "own"]
+    assert read_all() == ["own"]
     (tmp_path / "scripts" / "scenegen" / "made.py").write_text("two", encoding="utf-8")
-    read("truth", proxy=False)
-    assert made == ["truth", "own", "own", "truth"]
+    assert read_all() == ["truth", "own"]
+    read("sun", "light", np.zeros(3))
+    assert made[-1] == "sun"  # from something else
+
+
+def test_costs_are_kept_beside_the_things(storing: ModuleType, tmp_path: Path) -> None:
+    def make(store: Any) -> list[dict[str, Any]]:
+        return [{"light": store.cost("frames", lambda: 36.5), "nothing": float("nan")}]
+
+    costs = []
+    for _ in range(2):
+        store = storing.Store(tmp_path / "cache")
+        (row,) = store.table("exact", lambda store=store: make(store), "of this")
+        assert row["light"] == 36.5 and np.isnan(row["nothing"])
+        costs.append(store.costs)
+    assert costs[0] == costs[1] and [list(parts) for parts in costs[0].values()] == [["frames"]]
+
+
+def test_rows_are_the_same_from_plain_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    rows, scores = importlib.import_module("bench_truth_rows"), importlib.import_module("bench_truth_scores")
+    own = (("evening", 36.0), ("night", 35.0))
+    score = scores.Score(35.5, 34, 21, 20, 0.6, 0.2)
+    row = rows.Row("room", "ratio", "own", "known", rows.BEST, True, score, own, 1.5, 0.0, 0.25, 300)
+    assert rows.row_of(json.loads(json.dumps(asdict(row)))) == row

@@ -1,0 +1,316 @@
+"""The rows of bench_truth.py: one capture relit every way, and how close each comes to the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from bench_truth_captures import Captured
+from bench_truth_scores import F32, Score, edges_of, mean, score
+from bench_truth_store import Store
+from PIL import Image
+
+from mirelight import estimate, proxy, relighting
+from mirelight.colour import srgb_encode
+from mirelight.compositor import Compositor
+from mirelight.lighting import Tracer, captured_level, colored_by
+from mirelight.lighting.denoise import denoise
+from mirelight.model import (
+    Camera,
+    Indirect,
+    Lighting,
+    ProxyMesh,
+    RelightSettings,
+    RenderSettings,
+    SplatLayer,
+    SurfaceCache,
+    digest,
+)
+
+Surface = Literal[
+    "exact",
+    "without bars",
+    "solid",
+    "decimated 10x",
+    "decimated 50x",
+    "moved 1 %",
+    "moved 1 %, fitted",
+    "own",
+    "own, cameras known",
+]
+Known = Literal["known", "estimated"]
+
+AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
+ORDER: tuple[Surface, ...] = get_args(Surface)
+SURFACES = tuple(x for x in ORDER if x not in ("without bars", "solid"))
+FEW: tuple[Surface, ...] = (
+    "exact",
+    "own, cameras known",
+)  # of captures that are not `whole`; and with the light estimated
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a frame's light is found."""
+
+    indirect: Indirect
+    scale: int  # lighting pixels per pixel of the frame, along each axis
+    spp: int  # per lighting pixel
+
+    @property
+    def label(self) -> str:
+        """In a table."""
+        apart = f" as {self.scale}x{self.scale} of {self.spp}" if self.scale > 1 else ""
+        return f"`{self.indirect}`, {self.spp * self.scale**2} samples{apart}"
+
+
+BEST = Way("traced", 2, 16)  # by which proxies are compared
+WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16)))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One way to relight, on one capture."""
+
+    capture: str
+    mode: str  # unchanged, tint, ratio
+    proxy: Surface
+    light: Known
+    way: Way
+    denoised: bool
+    score: Score  # mean over the capture's lightings
+    by_lighting: tuple[tuple[str, float], ...]  # light alone
+    trace: float  # CPU seconds a frame, new and captured light, median; NaN where nothing is traced
+    fill: float  # CPU seconds of all lightings' caches, once for all cameras
+    clean: float  # CPU seconds a frame of denoising
+    triangles: int
+
+
+class Bench:
+    """One capture, and what its rows share."""
+
+    def __init__(self, capture: Captured, store: Store, say: Callable[[str], None], pictures: Path | None) -> None:
+        self.capture, self._store, self._say, self._pictures = capture, store, say, pictures
+
+    @cached_property
+    def splats(self) -> SplatLayer:
+        """Composited once."""
+        return Compositor(self.capture.splats).composite(self.capture.camera, depth=False)
+
+    @cached_property
+    def edges(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Silhouettes of the true surface."""
+        tracer = Tracer(self.capture.exact, RenderSettings(spp=16, max_depth=1), layers=False, aovs=False)
+        seen = tracer.trace(self.capture.light, self.capture.camera)
+        return edges_of(seen.coverage, seen.depth)
+
+    @cached_property
+    def size(self) -> float:
+        """What one percent is of: the diagonal of the box that holds the splats but strays."""
+        low, high = np.quantile(self.capture.splats.means.astype(np.float64), [0.002, 0.998], axis=0)
+        return float(np.linalg.norm(high - low))
+
+    @cached_property
+    def _moved(self) -> ProxyMesh:
+        exact = self.capture.exact
+        return replace(exact, vertices=(exact.vertices + 0.01 * self.size * AWAY).astype(np.float32))
+
+    def mesh(self, surface: Surface) -> ProxyMesh:
+        """A proxy without colours."""
+        capture, splats = self.capture, self.capture.splats
+        match surface:
+            case "exact":
+                return capture.exact
+            case "without bars":
+                assert capture.without_bars is not None
+                return capture.without_bars
+            case "solid":
+                return capture.solid
+            case "decimated 10x":
+                return capture.simplified(len(capture.solid.faces) // 10)
+            case "decimated 50x":
+                return capture.simplified(len(capture.solid.faces) // 50)
+            case "moved 1 %":
+                return self._moved
+            case "moved 1 %, fitted":
+                name = f"{capture.scene}.fitted"
+                return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
+            case "own" | "own, cameras known":
+                return self._own(surface == "own, cameras known")
+
+    def _own(self, closed: bool) -> ProxyMesh:
+        """Made of the splats' places and shapes, so one for all captures of a scene; what closes unseen space, the last
+        of its triangles, makes the difference between both."""
+        capture = self.capture
+
+        def pack() -> F32:
+            made = proxy.make(capture.splats, cameras=capture.orbit)
+            mesh = made.mesh
+            sizes = [[len(mesh.vertices), len(mesh.faces) - made.unseen, 0]]
+            return np.concatenate([sizes, mesh.vertices, mesh.faces]).astype(np.float32)
+
+        rows = self._store.array(f"{capture.scene}.own", "own proxies", pack, "proxies")
+        count, seen = (int(x) for x in rows[0, :2])
+        faces = rows[1 + count :].astype(np.int32)
+        if closed:
+            return ProxyMesh(vertices=rows[1 : 1 + count], faces=faces)
+        used, corner = np.unique(faces[:seen], return_inverse=True)
+        return ProxyMesh(vertices=rows[1 + used], faces=corner.reshape(-1, 3).astype(np.int32))
+
+    def rows(self, quick: bool) -> Iterator[Row]:
+        """All rows of the capture."""
+        yield from self._kept("without light", (self.capture.exact, BEST), self._without_light)
+        bars: tuple[Surface, ...] = ("without bars",) if self.capture.without_bars is not None else ()
+        all_of_them = (*bars, "solid", *SURFACES) if self.capture.whole else FEW
+        for surface in ("exact",) if quick else all_of_them:
+            mesh = self.mesh(surface)
+            ways = WAYS if surface == "exact" and self.capture.whole else (BEST,)
+            yield from self._relit(surface, "known", mesh, self.capture.light, ways[:2] if quick else ways)
+            if surface in FEW and not quick:
+                yield from self._relit(surface, "estimated", mesh, self._estimated(surface, mesh), (BEST,))
+
+    def _relit(
+        self, surface: Surface, known: Known, mesh: ProxyMesh, light: Lighting, ways: Sequence[Way]
+    ) -> Iterator[Row]:
+        made = partial(self._frames, surface, known, mesh, light, ways)
+        return self._kept(f"{surface}.{known}", (mesh, light, *ways), made)
+
+    def _kept(self, name: str, of: tuple[object, ...], make: Callable[[], Iterator[Row]]) -> Iterator[Row]:
+        """Rows made unless they are kept; with pictures to write they are made in any case."""
+        if self._pictures is not None:
+            yield from make()
+            return
+        name = f"{self.capture.name}.{name}"
+        kept = self._store.table(name, lambda: [asdict(row) for row in make()], (self._all_rows, *of))
+        yield from (row_of(values) for values in kept)
+
+    @cached_property
+    def _all_rows(self) -> str:
+        """Digest of what all rows of the capture are made from."""
+        c = self.capture
+        return digest(c.splats, c.camera, c.lightings, *(x for name in sorted(c.truth) for x in c.truth[name]))
+
+    def _estimated(self, surface: Surface, mesh: ProxyMesh) -> Lighting:
+        splats = self.capture.splats
+
+        def pack() -> F32:
+            return estimate.estimate(splats, mesh, RenderSettings()).packed().astype(np.float32)
+
+        name = f"{self.capture.name}.{surface}.light"
+        packed = self._store.array(name, "light estimated", pack, "light", (splats, mesh))
+        return estimate.lighting_of(packed.astype(np.float64))
+
+    def _without_light(self) -> Iterator[Row]:
+        """The capture as it is, and the engine's tint on a gray proxy."""
+        exact = self.capture.exact
+        unlit = [np.ones_like(self.splats.color) for _ in self.capture.lightings]
+        tracer = Tracer(exact, RenderSettings(spp=BEST.spp), layers=False, aovs=False)
+        lit = [tracer.trace(x, self._seen(BEST)) for x in self.capture.lightings]
+        yield self._row("unchanged", "exact", "known", BEST, False, unlit, len(exact.faces))
+        settings = RelightSettings(mode="tint", texture_scale=BEST.scale)
+        tint = [_there(relighting.apply(self.splats, x, settings, noise=False).factor) for x in lit]
+        yield self._row("tint", "exact", "known", BEST, False, tint, len(exact.faces))
+
+    def _seen(self, way: Way) -> Camera:
+        camera = self.capture.camera
+        return camera.resized(camera.width * way.scale, camera.height * way.scale)
+
+    def _frames(
+        self, surface: Surface, known: Known, mesh: ProxyMesh, light: Lighting, ways: Sequence[Way]
+    ) -> Iterator[Row]:
+        """Two rows of every way: noisy and denoised; of the one by which proxies are compared the denoised one."""
+        capture, cost = self.capture, self._store.cost
+        colored = cost("colours of proxies", lambda: colored_by(capture.splats, mesh, light, RenderSettings()))
+        level = cost("captured levels", lambda: captured_level(capture.splats, colored, light, RenderSettings()))
+        tracer = cost("frames", lambda: Tracer(colored, RenderSettings(), layers=False, aovs=False))
+        lightings = (light, *capture.lightings)
+        caches: Sequence[SurfaceCache | None] = [None] * len(lightings)
+        fill = 0.0
+        if any(way.indirect == "surface" for way in ways):
+            caches, fill = self._store.timed("light on surfaces", partial(_filled, tracer, capture.camera, lightings))
+        for way in ways:
+            tracer.settings = RenderSettings(spp=way.spp, indirect=way.indirect)
+            read = caches if way.indirect == "surface" else [None] * len(lightings)
+            seen = self._seen(way)
+            traced = [
+                self._store.timed("frames", partial(tracer.trace, x, seen, cache=cache))
+                for x, cache in zip(lightings, read, strict=True)
+            ]
+            cleaned = [self._store.timed("denoising", partial(denoise, x, layers=False)) for x, _ in traced]
+            noisy, clean = [x for x, _ in traced], [x for x, _ in cleaned]
+            trace, wash = (sum(seconds for _, seconds in x) for x in (traced, cleaned))
+            settings = RelightSettings(mode="ratio", texture_scale=way.scale)
+            for buffers, denoised in ((noisy, False), (clean, True)) if len(ways) > 1 else ((clean, True),):
+                factors = [
+                    _there(
+                        relighting.apply(
+                            self.splats, x, settings, captured=buffers[0], captured_level=level, noise=False
+                        ).factor
+                    )
+                    for x in buffers[1:]
+                ]
+                row = self._row("ratio", surface, known, way, denoised, factors, len(mesh.faces))
+                share = 2 / len(lightings)  # a frame needs its new and the captured light
+                filled = fill if way.indirect == "surface" else 0.0
+                yield replace(row, trace=trace * share, clean=wash * share if denoised else 0.0, fill=filled)
+
+    def _row(
+        self,
+        mode: str,
+        surface: Surface,
+        known: Known,
+        way: Way,
+        denoised: bool,
+        factors: Sequence[F32],
+        triangles: int,
+    ) -> Row:
+        capture = self.capture
+        unlit = relighting.unlit_rgba(self.splats)[..., :3]
+        before = capture.truth[capture.light.name]
+        scores = []
+        for lighting, factor in zip(capture.lightings, factors, strict=True):
+            truth = capture.truth[lighting.name]
+            scores.append(score(factor, unlit * factor, before, truth, self.edges))
+            if self._pictures is not None:
+                cut = f"{way.indirect}.{way.scale}x{way.spp}.{denoised}"
+                name = f"{capture.name}.{lighting.name}.{mode}.{surface}.{known}.{cut}"
+                parts = [(before[0] + before[1]) / 2, before[0] * factor, unlit * factor, (truth[0] + truth[1]) / 2]
+                _write(self._pictures / f"{name.replace(' ', '-').replace('%', 'p')}.png", parts)
+        made = mean(scores)
+        self._say(
+            f"  {capture.name} {mode} {surface} {known} {way.label} {'denoised' if denoised else ''}: "
+            f"{made.light:.1f} dB light alone, {made.psnr:.1f} dB"
+        )
+        nan = math.nan
+        own = tuple((x.name, y.light) for x, y in zip(capture.lightings, scores, strict=True))
+        return Row(capture.name, mode, surface, known, way, denoised, made, own, nan, 0.0, 0.0, triangles)
+
+
+def row_of(values: dict[str, Any]) -> Row:
+    """A row from its plain values."""
+    by_lighting = tuple((str(name), float(light)) for name, light in values["by_lighting"])
+    plain = values | {"way": Way(**values["way"]), "score": Score(**values["score"]), "by_lighting": by_lighting}
+    return Row(**plain)
+
+
+def _filled(tracer: Tracer, camera: Camera, lightings: Sequence[Lighting]) -> Sequence[SurfaceCache]:
+    """Light on the surface of every lighting, along the same rays."""
+    cells = tracer.cells([camera])
+    transport = tracer.transport(cells)
+    return [tracer.fill(cells, x, transport=transport) for x in lightings]
+
+
+def _there(factor: F32 | None) -> F32:
+    assert factor is not None
+    return factor
+
+
+def _write(path: Path, parts: Sequence[F32]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shown = np.concatenate([np.asarray(srgb_encode(np.clip(x, 0, 1))) for x in parts], axis=1)
+    Image.fromarray(np.round(255 * shown).astype(np.uint8)).save(path)

@@ -1,0 +1,49 @@
+"""The tables of bench_truth.py, in Markdown: what docs/truth.md is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from bench_truth_rows import BEST, ORDER, Row
+from bench_truth_scores import mean
+
+
+def table(title: str, rows: Sequence[Row], of: Callable[[Row], str]) -> str:
+    """Markdown: light alone by capture, then the means of all figures."""
+    names = list(dict.fromkeys(row.capture for row in rows))
+    lines = [
+        f"| {title} | {' | '.join(names)} | **mean** | edges | frame | SSIM | FLIP | CPU s |",
+        "|---" * (len(names) + 7) + "|",
+    ]
+    for label in dict.fromkeys(of(row) for row in rows):
+        own = {row.capture: row for row in rows if of(row) == label}
+        cells = [f"{own[n].score.light:.1f}" if n in own else "" for n in names]
+        whole = mean([row.score for row in own.values()])
+        cost = float(np.mean([row.trace + row.clean for row in own.values()]))
+        cells += [f"**{whole.light:.1f}**", f"{whole.light_edges:.1f}", f"{whole.psnr:.1f}", f"{whole.ssim:.3f}"]
+        cells += [f"{whole.flip:.3f}" if whole.flip == whole.flip else "", f"{cost:.1f}" if cost == cost else ""]
+        lines.append(f"| {label} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
+    """What docs/truth.md is made from."""
+
+    def proxy_label(row: Row) -> str:
+        return row.mode if row.mode != "ratio" else f"{row.proxy}, light {row.light}"
+
+    def way_label(row: Row) -> str:
+        return f"{row.way.label}{', denoised' if row.denoised else ''}"
+
+    compared = {row.capture for row in rows if row.way != BEST}
+    known = [r for r in rows if r.mode == "ratio" and r.proxy == "exact" and r.light == "known"]
+    ways = [r for r in known if r.capture in compared and (r.denoised or r.way.scale == 1)]
+    proxies = [r for r in rows if r.mode != "ratio" or (r.denoised and r.way == BEST)]
+    order = {"unchanged": 0, "tint": 1, "ratio": 2}
+    best = sorted(proxies, key=lambda r: (order[r.mode], r.light == "estimated", ORDER.index(r.proxy)))
+    parts = "\n".join(f"| {part} | {seconds:.0f} |" for part, seconds in spent.items())
+    costs = f"| part | CPU s |\n|---|---|\n{parts}"
+    return "\n\n".join(
+        [table("proxy and light", best, proxy_label), table("exact proxy, light known", ways, way_label), costs]
+    )

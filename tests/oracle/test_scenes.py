@@ -162,8 +162,7 @@ def test_every_lighting_has_its_truth(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["courtyard", "stage"])
-def test_files_hold_the_light_that_the_generator_baked_with(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(SCENES.parent / "scripts")
+def test_files_hold_the_light_that_the_generator_baked_with(name: str) -> None:
     recipe = importlib.import_module(f"scenegen.{name}").recipe()
     loaded = scene(name)
     assert loaded.captured is not None
@@ -182,9 +181,8 @@ def test_files_hold_the_light_that_the_generator_baked_with(name: str, monkeypat
         np.testing.assert_allclose(read.environment.pixels, made.environment.pixels, atol=0.01 * brightest)
 
 
-def test_generator_still_renders_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_generator_still_renders_the_truth() -> None:
     """The scene's script and its pictures belong together: a small true picture equals the committed one."""
-    monkeypatch.syspath_prepend(SCENES.parent / "scripts")
     recipe = importlib.import_module("scenegen.stage").recipe()
     truth_module = importlib.import_module("scenegen.truth")
     small = recipe.cameras[0].resized(*COMPARED)

@@ -9,20 +9,20 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import mixer_page
 import numpy as np
 import pytest
+from mixer_page import decibels
 
 import mirelight
 from mirelight import colour, mixing, sh, stages
-from mirelight.compositor import Compositor
-from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, Loaded, corners_of, engine_rank, loaded_ply
-from mirelight.compositor.source import uploaded
+from mirelight.compositor.engine import Loaded, corners_of
 from mirelight.errors import RenderError
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
-from mirelight.mixing.bundle import _camera, export, page_file
-from mirelight.model import CompositorSettings, Frame, Job, SplatCloud
+from mirelight.mixing.bundle import _camera, export
+from mirelight.model import F32, Frame, Job
 from mirelight.realtime import browser
 from mirelight.realtime.captures import _chunk_bounds
 from mirelight.realtime.server import serve
@@ -30,7 +30,7 @@ from mirelight.scene import prepare
 
 from .mixer_scene import walls
 
-WIDTH, HEIGHT = 160, 120
+SIZE = (160, 120)
 JOB = """
 splats = "splats.ply"
 proxy = "proxy.glb"
@@ -72,47 +72,6 @@ position = [0.8, 0.3, 1.2]
 intensity = 0.3
 color = [0.3, 1, 0.4]
 """
-# Changes the mix as a person would, and sends pictures and the exported text.
-DRIVER = """
-const send = (name, body) => fetch(`captured/${name}`, { method: 'PUT', body });
-try {
-    const page = await globalThis.mixer;
-    const { app } = page.view;
-    const frames = (count) => new Promise((resolve) => {
-        const handle = app.on('frameend', () => { if (--count <= 0) { handle.off(); resolve(); } });
-    });
-    const picture = async (name) => {
-        page.view.resize(160, 120);
-        await frames(30);  // the camera comes to rest
-        page.jump();  // splats are copied and sorted again
-        const gl = app.graphicsDevice.gl;
-        let [before, same] = [new Uint8Array(4 * 160 * 120), 0];
-        for (let tries = 0; tries < 100 && same < 4; tries++) {  // sorting runs in a worker
-            await frames(8);
-            const pixels = new Uint8Array(before.length);
-            gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-            gl.readPixels(0, 0, 160, 120, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-            same = pixels.every((x, i) => x === before[i]) ? same + 1 : 0;
-            before = pixels;
-        }
-        await send(name, before);
-    };
-    const set = (label, value) => {
-        const input = document.querySelector(`[aria-label="${label}"]`);
-        input.value = value;
-        input.dispatchEvent(new Event('input'));
-    };
-    await new Promise((resolve) => {
-        const handle = app.systems.gsplat.on('frame:ready', (camera, layer, ready, loading) => {
-            if (ready && loading === 0) { handle.off(); resolve(); }
-        });
-    });
-STEPS
-    await send('done', '');
-} catch (error) {
-    await send('failed', document.getElementById('message').textContent || String(error?.stack ?? error));
-}
-"""
 STEPS = """
     await picture('day');
     page.choose(1);
@@ -134,9 +93,7 @@ STEPS = """
     await send('picked', JSON.stringify([picked, document.querySelectorAll('.handle').length,
         document.querySelectorAll('.movable').length]));
 """
-LIMITS = dict.fromkeys(("day", "night", "edited", "captured"), 1 << 20) | dict.fromkeys(
-    ("text", "picked", "done", "failed"), 1 << 16
-)
+SENT = ("day", "night", "edited", "captured", "text", "picked")
 
 
 @pytest.fixture(scope="module")
@@ -168,39 +125,22 @@ def seen(page: tuple[Path, mixing.MixLayers]) -> dict[str, bytes]:
 
 
 def drive(folder: Path, steps: str = STEPS) -> dict[str, bytes]:
-    """What the driver sends from the page."""
-    html = (
-        page_file("index.html").decode().replace("</body>", '<script type="module" src="driver.mjs"></script></body>')
-    )
-    pages = {"driver.html": html.encode(), "driver.mjs": DRIVER.replace("STEPS", steps).encode()}
-    return browser.drive(folder, browser.find_browser(), 600, page="driver.html", pages=pages, limits=LIMITS)
+    """What is sent from the page."""
+    return mixer_page.drive(folder, steps, SIZE, SENT, 600)
 
 
-def picture(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """(H, W, 3) 0..1, the top row first."""
-    return np.frombuffer(data, np.uint8).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3] / 255
+def picture(data: bytes) -> F32:
+    """(H, W, 3) 0..1."""
+    return mixer_page.picture(data, SIZE)
 
 
-def decibels(a: np.ndarray, b: np.ndarray) -> float:
-    return float(-10 * np.log10(np.mean((a - b) ** 2)))
-
-
-def relit(job: Job, factor: np.ndarray, cloud: SplatCloud | None = None, file: Path | None = None) -> np.ndarray:
-    """The splats in the colours that the factor gives them, composited offline with the engine's rules."""
+def relit(job: Job, factor: F32) -> F32:
+    """The job's splats in the colours that the factor gives them, composited offline with the engine's rules."""
     assert job.splats is not None
-    cloud = cloud or job.splats.value
-    loaded = Loaded(np.arange(len(cloud)), corners_of(*_chunk_bounds(file))) if file else None
-    shown = colour.srgb_encode(colour.srgb_decode(0.5 + sh.C0 * cloud.sh[:, 0]) * factor)
-    new = replace(cloud, sh=((shown - 0.5) / sh.C0)[:, None].astype(np.float32))
-    settings = CompositorSettings(profile="playcanvas", work_buffer="large", eight_bit=True)
-    held = new if file else uploaded(new)
-    loaded = loaded or loaded_ply(cloud, reordered=False)
-    drawing = EngineDrawing(engine_rank(cloud, job.cameras[0], loaded=loaded), SOFTWARE_BITS)
-    drawn = Compositor(held, settings).composite(job.cameras[0], depth=False, drawing=drawing)
-    return np.clip(drawn.color, 0, 1)
+    return mixer_page.drawn(job.splats.value, factor, job.cameras[0])
 
 
-def displayed(frame: Frame, stops: float) -> np.ndarray:
+def displayed(frame: Frame, stops: float) -> F32:
     return np.clip(colour.srgb_encode(frame.rgba[..., :3] * np.float32(2**stops)), 0, 1)
 
 
@@ -261,7 +201,9 @@ def test_many_layers_and_colours_that_change_with_the_view(job: Job, folder: Pat
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     seen = np.clip(0.5 + np.einsum("nkc,nk->nc", cloud.sh, sh.basis(ways, 3)), 0, None)
     flat = replace(cloud, sh=((seen - 0.5) / sh.C0)[:, None].astype(np.float32))
-    offline = relit(many, made.layers.factor(made.layers.weights(1))[made.order], flat, file)
+    loaded = Loaded(np.arange(len(flat)), corners_of(*_chunk_bounds(file)))
+    factor = made.layers.factor(made.layers.weights(1))[made.order]
+    offline = mixer_page.drawn(flat, factor, many.cameras[0], loaded)
     assert decibels(picture(drive(made.folder, steps)["night"]), offline) >= 55
 
 

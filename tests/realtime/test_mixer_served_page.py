@@ -13,6 +13,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
+from mixer_page import decibels
 from PIL import Image
 
 from mirelight import stages
@@ -29,7 +30,7 @@ from mirelight.realtime import browser
 from mirelight.scene import prepare
 
 from .mixer_scene import walls
-from .test_mixer import JOB, decibels, displayed
+from .test_mixer import JOB, displayed
 from .waiting import settled, until
 
 WAIT = 120_000  # milliseconds
@@ -214,7 +215,8 @@ def test_the_saved_job_has_the_light_there(seen: dict[str, Any], folder: Path) -
 
 def test_the_page_and_the_saved_job_agree(seen: dict[str, Any], folder: Path) -> None:
     saved = jobs.load(folder / "mix.toml", ["render.spp=64"])
-    shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))).convert("RGB")) / 255
+    png = io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))
+    shown = np.asarray(Image.open(png).convert("RGB"), np.float32) / 255
     frame = stages.frame(prepare(saved), saved.cameras[0], saved.lightings[0])
     assert decibels(shown, displayed(frame, 0)) >= 30
     unmoved = jobs.load(folder / "job.toml", ["render.spp=64"])

@@ -6,19 +6,18 @@ import argparse
 from pathlib import Path
 
 import pytest
+from fuzzing import campaign
+from fuzzing.campaign import BAD, run
+from fuzzing.cases import cases, of_files
 
 from mirelight.cli import make_parser
 
 QUICK = "inspect", "schema", "submit", "export", "status", "verify", "sheet", "film"
 WITHOUT = {"doctor", "watch"}  # one takes nothing, the other ends when it is told to
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
-def test_hostile_input_is_read_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hostile_input_is_read_or_refused() -> None:
     """Of the first five hundred cases those of commands that trace nothing."""
-    monkeypatch.syspath_prepend(SCRIPTS)
-    from fuzzing.campaign import BAD, run
-    from fuzzing.cases import cases
 
     verdicts = list(run(case for case in cases(500) if case.arguments[0] in QUICK))
     assert len(verdicts) > 200
@@ -26,9 +25,7 @@ def test_hostile_input_is_read_or_refused(monkeypatch: pytest.MonkeyPatch) -> No
     assert any(x.kind == "ok" for x in verdicts)
 
 
-def test_every_command_has_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(SCRIPTS)
-    from fuzzing.cases import cases
+def test_every_command_has_cases() -> None:
 
     (commands,) = (x for x in make_parser()._actions if isinstance(x, argparse._SubParsersAction))
     assert {case.arguments[0] for case in cases(500)} == set(commands.choices) - WITHOUT
@@ -36,9 +33,6 @@ def test_every_command_has_cases(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_judge_sees_what_it_looks_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """A worker that misbehaves in each way is found out."""
-    monkeypatch.syspath_prepend(SCRIPTS)
-    from fuzzing import campaign
-    from fuzzing.cases import of_files
 
     def replies(answer: dict[str, object], out: bytes = b"", error: bytes = b"") -> str:
         def run(self: object, case: object, folder: Path, said: Path) -> tuple[dict[str, object], str, float, int]:

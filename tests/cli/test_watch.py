@@ -178,13 +178,20 @@ def test_files_that_are_written_replaced_removed_or_made(tmp_path: Path) -> None
     assert files.changed()
 
 
-def test_a_file_that_is_away_for_a_moment_is_waited_for(tmp_path: Path) -> None:
+def test_a_file_that_is_away_for_a_moment_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     job = tmp_path / "job.toml"
     job.write_text("a = 1\n")
     files = Files(job)
     job.unlink()
     assert files.changed()
-    threading.Timer(0.2, lambda: job.write_text("a = 2\n")).start()
+    pauses: list[float] = []
+
+    def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        if len(pauses) == 3:
+            job.write_text("a = 2\n")
+
+    monkeypatch.setattr(time, "sleep", pause)
     files.settle()
     assert job.read_text() == "a = 2\n" and not files.changed()
 

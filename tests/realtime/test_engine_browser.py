@@ -49,7 +49,7 @@ from mirelight.model import (
 from mirelight.realtime import browser, bundle, engine, pages
 
 from .engine_cases import texture
-from .waiting import settled
+from .waiting import LIMIT, settled
 
 CAMERA = Camera.look_at((1, 2.5, 5), (0, -0.4, 0), 200, 150, yfov=45, near=0.1, far=100)
 LIGHTING = Lighting(
@@ -235,10 +235,11 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
         page = chromium.new_page(viewport={"width": 400, "height": 300})
+        page.set_default_timeout(LIMIT)
         failures: list[str] = []
         page.on("pageerror", lambda error: failures.append(str(error)))
         page.goto(served)
-        page.wait_for_selector("#controls", state="visible", timeout=120_000)
+        page.wait_for_selector("#controls", state="visible")
         assert page.input_value("input[name=blend]") == "0.75"
         before = settled(page, page)
         page.locator("[name=brightness]").fill("5")
@@ -250,7 +251,7 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
             page.set_viewport_size({"width": width, "height": height})
             box = {"x": 0, "y": 0, "width": width, "height": height}
             same = "wanted => Object.entries(wanted).every(([k, x]) => view.getBoundingClientRect()[k] === x)"
-            page.wait_for_function(same, arg=box, timeout=60_000)
+            page.wait_for_function(same, arg=box)
             assert page.evaluate("document.documentElement.scrollWidth") == width
         assert failures == []
         chromium.close()
@@ -263,8 +264,9 @@ def test_the_physical_frame_lies_over_the_live_one_until_the_camera_moves(served
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
         page = chromium.new_page(viewport={"width": 400, "height": 300})
+        page.set_default_timeout(LIMIT)
         page.goto(served)
-        page.wait_for_selector("#controls", state="visible", timeout=120_000)
+        page.wait_for_selector("#controls", state="visible")
         physical, back = page.locator("#physical"), page.locator("button[name=back]")
         assert not physical.is_visible() and not back.is_visible()
         page.locator("input[name=physical]").fill("0.5")
@@ -277,14 +279,14 @@ def test_the_physical_frame_lies_over_the_live_one_until_the_camera_moves(served
         page.evaluate("document.getElementById('controls').style.visibility = ''")
 
         page.keyboard.down("w")  # flies on
-        back.wait_for(state="visible", timeout=60_000)
+        back.wait_for(state="visible")
         page.keyboard.up("w")
         assert not physical.is_visible()
         back.click()
-        physical.wait_for(state="visible", timeout=60_000)
+        physical.wait_for(state="visible")
 
         page.locator("select[name=frame]").select_option("front.night")
-        page.wait_for_url("**/front.night/index.html", timeout=60_000)
+        page.wait_for_url("**/front.night/index.html")
         chromium.close()
 
 
@@ -295,6 +297,7 @@ def test_opened_from_disk_the_page_says_what_to_do(data: Path, tmp_path: Path) -
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=["--no-sandbox"])
         page = chromium.new_page()
+        page.set_default_timeout(LIMIT)
         page.goto((tmp_path / "index.html").as_uri())
         assert "python3 -m http.server" in page.inner_text("body")
         assert not page.is_visible("#controls")

@@ -29,6 +29,7 @@ from mirelight.realtime.server import serve
 from mirelight.scene import prepare
 
 from .mixer_scene import walls
+from .waiting import LIMIT
 
 SIZE = (160, 120)
 JOB = """
@@ -248,9 +249,10 @@ def test_a_browser_without_webgl_is_told_in_one_line(page: tuple[Path, mixing.Mi
             executable_path=browser.find_browser(), args=["--no-sandbox", "--disable-gpu", "--disable-3d-apis"]
         )
         shown = chromium.new_page(viewport={"width": 390, "height": 844})
+        shown.set_default_timeout(LIMIT)
         shown.goto(f"{address}/index.html")
         message = shown.locator("#message")
-        message.filter(has_text="WebGL").wait_for(timeout=60_000)
+        message.filter(has_text="WebGL").wait_for()
         assert message.inner_text() == (
             "This browser shows no WebGL 2: use a newer one, or switch its graphics acceleration on"
         )

@@ -31,9 +31,8 @@ from mirelight.scene import prepare
 
 from .mixer_scene import walls
 from .test_mixer import JOB, displayed
-from .waiting import settled, until
+from .waiting import LIMIT, settled, until
 
-WAIT = 120_000  # milliseconds
 SAMPLES = 64  # a splat, in the end
 
 
@@ -89,13 +88,14 @@ def _visit(address: str, found: dict[str, Any]) -> None:
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
         page = chromium.new_page(viewport={"width": 660, "height": 320}, has_touch=True)
+        page.set_default_timeout(LIMIT)
         failures: list[str] = []
         page.on("pageerror", lambda error: failures.append(str(error)))
         page.goto(address)
-        page.wait_for_function("document.getElementById('message').hidden", timeout=WAIT)
+        page.wait_for_function("document.getElementById('message').hidden")
         view = page.locator("#view")
         lamp = page.locator(".handle").first
-        lamp.wait_for(state="visible", timeout=WAIT)
+        lamp.wait_for(state="visible")
         found["before"] = settled(page, view)
         lamp.click()
         found["picked"] = page.locator("fieldset.picked legend").all_inner_texts()
@@ -140,19 +140,19 @@ def _visit(address: str, found: dict[str, Any]) -> None:
         found["picture"] = page.evaluate("document.getElementById('view').toDataURL()")
         page.evaluate("dispatchEvent(new Event('resize'))")
         page.click("#save")
-        page.wait_for_function("document.getElementById('news').textContent.startsWith('Saved')", timeout=WAIT)
+        page.wait_for_function("document.getElementById('news').textContent.startsWith('Saved')")
         page.click("#render")
-        page.wait_for_function("document.getElementById('news').textContent === 'Still: done'", timeout=WAIT)
+        page.wait_for_function("document.getElementById('news').textContent === 'Still: done'")
         found["still"] = page.evaluate(
             "[document.querySelector('#still img').naturalWidth, innerWidth - panel.offsetWidth]"
         )
         page.locator("#split").fill("0")
         found["split"] = page.evaluate("getComputedStyle(document.querySelector('#still img')).clipPath")
         page.locator("[aria-label='lamp: strength']").fill("0.3")
-        page.wait_for_selector("#still", state="hidden", timeout=WAIT)
+        page.wait_for_selector("#still", state="hidden")
 
         page.reload()  # what was moved is kept by the server
-        page.wait_for_function("document.getElementById('message').hidden", timeout=WAIT)
+        page.wait_for_function("document.getElementById('message').hidden")
         until(page, lambda: handles(page)[0]["position"] == found["left"])
         found["again"] = handles(page)[0]["position"]
         page.set_viewport_size({"width": 390, "height": 844})

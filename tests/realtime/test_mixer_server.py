@@ -329,7 +329,7 @@ def test_a_page_waits_for_news() -> None:
     session._news = threading.Condition()
     session._version, session._traced, session._moved = 5, {}, {}
     session._tracing, session._done, session._shown, session._trouble = "", 0.0, None, ""
+    assert session.state(after=4, seconds=60).version == 5
     threading.Timer(0.2, session.drop_still).start()
-    assert session.state(after=4, seconds=10).version == 5
-    assert session.state(after=5, seconds=10).version == 6
+    assert session.state(after=5, seconds=60).version == 6
     assert session.state(after=6, seconds=0.01).version == 6

@@ -17,6 +17,7 @@ from scenegen import surfels
 from scenegen.recipe import Recipe
 from scenegen.skies import Sky, sky, towards
 from scenegen.truth import Looks, Truth
+from scipy.spatial import cKDTree
 
 from mirelight import conventions
 from mirelight.colour import srgb_encode
@@ -206,13 +207,15 @@ class _Scene:
             deviations = np.take_along_axis(splats.scales, order, axis=1).astype(np.float64)
             means = splats.means.astype(np.float64)
             form = surfels.Shape(positions=means, frames=frames, deviations=deviations)
-            eyes = np.stack([camera.position for camera in self.recipe.orbit])
-            normal = frames[:, :, 2]
-            facing = np.einsum("nj,nkj->nk", normal, eyes - means[:, None])
-            best = np.take_along_axis(facing, np.abs(facing).argmax(axis=1)[:, None], axis=1)
-            truth = Truth(self.looks, self._lightings[lighting])
-            light = surfels.bake(form, normal * np.where(best < 0, -1.0, 1.0), truth, BAKE_SPP[self._name], seed=3)
-            return np.asarray(srgb_encode(np.clip(np.nan_to_num(light), 0, 1)), np.float32)
+            truth, normals = Truth(self.looks, self._lightings[lighting]), frames[:, :, 2]
+            # the side that cameras see: from the other one, looked at from inside of a thing, a splat is black
+            points = surfels.Points(positions=means, normals=normals)
+            seen = surfels.look(points, self.recipe.orbit, truth, self.recipe.pixels_per_splat)
+            light = surfels.bake(form, seen.eye, truth, BAKE_SPP[self._name], seed=3)
+            known = np.isfinite(seen.spacing) & np.isfinite(light).all(axis=1)
+            _, nearest = cKDTree(means[known]).query(means[~known])  # no picture shows them
+            light[~known] = light[known][nearest]
+            return np.asarray(srgb_encode(np.clip(light, 0, 1)), np.float32)
 
         colour = self._store.array(f"{self._name}.colours.{lighting}", "splats", make)
         return replace(splats, sh=((colour - 0.5) / C0)[:, None, :].astype(np.float32))

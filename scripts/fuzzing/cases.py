@@ -348,6 +348,10 @@ def _cameras(number: int, rng: random.Random) -> Case:
         data = damage.bytes_of(data, rng)
     head = "sparse" if name.startswith("sparse") else name
     text = job(more=f'cameras_from = "{head}"\n')
+    if rng.random() < 0.3:  # what looked at a proxy made from the splats
+        own = f'proxy = {{ path = "splats", cameras = "{head}" }}'.encode()
+        text = job().replace(b'proxy = { path = "proxy.glb", albedo = "file" }', own)
+        assert own in text
     files = {**scene(), **CAMERA_FILES, name: data, "job.toml": text}
     if rng.random() < 0.5:
         return of_files(f"{number} {name}", ("inspect", "job.toml"), files)

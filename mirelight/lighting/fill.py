@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from mirelight.lighting import windows
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many
 from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.lighting.layers import Layers
@@ -81,6 +82,7 @@ def fill(
     refuse_if_too_large(row, layers, most=settings.max_memory)
     read: DeviceCells | None = None
     halves: list[_Light] = []
+    spread = windows.found(surface, sky, cells, settings.seed)[0] if sky.is_sampled else None
     for generation, count in enumerate(rounds):
         frame = _frame(surface, sky, cells, lighting, row, layers, settings, emission, read, generation)
         for done in _passes(frame, count):
@@ -91,7 +93,8 @@ def fill(
         else:
             halves.append(light)
     return SurfaceCache(
-        cells=cells, lights=tuple(_cell_light(name, k, halves, lighting, emission) for k, name in enumerate(names))
+        cells=cells,
+        lights=tuple(_cell_light(name, k, halves, lighting, emission, spread) for k, name in enumerate(names)),
     )
 
 
@@ -109,9 +112,11 @@ def on_device(
     *,
     first: bool = False,
     nearest: float,
+    spread: windows.U16 | None = None,
 ) -> DeviceCells:
-    """Cells to be read; arguments as for `kernel.cells.DeviceCells`."""
+    """Cells to be read; arguments as for `kernel.cells.DeviceCells`, `spread` as of `CellLight`."""
     from mirelight.lighting.kernel.cells import DeviceCells
+    from mirelight.lighting.kernel.windows import Spread
 
     nothing = np.zeros((1, 1, 3), np.float32)
     return DeviceCells(
@@ -122,6 +127,7 @@ def on_device(
         doubt,
         first=first,
         nearest=nearest,
+        spread=Spread(spread, np.zeros(len(cells), np.int64) if spread is None else windows.groups(cells)),
     )
 
 
@@ -163,6 +169,7 @@ def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first:
         np.stack([(x[0] - x[1]) / 2 for x in (rest if first else whole)]),
         first=first,
         nearest=TOO_NEAR * cache.cells.size,
+        spread=next((x.spread for x in chosen if first and x.spread is not None), None),
     )
 
 
@@ -228,7 +235,14 @@ def _cache(
     return SurfaceCache(cells=cells, lights=lights)
 
 
-def _cell_light(name: str, layer: int, halves: list[_Light], lighting: Lighting, emission: bool) -> CellLight:
+def _cell_light(
+    name: str,
+    layer: int,
+    halves: list[_Light],
+    lighting: Lighting,
+    emission: bool,
+    spread: windows.U16 | None = None,
+) -> CellLight:
     layers = halves[0].layers
     kind: Literal["lights", "environment", "emission"] = "lights"
     if emission and layer == layers.emission:
@@ -242,4 +256,5 @@ def _cell_light(name: str, layer: int, halves: list[_Light], lighting: Lighting,
         direct=np.stack([x.direct[layer] for x in halves]),
         met=None if met is None else np.stack([x.direct[met] for x in halves]),
         indirect=np.stack([x.indirect[layer] for x in halves]),
+        spread=spread if kind == "environment" else None,
     )

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting import windows
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
 from mirelight.lighting.fill import on_device
 from mirelight.lighting.frame import PASS, FrameInProgress
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
 STAND_INS = 2  # places without a cell that stand for all that half of a cell's rays end on
 BEYOND = 4  # hits of a ray that goes on without a cell
-DIRECT, AROUND = PASS, 2 * PASS  # samples of a cell's own light in each half: of lights, of the environment
+DIRECT = PASS  # samples of a cell's own light of lamps in each half
 BEYOND_DIRECT = 4  # and of a place without a cell
 PARTS = 8  # of the rays: each bounce but the last takes one of them, in turn
 ROUNDS = 2  # of them
@@ -184,27 +185,29 @@ def lit(
         return _cache(cells, layers, lighting, nothing, nothing[:, 0] if count else nothing, nothing)
     refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
     places = len(transport.faces)
-    # the environment takes more samples, and apart from it a lamp has the same bits as without
-    alone = (replace(lighting, environment=None), Sky(None), DIRECT), (replace(lighting, lights=()), sky, AROUND)
-    sources = [x for x in alone if x[0].lights or x[0].environment is not None]
-    total = 2 * len(cells) * sum(x[2] for x in sources)
+    # the environment apart, so that a lamp has the same bits with and without it
+    lamps = [(replace(lighting, environment=None), Sky(None))] if lighting.lights else []
+    outside = [(replace(lighting, lights=()), sky)] if lighting.environment is not None else []
+    total = 2 * DIRECT * len(cells) if lamps else 0
 
-    def own(of: Pieces, number: int, most: int, done: int) -> tuple[F32, F32]:
-        made = []
-        for source, around_it, samples in sources:
-            say = partial(_say, progress, done, total)
-            made.append(_own(surface, around_it, of, source, settings, min(samples, most), number, say))
-            done += samples * len(cells)
-        return np.concatenate([x[0] for x in made]), made[-1][1]
+    def own(of: Pieces, samples: int, number: int, done: int) -> tuple[list[F32], F32]:
+        say, sources = partial(_say, progress, done, total), lamps if of is cells else [*lamps, *outside]
+        made = [_own(surface, around_it, of, x, settings, samples, number, say) for x, around_it in sources]
+        return [x[0] for x in made], made[-1][1] if made else np.zeros((0, 3), np.float32)
 
-    halves = [own(cells, k, AROUND, k * total // 2) for k in range(2)]
-    direct = np.stack([x[0] for x in halves])
+    direct = np.zeros((2, count, len(cells), 3), np.float32)
+    for k in range(2 if lamps else 0):
+        direct[k, : count - len(outside)] = own(cells, DIRECT, k, k * DIRECT * len(cells))[0][0]
+    spread = None
+    if outside and sky.is_sampled:
+        spread, direct[:, around] = windows.found(surface, sky, cells, settings.seed)
     of_cells = DeviceLinks(transport.target, transport.albedo)
     met = of_cells.met(surface, CellPoints(cells), sky, transport.seed)
     base = np.zeros((count, transport.nodes, 3), np.float32)
     base[:, : len(cells)] = direct.mean(axis=0)
     if places:
-        base[:, len(cells) :], by_ray = own(transport, 2, BEYOND_DIRECT, total)
+        beyond_them, by_ray = own(transport, BEYOND_DIRECT, 2, total)
+        base[:, len(cells) :] = np.concatenate(beyond_them)
     if lighting.environment is not None:
         base[around, : len(cells)] += met.mean(axis=0)
         if places:
@@ -221,7 +224,7 @@ def lit(
     light, half = in_fours(_in_the_end(*after)), of_cells.samples // 2
     gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
     indirect = np.stack([_rows(x, base.shape)[:, : len(cells)] for x in gathered])
-    return _cache(cells, layers, lighting, direct, met, indirect)
+    return _cache(cells, layers, lighting, direct, met, indirect, spread)
 
 
 def _say(progress: Progress, before: int, total: int, done: int) -> None:
@@ -282,7 +285,13 @@ def _own(
 
 
 def _cache(
-    cells: SurfaceCells, layers: Layers, lighting: Lighting, direct: F32, met: F32, indirect: F32
+    cells: SurfaceCells,
+    layers: Layers,
+    lighting: Lighting,
+    direct: F32,
+    met: F32,
+    indirect: F32,
+    spread: windows.U16 | None = None,
 ) -> SurfaceCache:
     """Two halves of each layer (2, K, C, 3), and of what rays meet of the sky (2, C, 3), as what is kept."""
     around = layers.environment if lighting.environment is not None else -1
@@ -294,6 +303,7 @@ def _cache(
             direct=direct[:, k],
             met=met if k == around else None,
             indirect=indirect[:, k],
+            spread=spread if k == around else None,
         )
 
     return SurfaceCache(cells=cells, lights=tuple(light(k) for k in range(len(layers.names))))

@@ -105,10 +105,12 @@ class CellLight(ArrayHolder):
     direct: F32  # at once, as far as it is sampled towards the light
     met: F32 | None  # at once, as far as a reflected ray meets it; None for lights, which no ray meets
     indirect: F32  # after one reflection and more
+    spread: NDArray[np.uint16] | None = None  # (G, S) of an environment's samples: see `mirelight.lighting.windows`
 
     def __post_init__(self) -> None:
         for name in ("direct", "met", "indirect"):
             freeze(self, name, (2, None, 3))
+        freeze(self, "spread", (None, None), np.uint16)
 
     def scaled(self, factor: F64 | float) -> CellLight:
         """With the light's intensity or colour multiplied, a number or linear [r, g, b]."""

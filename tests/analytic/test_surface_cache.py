@@ -175,7 +175,7 @@ for indirect in ("surface", "near"):
     cache = tracer.fill(cells, lighting, samples=64)
     buffer = tracer.trace(lighting, view, cache=cache)
     arrays = [cells.keys, cells.starts, cells.anchors, cells.faces, cells.corners, buffer.beauty, buffer.variance]
-    arrays += [y for x in cache.lights for y in (x.direct, x.met, x.indirect) if y is not None]
+    arrays += [y for x in cache.lights for y in (x.direct, x.met, x.indirect, x.spread) if y is not None]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
 print(digest.hexdigest())

@@ -52,7 +52,14 @@ def cache() -> SurfaceCache:
         cells=cells(),
         lights=(
             CellLight(name="lamp é", kind="lights", direct=light(), met=None, indirect=light()),
-            CellLight(name="sky", kind="environment", direct=light(), met=light(), indirect=light()),
+            CellLight(
+                name="sky",
+                kind="environment",
+                direct=light(),
+                met=light(),
+                indirect=light(),
+                spread=np.array([[0, 9], [0, 65535]], np.uint16),
+            ),
         ),
     )
 

@@ -15,6 +15,7 @@ from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.lighting.kernel.windows import Spread
 from mirelight.model import F32, F64, I32, SurfaceCells
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class DeviceCells:
         doubt: (K, C, 3) half the difference of two fills, of what is read.
         first: read at a path's first hit what is not sampled there; else at later hits all of it.
         nearest: later hits nearer than this to the one before are not read.
+        spread: how light samples of the sky are spread at first hits.
     """
 
     def __init__(
@@ -73,7 +75,9 @@ class DeviceCells:
         *,
         first: bool,
         nearest: float,
+        spread: Spread,
     ) -> None:
+        self.spread = spread
         self.grid = Grid(cells.origin, cells.size)
         self.first, self.doubtful = first, doubt is not None
         self.nearest = dr.opaque(mi.Float, nearest)

@@ -54,9 +54,7 @@ class Path(NamedTuple):
     salt: UInt32  # of this hit's random numbers
 
 
-def _sky_irradiance(
-    surface: DeviceProxy, sky: Sky, at: Point, choice: Float, inside: Point2f, active: Bool
-) -> Vector3f:
+def sky_irradiance(surface: DeviceProxy, sky: Sky, at: Point, choice: Float, inside: Point2f, active: Bool) -> Vector3f:
     """The environment's light on a point by one sample of its map, weighted against the reflected ray's density."""
     d, drawn = sky.sample(choice, inside, active)
     cosine = dr.dot(d, at.normal)
@@ -205,13 +203,22 @@ def trace_pass(
                 sums = kept.add_whole(film, sums, place, pixel, cell, throughput * at.albedo, read)
             active &= ~read
 
+        # what is known of a first hit's piece of the surface
+        read, cell = mi.Bool(False), mi.UInt32(0)
+        if dr.hint(reads_first, mode="scalar"):
+            first = active & ~indirect
+            if first:
+                cell, read = kept.find(surface, at, pair(sample, mix(salt, 7)), first)
+
         # light that is sampled towards its source: lamps, the environment's map, what glows elsewhere
         sums, sunlit = _add_lamps(surface, lights, film, path, at, weight, depth, sums, sunlit, active)
         lit = active & sky_sampled
         value = mi.Vector3f(0)
         if lit:
-            choice, inside = stratified(sample, mix(salt, 1)), pair(sample, mix(salt, 2))
-            value = weight * _sky_irradiance(surface, sky, at, choice, inside, lit)
+            choice, inside, times = stratified(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), mi.Float(1)
+            if dr.hint(reads_first, mode="scalar"):
+                choice, times = kept.spread.choice(cell, choice, read)
+            value = weight * times * sky_irradiance(surface, sky, at, choice, inside, lit)
         sums = film.add_light(sums, place, film.sky_layer, indirect, value, lit)
         if dr.hint(job.emission, mode="scalar"):
             choice, inside = number(sample, mix(salt, 5)), pair(sample, mix(salt, 6))
@@ -220,12 +227,8 @@ def trace_pass(
             sums = film.add_light(sums, place, film.glow_layer, indirect, value, lit)
 
         # all else that falls on a first hit, read
-        read = mi.Bool(False)
         if dr.hint(reads_first, mode="scalar"):
-            first = active & ~indirect
-            if first:
-                cell, read = kept.find(surface, at, pair(sample, mix(salt, 7)), first)
-                sums = kept.add_rest(film, sums, place, pixel, cell, throughput * albedo, read)
+            sums = kept.add_rest(film, sums, place, pixel, cell, throughput * albedo, read)
 
         # the reflected ray
         depth += 1

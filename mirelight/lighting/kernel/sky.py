@@ -32,7 +32,8 @@ class Sky:
         self.size = dr.opaque(mi.UInt32, w), dr.opaque(mi.UInt32, h)
         self.cells = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
         self.slot_count = dr.opaque(mi.UInt32, len(drawn.slots))
-        self.sampled = dr.opaque(mi.Bool, len(drawn.slots) > 2)
+        self.is_sampled = len(drawn.slots) > 2
+        self.sampled = dr.opaque(mi.Bool, self.is_sampled)
         self.present = dr.opaque(mi.Bool, environment is not None)
         angle = math.radians(rotation)
         self.sin, self.cos = dr.opaque(mi.Float, math.sin(angle)), dr.opaque(mi.Float, math.cos(angle))

@@ -82,8 +82,7 @@ class Places:
             origins = self.points[b]
             if aside is not None:
                 origins = origins + np.einsum("rj,rjk->rk", aside[a], self.spread[b])
-            face, _ = self.sight.first_hits(origins, to_sun[a])
-            out[a, b] = np.where(face < 0, cosine[a, b], 0.0)
+            out[a, b] = np.where(self.sight.blocked(origins, to_sun[a]), 0.0, cosine[a, b])
         return np.asarray(out)
 
 
@@ -193,8 +192,8 @@ def _open(start: F64, normals: F64, sight: Sight, rays: int, rng: np.random.Gene
     for first in range(0, len(start), step):
         rows = slice(first, first + step)
         directions = _cosine_directions(normals[rows], rays, rng)
-        face, _ = sight.first_hits(np.repeat(start[rows], rays, axis=0), directions.reshape(-1, 3))
-        row, ray = np.nonzero(face.reshape(directions.shape[:2]) < 0)
+        blocked = sight.blocked(np.repeat(start[rows], rays, axis=0), directions.reshape(-1, 3))
+        row, ray = np.nonzero(~blocked.reshape(directions.shape[:2]))
         np.add.at(out[rows], (row, patch_of(directions[row, ray])), 1 / rays)
     return out
 

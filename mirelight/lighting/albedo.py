@@ -241,7 +241,8 @@ def _filled(sums: F64, neighbours: Int) -> F64:
     out = sums / np.maximum(sums[:, 6:], 1e-300)
     known = sums[:, 6] > 0
     for _ in range(_FILL_STEPS):
-        reached = neighbours[~known[neighbours[:, 0]] & known[neighbours[:, 1]]]
+        neighbours = neighbours[~known[neighbours[:, 0]]]
+        reached = neighbours[known[neighbours[:, 1]]]
         if not len(reached):
             break
         _add(out, reached[:, 0], out[reached[:, 1]])

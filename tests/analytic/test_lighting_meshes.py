@@ -9,6 +9,7 @@ import pytest
 
 from mirelight import conventions
 from mirelight.lighting import Tracer
+from mirelight.lighting.sight import Sight
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -187,3 +188,14 @@ def test_random_soups_never_give_back_more_light_than_they_get() -> None:
         shown = pictures[:, tracer.trace(Lighting(), camera).coverage == 1].mean(axis=(1, 2))
         error = shown.std(ddof=1) / np.sqrt(len(shown))
         assert 0.98 < shown.mean() < 1 + 4 * error and error < 0.003
+
+
+def test_what_lies_on_a_ray_blocks_it() -> None:
+    """A square of side 2 under random points: it blocks rays straight down inside of it alone, and none that go up."""
+    corners = np.array([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)], np.float32)
+    square = ProxyMesh(vertices=corners, faces=np.array([(0, 2, 1), (0, 3, 2)], np.int32))
+    starts = np.random.default_rng(0).uniform(-2, 2, (1000, 3)) * (1, 0, 1) + (0, 1, 0)
+    sight, down = Sight(square), np.tile((0.0, -3.0, 0.0), (1000, 1))
+    np.testing.assert_array_equal(sight.blocked(starts, down), np.abs(starts[:, [0, 2]]).max(axis=1) < 1)
+    assert not sight.blocked(starts, -down).any()
+    assert not Sight(ProxyMesh(vertices=corners, faces=np.zeros((0, 3), np.int32))).blocked(starts, down).any()

@@ -99,6 +99,12 @@ def first_hits(surface: DeviceProxy, origins: F64, directions: F64) -> tuple[I32
     return face.astype(np.int32), np.where(hit, _numpy(found.t).astype(np.float64), np.inf)
 
 
+def blocked(surface: DeviceProxy, origins: F64, directions: F64) -> NDArray[np.bool_]:
+    """(N,) whether the surface lies on each ray; arguments as for `first_hits`."""
+    ray = bounded_ray(_points(origins), _vectors(directions), mi.Float(float(2.0**126)))
+    return np.asarray(_numpy(surface.blocked(ray, mi.Bool(True))), bool)
+
+
 def _numpy(value: Any) -> NDArray[Any]:
     return np.asarray(value.numpy())
 

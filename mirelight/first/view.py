@@ -18,7 +18,8 @@ _AZIMUTHS = np.arange(0, 360, 30.0)
 _ELEVATIONS = (12.0, 25.0)
 _ENCLOSED = 0.9  # mean alpha all around the middle, above which a capture is a room
 _FREE = 0.15  # of its radius: how far off the walls of a room are
-_FILL = 0.94  # of the picture: what the middle 98 % of the splats fill
+_FILL = 0.94  # of the picture: what the splats within the bounds fill
+_FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +51,7 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     solid = cloud.means[cloud.opacities > 0.1].astype(np.float64)
     if not len(solid):
         raise InputError(source, "no splat shows (every opacity is below 0.1)", "check the file")
-    low, high = np.quantile(solid, [0.01, 0.99], axis=0)
+    low, high = _bounds(solid)
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     if not radius > 0:
         raise InputError(source, "all splats lie in one place", "check the file")
@@ -72,6 +73,13 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     light = colour.srgb_decode(layer.color[on] / (1 - layer.transmittance[on, None])) if on.any() else np.zeros((1, 3))
     white = float((light.max(axis=-1) > 0.99).mean())
     return FirstView(chosen, middle, room, float(colour.luminance(light).mean()), white)
+
+
+def _bounds(points: F64) -> tuple[F64, F64]:
+    """Corners of a box around all but floaters: the feet of a thing stay in its picture."""
+    least, low, high, most = np.quantile(points, [0.001, 0.01, 0.99, 0.999], axis=0)
+    beyond = _FLOATING * (high - low)
+    return np.where(low - least <= beyond, least, low), np.where(most - high <= beyond, most, high)
 
 
 def _small(camera: Camera) -> Camera:

@@ -26,6 +26,9 @@ NARROW = 0.6  # middle over longest axis, below which a disc lies at an edge or 
 WIDTH = 1.5  # standard deviations to either side that such a disc's cell is wide: there its alpha has fallen to a third
 FLAT_CELL = 2.5  # spacings: in the midst of a plane one disc in a voxel of this size stands for the others
 FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it to be in the midst of one
+REACH = 1.5  # standard deviations that a cell reaches past the middle of its disc where the surface ends
+BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
+SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
 _CHUNK = 200_000  # cells cut at once
 
 
@@ -39,16 +42,23 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     discs, s = _Discs(capture.splats.means.astype(np.float64), axes, scales), capture.spacing
     progress("finding neighbours", 0.0)
     near, distance = _neighbours(discs.at, NEIGHBOURS)
-    radius = np.clip(GROWN * distance[:, 5] / 1.8, SMALLEST * s, LARGEST * s)
+    local = distance[:, 5] / 1.8
+    radius = np.clip(GROWN * local, SMALLEST * s, LARGEST * s)
+    ends = np.concatenate(
+        [
+            _ends(discs, np.arange(k, min(k + _CHUNK, len(near))), near[k : k + _CHUNK], local[k : k + _CHUNK])
+            for k in range(0, len(near), _CHUNK)
+        ]
+    )
     kept, stands_for_more = _without_flats(discs, near, distance, s)
-    radius = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept]
+    radius, ends = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept], ends[kept]
     discs = _Discs(discs.at[kept], discs.axes[kept], discs.scales[kept])
     near, distance = _neighbours(discs.at, NEIGHBOURS)
     corners, faces, owners, start = [], [], [], 0
     for first in range(0, len(discs.at), _CHUNK):
         progress("cutting cells", 0.2 + 0.6 * first / len(discs.at))
         rows = np.arange(first, min(first + _CHUNK, len(discs.at)))
-        cells = _cut(discs, rows, near[rows], radius[rows], s)
+        cells = _cut(discs, rows, near[rows], radius[rows], ends[rows], s)
         found, triangles, cell = _in_space(discs, rows, cells)
         corners.append(found)
         faces.append(triangles + start)
@@ -102,16 +112,57 @@ def _without_flats(discs: _Discs, near: Int, distance: F64, s: float) -> tuple[I
     return np.flatnonzero(~flat | chosen), chosen
 
 
-def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, s: float) -> Polygons:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Around:
+    """Neighbours (R, K) as discs (R) see them in their planes."""
+
+    step: F64  # (R, K, 3)
+    along: F64  # (R, K, 2) the step in the plane
+    run: F64  # (R, K) its length
+    same: NDArray[np.bool_]  # (R, K) normals alike
+    on_sheet: NDArray[np.bool_]  # (R, K) and on the same surface
+
+    @staticmethod
+    def of(discs: _Discs, rows: Int, near: Int) -> _Around:
+        n = discs.normal[rows]
+        step = discs.at[near] - discs.at[rows][:, None]
+        along = np.einsum("rki,rij->rkj", step, discs.axes[rows][:, :, 1:])
+        run = np.linalg.norm(along, axis=2)
+        same = np.abs(np.einsum("rki,ri->rk", discs.normal[near], n)) > SAME_PLANE
+        rise = np.abs(np.einsum("rki,ri->rk", step, n))
+        return _Around(step, along, run, same, same & (rise < STEEP * run))
+
+
+def _ends(discs: _Discs, rows: Int, near: Int, local: F64) -> F64:
+    """(R, 8) how far a disc's cell may reach along the eight directions of its octagon's sides.
+
+    Where no neighbour carries the surface on, and none turns it, the surface ends where the disc does.
+    """
+    around, plane = _Around.of(discs, rows, near), discs.axes[rows][:, :, 1:]
+    beside = around.on_sheet & (around.run < BESIDE * local[:, None])
+    out = np.full((len(rows), 8), np.inf)
+    m = np.where(around.same[..., None], 0.0, discs.normal[near])
+    g = np.einsum("rki,rij->rkj", m, plane)
+    steep = np.linalg.norm(g, axis=2)
+    turns = ~around.same & (
+        np.abs(np.einsum("rki,ri->rk", around.step, discs.normal[rows])) < BESIDE * local[:, None] * steep
+    )
+    c = (m * around.step).sum(axis=2) / np.maximum(steep, 1e-30)
+    g *= (np.where(c < 0, -1.0, 1.0) / np.maximum(steep, 1e-30))[..., None]
+    for k in range(8):
+        way = np.array([np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)])
+        goes_on = beside & (np.einsum("rkj,j->rk", around.along, way) > SECTOR * around.run)
+        edge = turns & (np.einsum("rkj,j->rk", g, way) > SECTOR)
+        wide = np.sqrt(((discs.scales[rows, 1:] * way) ** 2).sum(axis=1))
+        out[:, k] = np.where((goes_on | edge).any(axis=1), np.inf, REACH * wide)
+    return out
+
+
+def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, ends: F64, s: float) -> Polygons:
     cells = octagons(radius)
-    p, n = discs.at[rows], discs.normal[rows]
     plane = discs.axes[rows][:, :, 1:]  # (R, 3, 2)
-    step = discs.at[near] - p[:, None]  # (R, K, 3)
-    along = np.einsum("rki,rij->rkj", step, plane)
-    run = np.linalg.norm(along, axis=2)
-    rise = np.abs(np.einsum("rki,ri->rk", step, n))
-    same = np.abs(np.einsum("rki,ri->rk", discs.normal[near], n)) > SAME_PLANE
-    on_sheet = same & (rise < STEEP * run)
+    around = _Around.of(discs, rows, near)
+    step, along, run, same, on_sheet = around.step, around.along, around.run, around.same, around.on_sheet
     inwards = 0.3 * (along * on_sheet[..., None]).sum(axis=1) / np.maximum(on_sheet.sum(axis=1), 1)[:, None]
     thin = np.flatnonzero(
         discs.scales[rows, 1] < NARROW * discs.scales[rows, 2]
@@ -120,6 +171,9 @@ def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, s: float) -> Polygons
     for way in (1.0, -1.0):
         across[:, 0] = way
         cells.cut(thin, across, WIDTH * discs.scales[rows, 1])
+    for k in range(8):
+        across[:] = np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)
+        cells.cut(np.flatnonzero(np.isfinite(ends[:, k])), across, ends[:, k])
     for k in range(near.shape[1]):
         # the bisector
         length = np.maximum(run[:, k], 1e-30)

@@ -9,6 +9,7 @@ import pytest
 
 from mirelight.lighting.sight import Sight
 from mirelight.proxy import MadeProxy, ProxySettings, make
+from mirelight.proxy.cells import REACH, WELD
 from mirelight.proxy.polygons import octagons
 
 from .clouds import ball, box_shell, on_surface, square
@@ -53,6 +54,14 @@ def test_sparse_places_have_larger_cells() -> None:
     face, distance = Sight(mesh).first_hits(above, np.tile((0.0, -1.0, 0.0), (x.size, 1)))
     assert (face < 0).mean() < 1e-3  # rays that meet a seam exactly may slip through it
     np.testing.assert_allclose(distance[face >= 0], 1, atol=1e-5)
+
+
+def test_a_sheet_ends_where_its_discs_do() -> None:
+    """Cells that nothing cuts would stick out by two spacings, and cast shadows that are not there."""
+    side, step, size = 2.0, 0.08, 0.05
+    mesh = make(on_surface(*square(side, step, 1, 0.0), size, thin=0.05)).mesh
+    end = side / 2 - step / 2 + REACH * size
+    assert np.abs(mesh.vertices).max() == pytest.approx(end, abs=WELD * step)
 
 
 def test_the_same_cells_on_any_number_of_threads() -> None:

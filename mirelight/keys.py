@@ -160,7 +160,10 @@ class Keys:
 
     def surface_light(self, part: LightSet) -> str:
         """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
-        return digest("light on the surface", self.surface_transport, part.digest, self.job.render.max_depth)
+        render = self.job.render
+        # how many fills are averaged for a noise target depends on the target and on what frames look like
+        aim = () if render.noise is None else (render.noise, render.indirect, needs.keeps_lights_apart(self.job))
+        return digest("light on the surface", self.surface_transport, part.digest, render.max_depth, *aim)
 
     def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
         yield from (self.surface_cells, self.surface_transport)

@@ -22,6 +22,7 @@ Progress = Callable[[int, int], None]  # (samples done, samples in all)
 
 _WAIT = 0.25  # seconds between two looks at what another process makes
 _MOST_BYTES = 2**30  # of light that stays in memory
+FILL = 0x1B873593  # between the seeds of fills that are averaged
 
 
 class Lightable(Protocol):
@@ -147,10 +148,33 @@ class SurfaceLight:
         transport = None if glows else self.transport
         lighting = self._lighting_of(whole)
         made = self._tracer.fill(self.cells, lighting, transport=transport, emission=emission, progress=progress)
+        if self._job.render.noise is not None:
+            made = self._enough(made, lighting, emission, self._job.render.noise)
         by_name = {light.name: light for light in made.lights}
         for i, key in enumerate(parts):
             self._lights[key] = (by_name[str(i)],) if units else made.lights
             self._kept.keep_cell_lights(key, self._lights[key], len(self.cells))
+
+    def _enough(self, first: SurfaceCache, lighting: Lighting, emission: bool, target: float) -> SurfaceCache:
+        """As many fills, averaged, as bring the job's pictures to their noise target at least cost."""
+        from mirelight.lighting.budget import averaged
+
+        tracer, cameras = self._tracer, needs.lighting_cameras(self._job)
+        if not cameras or not first.lights:
+            return first
+        rays, pixels = min(x.rays for x in first.lights), sum(x.width * x.height for x in cameras)
+        noise = tracer.noise_of(lighting, cameras, first, emission=emission)
+        count = noise.fills(target, rays * len(self.cells), pixels)
+        self._tell(
+            f"for a noise of {target:g}, light on the surface is gathered along {count * rays:,} rays of each piece; "
+            f"{rays} leave a noise of {noise.of_fill**0.5:.2g}, a sample of each pixel {noise.of_sample**0.5:.2g}"
+        )
+        fills = [first]
+        for k in range(1, count):
+            own = replace(tracer.settings, seed=(tracer.settings.seed + FILL * k) & 0xFFFFFFFF)
+            again = tracer.tuned(own, layers=True, aovs=False)
+            fills.append(again.fill(self.cells, lighting, emission=emission))
+        return averaged(fills)
 
     def _make_room(self, needed: dict[str, LightSet]) -> None:
         """Let go of what is not needed now, where there is much."""

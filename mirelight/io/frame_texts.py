@@ -114,6 +114,7 @@ def _sampling_values(lighting: LightingBuffer, noise: bool) -> dict[str, Any]:
         "denoised": bool(lighting.noisy),
         "samples": of_pixels,
         "spp": lighting.spp,
+        "cell_rays": lighting.cell_rays,
     }
 
 

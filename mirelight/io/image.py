@@ -236,6 +236,7 @@ def _lighting(
         layers=_layers(image, lights, "", rgba[..., :3]),
         noisy=() if noisy is None and not sampling.get("denoised") else _layers(image, lights, _NOISY, noisy),
         spp=int(sampling.get("spp", 0)),
+        cell_rays=int(sampling.get("cell_rays", 0)),
         **found,
     )
 

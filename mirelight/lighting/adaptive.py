@@ -8,6 +8,7 @@ stays unbiased, where stopping at a pixel's own estimate would favour those that
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -27,16 +28,25 @@ STEP = 16  # samples that a pixel gets at once: a pass, and a batch
 class Estimate:
     """The noise of a frame in progress."""
 
-    relative_noise: float  # as `LightingBuffer.relative_noise`
+    relative_noise: float  # as `LightingBuffer.relative_noise`, of the samples alone
     spread: F64  # (H * W) s, the relative standard deviation of one sample, from the pixels around
     samples: NDArray[np.int64]  # (H * W) so far
     covered: NDArray[np.bool_]  # (H * W)
+    of_surface: float = 0.0  # the same of light that is read from the surface, which samples do not lessen
 
     @classmethod
     def of(
-        cls, sums: F32, squares: F32, hits: F32, samples: NDArray[np.int64], batch: int, shape: tuple[int, int]
+        cls,
+        sums: F32,
+        squares: F32,
+        hits: F32,
+        samples: NDArray[np.int64],
+        batch: int,
+        shape: tuple[int, int],
+        doubt: F32 | None = None,
     ) -> Self:
-        """From sums over samples (H * W * 3) and over squared batches (H * W * 3), and samples that hit (H * W)."""
+        """From sums over samples (H * W * 3) and over squared batches (H * W * 3), samples that hit (H * W), and sums
+        of half the difference of two fills (H * W * 3)."""
         n = samples.astype(np.float32)[:, None]
         mean = sums.reshape(-1, 3) / n
         variance = np.maximum(squares.reshape(-1, 3) / (batch * n) - mean * mean, 0) / (n / batch - 1)
@@ -46,13 +56,21 @@ class Estimate:
             return cls(0.0, np.zeros(len(samples)), samples, covered)
         relative = np.where(covered, (variance / (mean * mean + np.float32(floor))).mean(axis=1), 0).astype(np.float64)
         noise = float(np.sqrt(relative[covered].mean()))
+        of_surface = 0.0
+        if doubt is not None:
+            squares = np.square(doubt.reshape(-1, 3) / n) / (mean * mean + np.float32(floor))
+            of_surface = float(np.sqrt(squares[covered].mean(dtype=np.float64)))
         around = _sum_around((relative * samples).reshape(shape))
         count = _sum_around(covered.reshape(shape).astype(np.float64))
         spread = np.sqrt(np.maximum(around, 0) / np.maximum(count, 1)).ravel()
-        return cls(noise, spread, samples, covered)
+        return cls(noise, spread, samples, covered, of_surface)
 
     def wanted(self, target: float) -> NDArray[np.int64]:
-        """(H * W) samples that each pixel should have before the next look: no fewer than it has, by whole STEPs."""
+        """(H * W) samples that each pixel should have before the next look: no fewer than it has, by whole STEPs.
+
+        Where light from the surface leaves little of the target to samples, or nothing, they are brought to half of it.
+        """
+        target = math.sqrt(max(target**2 - self.of_surface**2, (target / 2) ** 2))
         now = self.samples.astype(np.float64)
         spread2 = self.spread[self.covered] ** 2
         predicted = float(np.mean(spread2 / now[self.covered])) if len(spread2) else 0.0

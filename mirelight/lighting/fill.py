@@ -94,7 +94,9 @@ def fill(
             halves.append(light)
     return SurfaceCache(
         cells=cells,
-        lights=tuple(_cell_light(name, k, halves, lighting, emission, spread) for k, name in enumerate(names)),
+        lights=tuple(
+            _cell_light(name, k, halves, lighting, emission, sum(rounds[WARM:]), spread) for k, name in enumerate(names)
+        ),
     )
 
 
@@ -241,6 +243,7 @@ def _cell_light(
     halves: list[_Light],
     lighting: Lighting,
     emission: bool,
+    rays: int = 0,
     spread: windows.U16 | None = None,
 ) -> CellLight:
     layers = halves[0].layers
@@ -256,5 +259,6 @@ def _cell_light(
         direct=np.stack([x.direct[layer] for x in halves]),
         met=None if met is None else np.stack([x.direct[met] for x in halves]),
         indirect=np.stack([x.indirect[layer] for x in halves]),
+        rays=rays,
         spread=spread if kind == "environment" else None,
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.paths import Pass
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.rays import CameraRays
+    from mirelight.lighting.kernel.rays import CameraRays, SomePixels
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.types import UInt32
 
@@ -45,7 +45,7 @@ class FrameInProgress:
         *,
         aovs: bool,
         emission: bool = True,  # False: surfaces that glow do not
-        view: CameraRays | PointRays | CellPoints | None = None,  # None: the camera's
+        view: CameraRays | PointRays | CellPoints | SomePixels | None = None,  # None: the camera's
         cells: DeviceCells | None = None,  # light that is read in place of being traced
         irradiance: bool = False,  # of first hits, over pi, instead of their radiance
     ) -> None:
@@ -152,9 +152,9 @@ class FrameInProgress:
 
     def estimate(self) -> Estimate:
         """How noisy each pixel is so far; every pixel has at least two batches."""
-        sums, squares, hits = self._film.beauty()
+        sums, squares, hits, doubt = self._film.beauty()
         shape = self.camera.height, self.camera.width
-        return Estimate.of(sums, squares, hits, self.samples, self._batch, shape)
+        return Estimate.of(sums, squares, hits, self.samples, self._batch, shape, doubt)
 
     def so_far(self) -> LightingBuffer:
         """The means of the samples so far, of a copy: more may be added after it."""

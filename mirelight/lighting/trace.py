@@ -33,13 +33,15 @@ from mirelight.model import (
 )
 
 if TYPE_CHECKING:
+    from mirelight.lighting.budget import Noise
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.rays import CameraRays
+    from mirelight.lighting.kernel.rays import CameraRays, SomePixels
     from mirelight.lighting.kernel.sky import Sky
 
 CELL_SAMPLES = 256  # of each cell of a surface cache
+LOOK = 0x3C6EF372  # between the seeds of frames and of a first look at how noisy they are
 
 Look: TypeAlias = Callable[[Callable[[], LightingBuffer]], None]  # may ask for the light so far
 
@@ -126,22 +128,16 @@ class Tracer:
 
             return trace_scalar(self._proxy, lighting, camera, self.settings, layers, emission=emission)
         settings, sky = with_pilot(self.settings), self._sky_of(lighting.environment)
+        cells = self._cells(cache, lighting, layers, emission)
         frame = FrameInProgress(
-            self._surface,
-            sky,
-            lighting,
-            camera,
-            layers,
-            settings,
-            aovs=self._aovs,
-            emission=emission,
-            cells=self._cells(cache, lighting, layers, emission),
+            self._surface, sky, lighting, camera, layers, settings, aovs=self._aovs, emission=emission, cells=cells
         )
+        rays = min((x.rays for x in cache.lights), default=0) if cache is not None and cells is not None else 0
         try:
             sample_all(frame, settings, _looking(frame, progress or _ignore, look))
         except KeyboardInterrupt:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
-        return frame.develop()
+        return replace(frame.develop(), cell_rays=rays)
 
     def cells(self, cameras: Sequence[Camera], size: float | None = None) -> SurfaceCells:
         """The pieces of the proxy that light is kept on for a scene.
@@ -234,6 +230,27 @@ class Tracer:
         names = Layers.of(lighting, emissive=emission).names
         first, most = self.settings.indirect == "surface", self.settings.max_memory
         return bound(cache, layers, names, first=first, most=most)
+
+    def noise_of(
+        self, lighting: Lighting, cameras: Sequence[Camera], cache: SurfaceCache, *, emission: bool = True
+    ) -> Noise:
+        """How noisy frames of some of the cameras are that read a cache: of its own fill, and of a sample.
+
+        Arguments as for `trace`.
+        """
+        from mirelight.lighting.budget import looked_at
+
+        surface, lighting, emission = self._on_device(), plain(lighting), emission and self.emissive
+        layers, sky = Layers.of(lighting, emissive=emission, separate=self._layers), self._sky_of(lighting.environment)
+        cells = self._cells(cache, lighting, layers, emission)
+        own = replace(self.settings, noise=1.0, denoise=False, seed=(self.settings.seed + LOOK) & 0xFFFFFFFF)
+
+        def frame(view: SomePixels, row: Camera) -> FrameInProgress:
+            return FrameInProgress(
+                surface, sky, lighting, row, layers, own, aovs=False, emission=emission, view=view, cells=cells
+            )
+
+        return looked_at(cameras, frame)
 
     def point_layers(
         self,

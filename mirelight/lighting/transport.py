@@ -224,7 +224,7 @@ def lit(
     light, half = in_fours(_in_the_end(*after)), of_cells.samples // 2
     gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
     indirect = np.stack([_rows(x, base.shape)[:, : len(cells)] for x in gathered])
-    return _cache(cells, layers, lighting, direct, met, indirect, spread)
+    return _cache(cells, layers, lighting, direct, met, indirect, spread, of_cells.samples)
 
 
 def _say(progress: Progress, before: int, total: int, done: int) -> None:
@@ -292,6 +292,7 @@ def _cache(
     met: F32,
     indirect: F32,
     spread: windows.U16 | None = None,
+    rays: int = 0,
 ) -> SurfaceCache:
     """Two halves of each layer (2, K, C, 3), and of what rays meet of the sky (2, C, 3), as what is kept."""
     around = layers.environment if lighting.environment is not None else -1
@@ -304,6 +305,7 @@ def _cache(
             met=met if k == around else None,
             indirect=indirect[:, k],
             spread=spread if k == around else None,
+            rays=rays,
         )
 
     return SurfaceCache(cells=cells, lights=tuple(light(k) for k in range(len(layers.names))))

@@ -100,6 +100,7 @@ class LightingBuffer(ArrayHolder):
     variance: F32 | None = None  # (H, W, 3) mean square error of the beauty, where it was estimated
     samples: F32 | None = None  # (H, W) samples that went into each pixel
     spp: int = 0  # the fewest samples of any pixel
+    cell_rays: int = 0  # of each piece of the surface that light was read from; 0: none was
     noisy: tuple[LightLayer, ...] = ()  # the layers as traced, where `layers` are denoised
 
     def __post_init__(self) -> None:

@@ -105,6 +105,7 @@ class CellLight(ArrayHolder):
     direct: F32  # at once, as far as it is sampled towards the light
     met: F32 | None  # at once, as far as a reflected ray meets it; None for lights, which no ray meets
     indirect: F32  # after one reflection and more
+    rays: int = 0  # of each cell that reflected light was gathered along, in both halves
     spread: NDArray[np.uint16] | None = None  # (G, S) of an environment's samples: see `mirelight.lighting.windows`
 
     def __post_init__(self) -> None:

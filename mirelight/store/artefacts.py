@@ -98,7 +98,12 @@ class Artefacts:
         Raises:
             OutputError: it cannot be written.
         """
-        about = {"spp": buffer.spp, "layers": [x.name for x in buffer.layers], "noisy": [x.name for x in buffer.noisy]}
+        about = {
+            "spp": buffer.spp,
+            "rays": buffer.cell_rays,
+            "layers": [x.name for x in buffer.layers],
+            "noisy": [x.name for x in buffer.noisy],
+        }
         write_arrays(self.path(key), _arrays(buffer), about)
 
     def composite(self, key: str, camera: Camera, profile: Profile, linear: bool) -> SplatLayer | None:
@@ -170,7 +175,7 @@ class Artefacts:
         """
         arrays = {f"{i}.{name}": x for i, light in enumerate(lights) for name, x in _own_arrays(light).items()}
         arrays["cells"] = np.array([count], np.int64)
-        about = {"names": [x.name for x in lights], "kinds": [x.kind for x in lights]}
+        about = {"names": [x.name for x in lights], "kinds": [x.kind for x in lights], "rays": [x.rays for x in lights]}
         write_arrays(self._folder / f"{key}{_LIGHT}", arrays, about)
 
     def there(self) -> frozenset[str]:
@@ -228,8 +233,10 @@ def _buffer(file: Arrays, camera: Camera) -> LightingBuffer:
         return tuple(layer(group, i, name) for i, name in enumerate(file.about[group]))
 
     arrays: dict[str, Any] = {f.name: there[f.name] for f in fields(LightingBuffer) if f.name in there}
-    spp = int(file.about["spp"])
-    return LightingBuffer(camera=camera, spp=spp, layers=layers("layers"), noisy=layers("noisy"), **arrays)
+    spp, rays = int(file.about["spp"]), int(file.about["rays"])
+    return LightingBuffer(
+        camera=camera, spp=spp, cell_rays=rays, layers=layers("layers"), noisy=layers("noisy"), **arrays
+    )
 
 
 def _cell_light(file: Arrays, index: int, count: int) -> CellLight:
@@ -238,7 +245,7 @@ def _cell_light(file: Arrays, index: int, count: int) -> CellLight:
         raise ValueError(f"light of kind {kind}")
     names = [f.name for f in fields(CellLight) if f"{index}.{f.name}" in file.arrays]
     arrays: dict[str, Any] = {"met": None} | {name: file.arrays[f"{index}.{name}"] for name in names}
-    made = CellLight(name=file.about["names"][index], kind=kind, **arrays)
+    made = CellLight(name=file.about["names"][index], kind=kind, rays=int(file.about["rays"][index]), **arrays)
     if made.direct.shape[1] != count or made.indirect.shape != made.direct.shape:
         raise ValueError("light on other cells")
     return made

@@ -174,13 +174,15 @@ class Film:
         self._launch = mi.Float(0)
         dr.sync_thread()
 
-    def beauty(self) -> tuple[F32, F32, F32]:
-        """NumPy arrays, flat: the beauty's sums (pixel, rgb), those of its squared batches, and samples that hit."""
+    def beauty(self) -> tuple[F32, F32, F32, F32 | None]:
+        """NumPy arrays, flat: the beauty's sums (pixel, rgb), those of its squared batches, samples that hit, and the
+        beauty's doubt (pixel, rgb), None where nothing was read."""
         size = dr.width(self._surface) // SURFACE * 3
         lane = dr.arange(mi.UInt32, size)
         total = _row_sums(self._light, lane, 2 * self._layers, 3 * self._pixels)
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
-        return total.numpy(), self._squares.numpy()[-size:], hits.numpy()
+        doubt = None if self._doubt is None else self._doubt.numpy().reshape(-1, size).sum(axis=0)
+        return total.numpy(), self._squares.numpy()[-size:], hits.numpy(), doubt
 
     def sums(self) -> Sums:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""

@@ -19,7 +19,7 @@ from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END, LightSet
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
-from mirelight.lighting.kernel.rays import CameraRays, bounded_ray
+from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
 from mirelight.lighting.kernel.samples import mix, number, pair, stratified
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
@@ -138,7 +138,7 @@ def _add_lamps(
 @dr.syntax
 def trace_pass(
     surface: DeviceProxy,
-    view: CameraRays | PointRays | CellPoints,
+    view: CameraRays | PointRays | CellPoints | SomePixels,
     lights: LightSet,
     sky: Sky,
     film: Film,

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
+from mirelight.lighting.kernel.memory import integers
 from mirelight.lighting.kernel.samples import pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.model import F64, Camera
@@ -60,6 +63,23 @@ class CameraRays:
     def depth(self, p: Point3f) -> Float:
         """Distance of a point along the view axis."""
         return -dr.dot(mi.Vector3f(p) - self.eye, self.back)
+
+
+class SomePixels:
+    """Some pixels of a camera (n,) as if they were all."""
+
+    def __init__(self, camera: Camera, pixels: NDArray[np.int64]) -> None:
+        self.rays, self.pixels = CameraRays(camera), integers(np.append(pixels, [0, 0]))
+
+    def first_hit(
+        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
+        """As of `CameraRays`."""
+        return self.rays.first_hit(surface, dr.gather(mi.UInt32, self.pixels, pixel), sample, stream)
+
+    def depth(self, p: Point3f) -> Float:
+        """As of `CameraRays`."""
+        return self.rays.depth(p)
 
 
 def _number(value: float) -> Float:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
 PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
 LAUNCH_BYTES = 1 << 29  # most that the film's buffer of one launch may take
+TILE = 6  # log2 of the side of a tile of pixels that share a sequence
+FIRST_RAYS = 8  # a power of two: from a camera's hit where light is read, to each source that needs many
+INDEX_BITS = 32 - 3  # of a sample's number in its sequence, times those rays
 AGAIN = 0x6A09E667  # between the seeds of first and second samples
 
 
@@ -54,7 +57,8 @@ class FrameInProgress:
 
         from mirelight.lighting.kernel.film import Film
         from mirelight.lighting.kernel.lights import LightSet
-        from mirelight.lighting.kernel.rays import CameraRays
+        from mirelight.lighting.kernel.rays import CameraRays, SomePixels
+        from mirelight.lighting.kernel.samples import Tiles
 
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
@@ -76,6 +80,10 @@ class FrameInProgress:
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
         self._seed_number = settings.seed & 0xFFFFFFFF
         self._seed = dr.opaque(mi.UInt32, self._seed_number)
+        side, most = tile_size(settings)
+        self._tiles = Tiles(dr.opaque(mi.UInt32, side), dr.opaque(mi.UInt32, most))
+        seen = view is None or isinstance(view, SomePixels)
+        self._first_rays = dr.opaque(mi.UInt32, FIRST_RAYS if seen else 1)
         self._max_depth = dr.opaque(mi.UInt32, settings.max_depth)
         low, high = surface.bounds
         diagonal = float(np.linalg.norm(high.astype(np.float64) - low))
@@ -143,6 +151,8 @@ class FrameInProgress:
             first_samples=integers(before),
             log2_samples=dr.opaque(mi.UInt32, count.bit_length() - 1),
             log2_batch=dr.opaque(mi.UInt32, self._batch.bit_length() - 1),
+            tiles=self._tiles,
+            first_rays=self._first_rays,
             seed=seed,
             max_depth=self._max_depth,
             ao_distance=self._ao_distance,
@@ -174,6 +184,18 @@ class FrameInProgress:
             sun=self._film.aovs and self._sun,
             occlusion=self._film.aovs,
         )
+
+
+def tile_size(settings: RenderSettings) -> tuple[int, int]:
+    """(log2 of the side of a tile of pixels that share a sequence, log2 of the samples that each may get).
+
+    Under a noise target each pixel has a sequence of its own: its neighbours' samples say how many it gets, and must
+    know nothing of its own.
+    """
+    if settings.noise is not None:
+        return 0, 0
+    most = (settings.spp - 1).bit_length()
+    return max(min(TILE, (INDEX_BITS - most) // 2), 0), most
 
 
 def batch_size(spp: int) -> int:

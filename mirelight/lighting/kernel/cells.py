@@ -13,7 +13,7 @@ from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
-from mirelight.lighting.kernel.samples import mix, pair
+from mirelight.lighting.kernel.samples import Tiles, mix, pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.lighting.kernel.windows import Spread
 from mirelight.model import F32, F64, I32, SurfaceCells
@@ -197,6 +197,10 @@ class CellPoints:
         self.faces = integers(np.append(cells.faces.ravel(), np.zeros(2, np.int32)))
         self.corners = floats(np.append(cells.corners.ravel(), np.zeros(4, np.float32)))
         self.normals = _in_fours(cells.normals)
+
+    def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
+        """(index, stream) of a sample: each piece has a sequence of its own."""
+        return sample, mix(pixel, seed)
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32

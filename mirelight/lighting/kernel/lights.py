@@ -46,6 +46,10 @@ class LightSet:
         first, second, later = self._picks
         return dr.select(depth == 0, first, dr.select(depth == 1, second, later))
 
+    def extended(self, light: UInt32) -> Bool:
+        """Whether a light is more than a point or a direction, so that one ray to it tells little."""
+        return dr.gather(mi.Float, self.table, light * ROW + 3) > float(Kind.SPOT)
+
     def list_at(self, p: Point3f, active: Bool) -> tuple[UInt32, UInt32]:
         """(start, count) of the list for a point: entries of `items`."""
         place = (mi.Vector3f(p) - self.low) * self.cells_per_unit

@@ -20,7 +20,7 @@ from mirelight.lighting.kernel.lights import SHADOW_END, LightSet
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
-from mirelight.lighting.kernel.samples import mix, number, pair, stratified
+from mirelight.lighting.kernel.samples import Tiles, mix, number, pair, stratified
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
 
@@ -39,6 +39,8 @@ class Pass(NamedTuple):
     first_samples: UInt32  # (count,) how many samples each has already
     log2_samples: UInt32
     log2_batch: UInt32  # samples that the variance takes as one
+    tiles: Tiles
+    first_rays: UInt32  # to the environment's map, and to each light with an extent, where a first hit is read
     seed: UInt32
     max_depth: UInt32
     ao_distance: Float  # how far ambient occlusion looks
@@ -85,11 +87,15 @@ def _add_lamps(
     depth: UInt32,
     sums: tuple[Vector3f, Vector3f],
     sunlit: Float,
+    first_rays: UInt32,
     active: Bool,
+    *,
+    several: bool,
 ) -> tuple[tuple[Vector3f, Vector3f], Float]:
     """The lights of the table that reach a point, in as many runs as picks: (sums, share of the suns' light).
 
-    Of a long list the brightest are weighed and some drawn from the rest.
+    Of a long list the brightest are weighed and some drawn from the rest. Where `several`, a light with an extent that
+    has a run of its own is sampled by `first_rays` at a first hit.
     """
     indirect = depth > 0
     start, listed = lights.list_at(at.p, active)
@@ -101,6 +107,11 @@ def _add_lamps(
     pick, entry = mi.UInt32(0), mi.UInt32(0)
     while active & (pick < picks):
         last = mi.UInt32(mi.Float((pick + 1) * count) / mi.Float(picks))
+        own_light, rays = mi.UInt32(0), mi.UInt32(1)
+        if dr.hint(several, mode="scalar"):
+            own_light = dr.gather(mi.UInt32, lights.items, start + entry, active)
+            own_run = (entry + 1 == last) & (listed <= weighed) & lights.extended(own_light)
+            rays = dr.select(own_run & ~indirect, first_rays, 1)
         chosen, chosen_weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
         wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
         while entry < last:  # a weighted reservoir of one over the run
@@ -112,7 +123,9 @@ def _add_lamps(
                 index = near + dr.minimum(index, listed - near - 1)
             light = dr.gather(mi.UInt32, lights.items, start + index)
             seed = mix(path.salt, dr.gather(mi.UInt32, lights.seeds, light))
-            w_wi, w_length, w_irradiance = punctual.sample(lights.table, light, at.p, at.normal, path.sample, seed)
+            w_wi, w_length, w_irradiance = punctual.sample(
+                lights.table, light, at.p, at.normal, path.sample * rays, seed
+            )
             w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
             share = dr.select(beyond, w * stretch, w)
             total += share
@@ -125,12 +138,26 @@ def _add_lamps(
             entry += 1
         lit = active & (chosen_weight > 0)
         lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit, coherent=~indirect)
-        value = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
+        arrived = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
+        seen = dr.select(lit, total / chosen_weight, 0)
+        if dr.hint(several, mode="scalar"):
+            seed, k = mix(path.salt, dr.gather(mi.UInt32, lights.seeds, own_light)), mi.UInt32(1)
+            while k < rays:
+                ray = path.sample * rays + k
+                wi, length, irradiance = punctual.sample(lights.table, own_light, at.p, at.normal, ray, seed)
+                lit = active & (dr.max(irradiance) > 0)
+                lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit, coherent=True)
+                arrived += dr.select(lit, weight * irradiance, 0)
+                seen += dr.select(lit, 1, 0)
+                k += 1
+            chosen = dr.select(rays > 1, own_light, chosen)
+            arrived, seen = arrived / mi.Float(rays), seen / mi.Float(rays)
+        lit = seen > 0
         layer = dr.gather(mi.UInt32, lights.layer_of_light, chosen, lit)
-        sums = film.add_light(sums, path.place, layer, indirect, value, lit)
+        sums = film.add_light(sums, path.place, layer, indirect, arrived, lit)
         if dr.hint(film.aovs, mode="scalar"):
             sun = dr.gather(mi.Float, lights.sun_shares, chosen, lit)
-            sunlit += dr.select(lit & ~indirect, sun * (total / chosen_weight), 0)
+            sunlit += dr.select(lit & ~indirect, sun * seen, 0)
         pick += 1
     return sums, sunlit
 
@@ -153,10 +180,10 @@ def trace_pass(
     within = lane & ((mi.UInt32(1) << job.log2_samples) - 1)
     place = (within >> job.log2_batch) * job.count + of_launch  # of this sample's batch in the film's launch
     pixel = dr.gather(mi.UInt32, job.pixels, of_launch)
-    sample = dr.gather(mi.UInt32, job.first_samples, of_launch) + within
-    stream = mix(pixel, job.seed)
+    of_pixel = dr.gather(mi.UInt32, job.first_samples, of_launch) + within
+    sample, stream = view.sequence(pixel, of_pixel, job.tiles, job.seed)
     if dr.hint(film.in_parts, mode="scalar"):  # every fourth batch owes the others nothing
-        stream = dr.select(((sample >> job.log2_batch) & 3) == 3, mix(stream, 0x5BD1E995), stream)
+        stream = dr.select(((of_pixel >> job.log2_batch) & 3) == 3, mix(stream, 0x5BD1E995), stream)
 
     covered, face, uv, d = view.first_hit(surface, pixel, sample, stream)
     active = mi.Bool(covered)
@@ -211,20 +238,44 @@ def trace_pass(
                 cell, read = kept.find(surface, at, pair(sample, mix(salt, 7)), first)
 
         # light that is sampled towards its source: lamps, the environment's map, what glows elsewhere
-        sums, sunlit = _add_lamps(surface, lights, film, path, at, weight, depth, sums, sunlit, active)
+        sums, sunlit = _add_lamps(
+            surface,
+            lights,
+            film,
+            path,
+            at,
+            weight,
+            depth,
+            sums,
+            sunlit,
+            job.first_rays,
+            active,
+            several=reads_first,
+        )
         lit = active & sky_sampled
-        value = mi.Vector3f(0)
-        if lit:
-            choice, inside, times = stratified(sample, mix(salt, 1)), pair(sample, mix(salt, 2)), mi.Float(1)
+        value, ray, rays = mi.Vector3f(0), mi.UInt32(0), mi.UInt32(1)
+        if dr.hint(reads_first, mode="scalar"):
+            rays = dr.select(indirect, mi.UInt32(1), job.first_rays)
+        while lit & (ray < rays):
+            number_of = sample * rays + ray
+            choice, inside = stratified(number_of, mix(salt, 1)), pair(number_of, mix(salt, 2))
+            times = mi.Float(1)
             if dr.hint(reads_first, mode="scalar"):
                 choice, times = kept.spread.choice(cell, choice, read)
-            value = weight * times * sky_irradiance(surface, sky, at, choice, inside, lit)
+            value += times * sky_irradiance(surface, sky, at, choice, inside, lit)
+            ray += 1
+        value *= weight / mi.Float(rays)
         sums = film.add_light(sums, place, film.sky_layer, indirect, value, lit)
         if dr.hint(job.emission, mode="scalar"):
-            choice, inside = number(sample, mix(salt, 5)), pair(sample, mix(salt, 6))
-            glow, lit = _glow_irradiance(surface, at, choice, inside, active)
-            value = dr.select(lit, weight * glow, 0)
-            sums = film.add_light(sums, place, film.glow_layer, indirect, value, lit)
+            value, ray = mi.Vector3f(0), mi.UInt32(0)
+            while active & (ray < rays):
+                number_of = sample * rays + ray
+                choice, inside = number(number_of, mix(salt, 5)), pair(number_of, mix(salt, 6))
+                glow, lit = _glow_irradiance(surface, at, choice, inside, active)
+                value += dr.select(lit, glow, 0)
+                ray += 1
+            value *= weight / mi.Float(rays)
+            sums = film.add_light(sums, place, film.glow_layer, indirect, value, active)
 
         # all else that falls on a first hit, read
         if dr.hint(reads_first, mode="scalar"):

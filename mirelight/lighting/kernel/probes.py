@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mirelight.lighting.kernel.memory import floats
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
+from mirelight.lighting.kernel.samples import Tiles, mix
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, UInt32, Vector3f
 from mirelight.model import F32, F64, I32
 
@@ -25,6 +26,10 @@ class PointRays:
         self.lift = float(np.abs(points).max(initial=1e-6)) * LIFT
         self._points = floats(_in_fours(points + normals * self.lift))
         self._ways = floats(_in_fours(-normals))
+
+    def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
+        """(index, stream) of a sample: each point has a sequence of its own."""
+        return sample, mix(pixel, seed)
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.memory import integers
-from mirelight.lighting.kernel.samples import pair
+from mirelight.lighting.kernel.samples import Tiles, mix, of_pixel, pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.model import F64, Camera
 
@@ -38,6 +38,12 @@ class CameraRays:
         reach = camera.far - camera.near
         self.reach = _number(min(reach, float(2.0**126)))
         self.perspective = _number(1.0 if camera.projection == "perspective" else 0.0)
+
+    def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
+        """(index, stream) of a pixel's sample."""
+        row = pixel // self.width
+        first, tile = of_pixel(pixel - row * self.width, row, tiles)
+        return first + sample, mix(tile, seed)
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
@@ -70,6 +76,10 @@ class SomePixels:
 
     def __init__(self, camera: Camera, pixels: NDArray[np.int64]) -> None:
         self.rays, self.pixels = CameraRays(camera), integers(np.append(pixels, [0, 0]))
+
+    def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
+        """(index, stream) of a sample: each pixel has a sequence of its own."""
+        return sample, mix(pixel, seed)
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32

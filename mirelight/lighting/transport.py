@@ -176,7 +176,7 @@ def lit(
     """
     from mirelight.lighting.kernel.cells import CellPoints
     from mirelight.lighting.kernel.sky import Sky
-    from mirelight.lighting.kernel.transport import DeviceLinks, bounced, in_fours
+    from mirelight.lighting.kernel.transport import DeviceLinks, bounced
 
     layers = Layers.of(lighting, emissive=False)
     count, around = len(layers.names), layers.environment
@@ -202,18 +202,19 @@ def lit(
     if outside and sky.is_sampled:
         spread, direct[:, around] = windows.found(surface, sky, cells, settings.seed)
     of_cells = DeviceLinks(transport.target, transport.albedo)
-    met = of_cells.met(surface, CellPoints(cells), sky, transport.seed)
+    met = np.zeros((2, len(cells), 3), np.float32)
     base = np.zeros((count, transport.nodes, 3), np.float32)
     base[:, : len(cells)] = direct.mean(axis=0)
     if places:
         beyond_them, by_ray = own(transport, BEYOND_DIRECT, 2, total)
         base[:, len(cells) :] = np.concatenate(beyond_them)
     if lighting.environment is not None:
+        met = of_cells.met(surface, CellPoints(cells), sky, transport.seed)
         base[around, : len(cells)] += met.mean(axis=0)
         if places:
             base[around, len(cells) :] += by_ray
     beyond = DeviceLinks(transport.beyond[None], transport.beyond_albedo[None])
-    own_light, none = in_fours(base), in_fours(np.zeros_like(base))
+    own_light, none = _fours(base), _fours(np.zeros_like(base))
     light, part = own_light, of_cells.samples // PARTS
     after = [base]
     for _ in range(ROUNDS):
@@ -221,7 +222,7 @@ def lit(
             some = [(of_cells, 0, k * part, part), (beyond, len(cells), 0, 1)]
             light = bounced(light, own_light, count, transport.nodes, some)
         after.append(_rows(light, base.shape))
-    light, half = in_fours(_in_the_end(*after)), of_cells.samples // 2
+    light, half = _fours(_in_the_end(*after)), of_cells.samples // 2
     gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
     indirect = np.stack([_rows(x, base.shape)[:, : len(cells)] for x in gathered])
     return _cache(cells, layers, lighting, direct, met, indirect, spread, of_cells.samples)
@@ -231,10 +232,18 @@ def _say(progress: Progress, before: int, total: int, done: int) -> None:
     progress(min(before + done, total), total)
 
 
+def _fours(light: F32) -> Float:
+    """(layers, nodes, 3) on the device, node by node in groups of four."""
+    from mirelight.lighting.kernel.transport import in_fours
+
+    return in_fours(light.swapaxes(0, 1))
+
+
 def _rows(fours: Float, shape: tuple[int, ...]) -> F32:
-    """(..., 3) of groups of four on the device."""
-    count = int(np.prod(shape[:-1]))
-    return np.asarray(fours.numpy()[: 4 * count].reshape(*shape[:-1], 4)[..., :3], np.float32)
+    """(layers, nodes, 3) back again."""
+    layers, nodes, _ = shape
+    rows = fours.numpy()[: 4 * layers * nodes].reshape(nodes, layers, 4)
+    return np.ascontiguousarray(rows[..., :3].swapaxes(0, 1), np.float32)
 
 
 def _in_the_end(first: F32, middle: F32, last: F32) -> F32:

@@ -117,7 +117,9 @@ class DeviceLinks:
 def bounced(
     values: Float, own: Float, layers: int, nodes: int, parts: Sequence[tuple[DeviceLinks, int, int, int]]
 ) -> Float:
-    """(layers, nodes, 4) each node's own light, and what its rays bring of the others' (layers, nodes, 4).
+    """(nodes, layers, 4) each node's own light, and what its rays bring of the others' (nodes, layers, 4).
+
+    Layers of a node lie side by side, so that a ray's end is looked up once for all of them.
 
     Args:
         values: of all nodes.
@@ -138,9 +140,10 @@ def _gather(
     out: Float, links: DeviceLinks, values: Float, layers: int, nodes: int, place: int, first: int, samples: int
 ) -> None:
     n, rows = dr.opaque(mi.UInt32, links.count), dr.opaque(mi.UInt32, nodes)
+    of_node = dr.opaque(mi.UInt32, layers)
     lane = dr.arange(mi.UInt32, layers * links.count)
-    layer = lane // n
-    point = lane - layer * n
+    point = lane // of_node
+    layer = lane - point * of_node
     sample, end = mi.UInt32(dr.opaque(mi.UInt32, first)), dr.opaque(mi.UInt32, first + samples)
     total: Vector3f = mi.Vector3f(0)
     while sample < end:
@@ -148,11 +151,11 @@ def _gather(
         target = dr.gather(mi.UInt32, links.target, ray)
         there = target < rows
         albedo = _albedo(dr.gather(mi.UInt32, links.albedo, ray))
-        q = dr.gather(mi.Vector4f, values, layer * rows + target, there)
+        q = dr.gather(mi.Vector4f, values, target * of_node + layer, there)
         total += dr.select(there, albedo * mi.Vector3f(q.x, q.y, q.z), 0)
         sample += 1
     total = total * dr.opaque(mi.Float, 1 / samples)
-    node = layer * rows + dr.opaque(mi.UInt32, place) + point
+    node = (dr.opaque(mi.UInt32, place) + point) * of_node + layer
     for k, value in enumerate((total.x, total.y, total.z)):
         dr.scatter_reduce(dr.ReduceOp.Add, out, value, node * 4 + k, mode=dr.ReduceMode.NoConflicts)
     dr.eval(out)

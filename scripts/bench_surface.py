@@ -5,7 +5,7 @@ off; bias and the cache's noise are in it (half of the frames read one fill, hal
 serves every camera and every mix of the lights.
 
     python scripts/bench_surface.py [--scenes interior courtyard night] [--size 0.1] [--samples 256] [--frames 4]
-                                    [--truth 1024] [--picture FILE.png] [--points 250000] [--bars 5]
+                                    [--truth 1024] [--picture FILE.png] [--points 250000] [--bars 5] [--noise 0.03]
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ import numpy as np
 from bench_lighting_scenes import Array, BenchScene, scenes
 from PIL import Image
 
+import mirelight
 from mirelight.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
-from mirelight.model import Indirect, LightingBuffer, PointLayers, RenderSettings
+from mirelight.model import Deferred, Indirect, Job, LightingBuffer, PointLayers, RenderSettings
 from mirelight.splat_light import by_sharpness
 
 T = TypeVar("T")
@@ -156,6 +157,36 @@ def measure_bars(scene: BenchScene, size: float | None, samples: int, fills: int
         print(f"  {mode:8} stated / true {plain[0]:.2f}, relative {relative:.2f}; of layers {layers}", flush=True)
 
 
+def measure_target(scene: BenchScene, noise: float, seeds: int) -> None:
+    """Print what a noise target of one picture takes, fills and all, and the error that is reached."""
+    frames = []
+    for seed in range(1, seeds + 1):
+        job = Job(
+            source=Path("job.toml"),
+            splats=None,
+            proxy=Deferred.of(scene.proxy),
+            cameras=(scene.camera,),
+            lightings=(replace(scene.lighting, name=scene.name),),
+            render=RenderSettings(spp=32, noise=noise, indirect="surface", seed=seed),
+        )
+
+        def render(job: Job = job) -> LightingBuffer:
+            return mirelight.light(mirelight.prepare(job), job.cameras[0], job.lightings[0]).new
+
+        made, cpu = timed(render)
+        frames.append(made)
+        samples = 0.0 if made.samples is None else made.samples.mean()
+        print(
+            f"{scene.name}: for {noise:g} {made.cell_rays} rays a cell and {samples:.0f} samples a pixel, "
+            f"{cpu:.1f} s of CPU; stated {made.relative_noise:.4f}",
+            flush=True,
+        )
+    pictures = np.stack([x.beauty for x in frames]).astype(np.float64)
+    mean, seen = pictures.mean(axis=0), frames[0].coverage > 0
+    error = pictures.var(axis=0, ddof=1) / (mean**2 + 0.01 * mean[seen].mean() ** 2)
+    print(f"  true {np.sqrt(error[seen].mean()):.4f}", flush=True)
+
+
 def main() -> None:
     """Measure the scenes that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else "")
@@ -168,11 +199,14 @@ def main() -> None:
     parser.add_argument("--points", type=int, help="measure light on so many points of the surface instead of frames")
     parser.add_argument("--bars", type=int, help="measure error bars instead, with so many fills")
     parser.add_argument("--picture", type=Path, help="truth | surface | difference x 10, one row a scene")
+    parser.add_argument("--noise", type=float, help="measure a noise target instead")
     chosen = parser.parse_args()
     rows = []
     for scene in scenes(chosen.resolution[0], chosen.resolution[1], 220):
         if scene.name in chosen.scenes and chosen.points:
             measure_points(scene, chosen.points, chosen.truth)
+        elif scene.name in chosen.scenes and chosen.noise:
+            measure_target(scene, chosen.noise, 2)
         elif scene.name in chosen.scenes and chosen.bars:
             measure_bars(scene, chosen.size, chosen.samples, chosen.bars)
         elif scene.name in chosen.scenes:

@@ -27,7 +27,7 @@ ALIKE = 0.12  # of the logarithm of chroma: how far albedos of one material may 
 WHITE_OUT = 0.98  # linear: what shows as bright may have been any brighter
 ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different material
 WHITE = 0.3  # weight of light from sun and sky that is white in the mean
-DARK, BRIGHT, BOUNDS = 0.04, 0.85, 0.2  # albedos, and the weight of those beyond
+DARK, BRIGHT, BOUNDS = 0.035, 0.85, 0.2  # albedos, and the weight of those beyond
 SMOOTH = 0.2  # weight of patches that differ from their ring's mean
 FLOOR = 0.005  # of the mean irradiance, added: nothing is black
 STEPS = 150
@@ -43,6 +43,11 @@ class Pairs:
     a: Int  # (P,)
     b: Int  # (P,)
     clipped: NDArray[np.bool_]  # (N, 3) of places, not of pairs: the picture says no more than "at least so bright"
+
+    def within(self, rows: NDArray[np.bool_]) -> Pairs:
+        """Those of which both places are among rows (N,)."""
+        both = rows[self.a] & rows[self.b]
+        return Pairs(self.a[both], self.b[both], self.clipped)
 
     def apart(self, log_albedo: F64) -> F64:
         """(P, 3) how far albedos (N, 3) surely differ: a lower bound does not differ from what lies above it."""
@@ -105,7 +110,16 @@ def judged(color: F64, light: F64, pairs: Pairs) -> float:
     return float((pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1)).sum())
 
 
-def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, beams: Sequence[float]) -> Fitted:
+def fit(
+    color: F64,
+    open_: F64,
+    met: F64,
+    seen: F64,
+    pairs: Pairs,
+    sky: float,
+    beams: Sequence[float],
+    firm: NDArray[np.bool_] | None = None,
+) -> Fitted:
     """Descent (Adam, Kingma and Ba 2015) from an even sky.
 
     Args:
@@ -115,7 +129,11 @@ def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, b
         pairs: of places.
         sky: radiance to start from.
         beams: their strengths to start from.
+        firm: (N,) places that are fitted to; None: all.
     """
+    if firm is None:
+        firm = np.ones(len(color), bool)
+    pairs = pairs.within(firm)
     # ring means, each patch's departure from its ring's, the beams
     theta = np.zeros((_BEAMS + seen.shape[1], 3))
     theta[: len(RINGS)] = np.log(max(sky, 1e-6))
@@ -139,7 +157,7 @@ def fit(color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, sky: float, b
         g = weights[:, None] * (2 * ROBUST**2 / 3) * d / (below * below)
         by_a = np.stack([np.bincount(rows, np.concatenate([g[:, k], -g[:, k]]), minlength=len(a)) for k in range(3)], 1)
         over, under = np.maximum(a - np.log(BRIGHT), 0), np.maximum(np.log(DARK) - a, 0)
-        by_a += (BOUNDS * 2 / a.size) * (over - under)
+        by_a += (BOUNDS * 2 / (3 * firm.sum())) * (over - under) * firm[:, None]
         by_light = -by_a / soft
         by_light += FLOOR * by_light.sum() / light.size
         direct = np.maximum((light - met).mean(axis=0), 1e-12)

@@ -20,6 +20,7 @@ from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
 LEAST_OPEN = 0.003  # share of the view that must be sky
 LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is not known
 MEAN_ALBEDO = 0.35  # where it cannot
+WIDEST_SUN = 9.0  # degrees, of its radius: what is wider is sky
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
@@ -73,13 +74,14 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
     rng = np.random.default_rng(settings.seed)
     pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
     suns = [_searched(half, rng) for half in halves]
-    found = [_fitted(half, p, s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns)
+    found = [_fitted(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
     if len(shining):
-        dark = _fitted(places, every, None, shining)
-        best = dark if best.sun is None else _fitted(places, every, best.sun, shining)
+        firm = _firm(places, best.sun)
+        dark = _fitted(places, every, None, shining, firm)
+        best = dark if best.sun is None else _fitted(places, every, best.sun, shining, firm)
         gain = dark.light.loss - best.light.loss
         if gain < LEAST_GAIN:  # the sun was the lamps
             best = dark
@@ -155,8 +157,21 @@ def _thinned(half: Places) -> NDArray[np.int64]:
     return np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1))
 
 
-def _fitted(places: Places, pairs: Pairs, found: Sun | None, positions: F64 = _NO_LAMPS) -> _Found:
-    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3)."""
+def _firm(places: Places, found: Sun | None) -> NDArray[np.bool_]:
+    """(N,) places that a sun's strength is fitted to."""
+    return np.ones(len(places), bool) if found is None else sun.firm(places, found)
+
+
+def _fitted(
+    places: Places,
+    pairs: Pairs,
+    found: Sun | None,
+    positions: F64 = _NO_LAMPS,
+    firm: NDArray[np.bool_] | None = None,
+) -> _Found:
+    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3); fitted to the
+    places that are `firm` (N,), off that sun's shadow edges where none are named."""
+    firm = _firm(places, found) if firm is None else firm
     albedo, share = (MEAN_ALBEDO, 0.0) if found is None else found.start
     seen = _beams(places, found, positions)
     level = places.color.mean() / albedo
@@ -164,25 +179,29 @@ def _fitted(places: Places, pairs: Pairs, found: Sun | None, positions: F64 = _N
     sky = direct * (1 - share) / max(places.open.sum(axis=1).mean(), 1e-6)
     shares = [share] * (found is not None) + [LAMPS_SHARE] * len(positions)
     start = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, seen.mean(axis=0), strict=True)]
-    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start)
+    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm)
     return _Found(found, positions, light)
 
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
     """The better of both halves' suns, moved to where all places like it best; and what it gains over none."""
+    every = np.ones(len(places), bool)  # edges tell the direction
     without = _fitted(places, pairs, None)
     best, gain = without, 0.0
     for one in suns:
         if one is None:
             continue
-        found = _fitted(places, pairs, one)
+        found = _fitted(places, pairs, one, firm=every)
         if without.light.loss - found.light.loss > gain:
             best, gain = found, without.light.loss - found.light.loss
     if best.sun is None or gain < LEAST_GAIN:
         return without, max(gain, 0.0)
     moved = sun.moved(places, pairs, best.sun, best.light)
-    found = _fitted(places, pairs, moved)
-    return found, without.light.loss - found.light.loss
+    if moved.radius > WIDEST_SUN:
+        return without, gain
+    firm = _firm(places, moved)
+    found, dark = (_fitted(places, pairs, one, firm=firm) for one in (moved, None))
+    return found, dark.light.loss - found.light.loss
 
 
 def _scaled(found: _Found, scale: float) -> _Found:

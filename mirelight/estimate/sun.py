@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
-from mirelight.estimate.fit import FLOOR, ROBUST, Fitted, Pairs, judged
+from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, judged
 from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
@@ -28,6 +28,9 @@ _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
 _DISC = 24  # points of a disc
 _FEW = 8  # of a disc that is being moved
 _ACROSS = 1.5  # standard deviations of a splat, out to which the sun is asked for
+_AROUND = 3.0  # standard deviations of a splat, out to which a proxy's shadow edge may miss the picture's
+_FEWEST, _WHITE = 0.3, 0.5  # shares: of places off shadows' edges, and of those of them in the sun that show white
+_CHANGED = 0.02  # of the sun: more of it than that counts as a change
 _STRIDE = 5  # no divisor of either number of points: which point of the splat goes with which of the disc
 
 
@@ -182,16 +185,29 @@ def _with_disc(of: Search, way: F64) -> Sun:
     return best
 
 
-def disc(places: Places, way: F64, radius: float, points: int = _DISC) -> F64:
+def disc(places: Places, way: F64, radius: float, points: int = _DISC, across: float = _ACROSS) -> F64:
     """(N,) the mean of cosine where it is seen, over a disc around a direction and over each splat: at a shadow's edge
     a splat shows a mean of light and shadow, and taken for either it makes the sun too weak."""
     k = np.arange(points)
     s = np.sin(np.radians(radius)) * np.sqrt((k + 0.5) / points)
     phi = k * np.pi * (3 - np.sqrt(5.0))
     local = np.stack([s * np.cos(phi), s * np.sin(phi), np.sqrt(1 - s * s)], axis=-1)
-    r = _ACROSS * np.sqrt((k * _STRIDE % points + 0.5) / points)
+    r = across * np.sqrt((k * _STRIDE % points + 0.5) / points)
     aside = np.stack([r * np.cos(-2 * phi), r * np.sin(-2 * phi)], axis=-1)
     return np.asarray(places.facing(np.einsum("dk,kj->dj", local, frame_around(way)), aside).mean(axis=0))
+
+
+def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
+    """(N,) places whose share of the sun does not change around them. On a shadow's edge a proxy that is a little wrong
+    has light where the picture has shadow, and the other way round, and that makes the sun too weak. All places where
+    those in the sun mostly show white, as then its edges alone tell how strong it is; or where few are left."""
+    inside, around = (disc(places, found.to_sun, found.radius, across=across) for across in (0.0, _AROUND))
+    cosine = np.abs(places.normals @ found.to_sun)
+    rows = np.abs(inside - around) <= _CHANGED * cosine
+    white = places.color.max(axis=1)[rows & (inside > 0.5 * cosine)] >= WHITE_OUT
+    if rows.mean() < _FEWEST or not len(white) or white.mean() > _WHITE:
+        return np.ones(len(places), bool)
+    return np.asarray(rows)
 
 
 def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:

@@ -209,7 +209,7 @@ class EstimatedSky:
     seed: int
     exposure: float = 0.0  # stops that the estimate is made stronger by
     intensity: float = 1.0  # multiplies lux and radiance
-    method: int = 4  # of estimating; counted up when the same splats give another light
+    method: int = 5  # of estimating; counted up when the same splats give another light
 
 
 SUN, SKY = "sun", "sky"  # names of a sky model's layers

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mirelight import colour
 from mirelight.conventions import quaternion_from_rotation, unit
 from mirelight.errors import RenderError
-from mirelight.estimate import Estimate, estimate, fit, lighting_of, sun, transport
+from mirelight.estimate import Estimate, estimate, fit, lighting_of, solve, sun, transport
 from mirelight.estimate.describe import described, unknown
 from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
@@ -97,6 +97,13 @@ def painted(mesh: ProxyMesh, light: Lighting, count: int, shown: NDArray[np.bool
         opacities=np.full(count, 0.95, np.float32),
         sh=((display - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
     )
+
+
+def sphere_map(rows: int) -> F64:
+    """(rows, 2 rows, 3) the directions of an equirectangular map's pixels."""
+    v, u = np.meshgrid((np.arange(rows) + 0.5) / rows, (np.arange(2 * rows) + 0.5) / (2 * rows), indexing="ij")
+    theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
+    return np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
 
 
 @cache
@@ -243,6 +250,50 @@ def test_a_splat_on_a_shadows_edge_is_partly_lit() -> None:
     assert edge.sum() > 20
     assert np.abs(lit[edge] - share).max() < 0.12
     assert abs(float(np.mean(lit[edge] - share))) < 0.02
+
+
+def test_places_on_a_shadows_edge_are_not_firm() -> None:
+    """The same roof: three standard deviations on either side of its edge, and nothing else off the rims."""
+    mesh, splats = slabs(0.2)
+    places = transport.places_of(splats, mesh, SETTINGS)
+    floor = (places.points[:, 1] < 0.5) & (np.abs(places.points[:, [0, 2]]) < 1.8).all(axis=1)
+    x = places.points[floor, 0] / 0.05
+    firm = sun.firm(places, sun.Sun(np.array([0.0, 1.0, 0.0]), 0.0, np.zeros(0), 0.0, (0.35, 0.45)))[floor]
+    assert not firm[np.abs(x) < 2.5].any()
+    assert firm[np.abs(x) > 3.1].all()
+
+
+def test_a_sun_is_as_strong_as_it_was_though_the_proxys_shadows_miss() -> None:
+    """Stripes of sunlight, which the proxy has half their width beside: without their edges the sun is as it was."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform(0, 1, (1500, 3)) * (1, 0, 1)
+    phase = (points[:, 0] / 0.2) % 1
+    lit, seen = (np.where((phase - moved) % 1 < 0.15, 0.8, 0.0)[:, None] for moved in (0.0, 0.08))
+    firm = np.min(np.abs((phase[:, None] - (0.04, 0.19) + 0.5) % 1 - 0.5), axis=1) > 0.06
+    open_: F64 = np.full((1500, PATCHES), 0.1 / PATCHES) * np.exp(0.3 * rng.standard_normal((1500, 1)))
+    met = np.full((1500, 3), 0.1)
+    light = fit.light_of(open_, met, lit, np.ones((PATCHES, 3)), np.full((1, 3), 2.0))
+    color: F64 = 0.35 * np.exp(0.1 * rng.standard_normal((1500, 1))) * light
+    pairs = fit.pairs_of(points, color, rng)
+    every, without = (
+        fit.fit(color, open_, met, seen, pairs, 0.5, [1.0], rows).beams.mean() / 2
+        for rows in (np.ones(1500, bool), firm)
+    )
+    assert abs(every - 1) > 0.1
+    assert abs(without - 1) < 0.03
+
+
+def test_light_from_a_wide_patch_is_sky_and_no_sun() -> None:
+    """A soft box of 40 degrees across: as a sun it would be taken for a disc, and the rest of the sky for too dark."""
+    ways = sphere_map(32)
+    box = np.where((ways @ TO_SUN > np.cos(np.radians(20)))[..., None], 8.0, 0.2) * np.ones(3)
+    soft = Lighting(environment=Environment(radiance=box.astype(np.float32)))
+    places = transport.places_of(painted(yard(), soft, 900), yard(), SETTINGS)
+    pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
+    wide = sun.Sun(TO_SUN, 16.0, np.zeros(0), 0.0, (0.35, 0.45))
+    best, _ = solve._best(places, pairs, [wide, None])
+    assert best.sun is None
+    assert best.light.sky[patch_of(TO_SUN)].mean() > 3 * np.median(best.light.sky)
 
 
 @cache

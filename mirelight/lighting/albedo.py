@@ -7,6 +7,7 @@ vertex counts and fine texture does not, and vertices are enough to hold it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,13 +96,13 @@ def vertex_colors(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, sett
     mesh = _split_by_orientation(proxy)
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     deposits = deposits_of(splats, mesh, tracer)
-    neighbours = _neighbours(mesh)
+    outwards = _outwards(mesh, deposits)
     colors = np.asarray(mesh.vertex_colors)
     lit = True
     for done, spp in enumerate(SPP):
         light = irradiance_at(deposits, mesh, tracer, captured, spp)
         lit = bool(light.any())
-        found = _albedo(mesh, deposits, light, neighbours)
+        found = _albedo(mesh, deposits, light, outwards)
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
         tracer.recolor(colors)
@@ -199,14 +200,14 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
     return light
 
 
-def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, neighbours: Int) -> F32:
+def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, outwards: Sequence[Int]) -> F32:
     """(V, 3) sums of the splats' colours over sums of their light."""
     weight = deposits.weight * np.where(_overexposed(mesh, deposits, light), _OVEREXPOSED, 1)
     values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1) * weight[:, None]
     sums = np.zeros((len(mesh.vertices), 7))
     for k in range(3):
         _add(sums, mesh.faces[deposits.face, k], values * deposits.corners[:, k, None])
-    c, e, w = np.split(_filled(sums, neighbours), [3, 6], axis=1)
+    c, e, w = np.split(_filled(sums, outwards), [3, 6], axis=1)
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
@@ -236,18 +237,36 @@ def _neighbours(mesh: ProxyMesh) -> Int:
     return np.concatenate([pairs, pairs[:, ::-1]])
 
 
-def _filled(sums: F64, neighbours: Int) -> F64:
+def _outwards(mesh: ProxyMesh, deposits: Deposits) -> list[Int]:
+    """From vertices with splats outwards, step by step: (E, 2) a vertex that is reached, a neighbour that is known."""
+    neighbours, known = _neighbours(mesh), np.zeros(len(mesh.vertices), bool)
+    for k in range(3):
+        known[mesh.faces[deposits.face, k][deposits.weight * deposits.corners[:, k] > 0]] = True
+    by_source = np.argsort(neighbours[:, 1], kind="stable")
+    ends = np.searchsorted(neighbours[by_source, 1], np.arange(len(known) + 1))
+    steps, front = list[Int](), np.flatnonzero(known)
+    for _ in range(_FILL_STEPS):
+        count = ends[front + 1] - ends[front]
+        own = np.arange(count.sum()) + np.repeat(ends[front] - np.cumsum(count) + count, count)
+        reached = neighbours[np.sort(by_source[own])]
+        reached = reached[~known[reached[:, 0]]]
+        if not len(reached):
+            break
+        steps.append(reached)
+        front = np.unique(reached[:, 0])
+        known[front] = True
+    return steps
+
+
+def _filled(sums: F64, outwards: Sequence[Int]) -> F64:
     """Means from sums; vertices without a splat take the mean of their neighbours', from the known ones outwards."""
     out = sums / np.maximum(sums[:, 6:], 1e-300)
     known = sums[:, 6] > 0
-    for _ in range(_FILL_STEPS):
-        neighbours = neighbours[~known[neighbours[:, 0]]]
-        reached = neighbours[known[neighbours[:, 1]]]
-        if not len(reached):
-            break
-        _add(out, reached[:, 0], out[reached[:, 1]])
-        new = np.unique(reached[:, 0])
-        out[new] /= out[new, 6:]
+    for reached in outwards:
+        new, row = np.unique(reached[:, 0], return_inverse=True)
+        found = np.zeros((len(new), sums.shape[1]))
+        _add(found, row, out[reached[:, 1]])
+        out[new] = found / found[:, 6:]
         known[new] = True
     out[~known] = sums.sum(axis=0) / sums[:, 6].sum()
     return out

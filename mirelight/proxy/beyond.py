@@ -1,9 +1,10 @@
-"""Walls and floors that go on where the cameras' pictures end.
+"""Walls and floors that go on where the cameras' pictures end, and behind what stands before them.
 
 Pictures end somewhere, and walls do not end there with them: the wall beside a camera, the floor below it. Each large
 plane of the surface is looked at in rows along its two axes; where a row is still surface at the last place that any
 picture shows, it goes on, to the end of the box that holds the surface and the cameras. Where a picture shows that it
-ends, or what stands before it, it does not.
+ends, it does not. A row that is lost behind something, and found again in the same plane on its other side, was there
+all the way; so was one that is hidden up to the end of the box.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.sampling import areas_of
+from mirelight.proxy.sampling import areas_of, spread
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import lattice, turned
 
@@ -27,10 +28,12 @@ _GAP = 3  # cells between the last surface of a row and where pictures end
 _LEAST_ROW = 6  # cells of surface, that a row must have to go on
 _ENOUGH = 0.2  # of the rows: if so many are seen to end, a side does not go on
 _SPACINGS = 2.5  # of the splats, to a cell at least: its surface has no gaps then
+_MARKS = 8  # of the surface, to an area of a cell
 _CELLS = 200  # along the box's longest side
 
 Bool = NDArray[np.bool_]
-InPictures = Callable[[F64], Bool]  # (M, 3) points: whether any camera has them in its picture
+# (M, 3) points: whether a camera looked through them, and whether one has them in its picture, seen or hidden
+Look = Callable[[F64], tuple[Bool, Bool]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,14 +44,14 @@ class _Plane:
     area: float
 
 
-def beyond_pictures(soup: Soup, eyes: F64, spacing: float, in_pictures: InPictures) -> Soup:
+def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float], Look]) -> Soup:
     """Triangles that carry on large planes of a surface where no picture shows whether they end.
 
     Args:
         soup: the surface.
         eyes: (C, 3) where its cameras were.
         spacing: of the capture's splats.
-        in_pictures: tells what they had in their pictures, seen or hidden.
+        look: tells what they had in their pictures; of points nearer to the surface than so much, not looked through.
     """
     low = np.minimum(soup.vertices.min(axis=0), eyes.min(axis=0))
     high = np.maximum(soup.vertices.max(axis=0), eyes.max(axis=0))
@@ -56,7 +59,7 @@ def beyond_pictures(soup: Soup, eyes: F64, spacing: float, in_pictures: InPictur
     planes = _planes(soup, cell)
     vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for plane in planes:
-        made = _carried_on(plane, soup, planes, low, high, cell, in_pictures)
+        made = _carried_on(plane, soup, planes, low, high, cell, look(cell))
         vertices.append(made.vertices)
         faces.append(made.faces + start)
         start += len(made.vertices)
@@ -114,7 +117,7 @@ def _largest(normal: F64, middle: F64, area: F64, left: Int, tried: F64, thick: 
 
 
 def _carried_on(
-    plane: _Plane, soup: Soup, planes: Sequence[_Plane], low: F64, high: F64, cell: float, in_pictures: InPictures
+    plane: _Plane, soup: Soup, planes: Sequence[_Plane], low: F64, high: F64, cell: float, look: Look
 ) -> Soup:
     """The part of a plane in the box that carries on its surface."""
     u, v = _axes(plane, planes)
@@ -127,14 +130,15 @@ def _carried_on(
     spots = plane.normal * plane.offset + (start[0] + (i + 0.5) * cell)[:, None] * u
     spots += (start[1] + (j + 0.5) * cell)[:, None] * v
     inside = ((spots >= low - cell) & (spots <= high + cell)).all(axis=1).reshape(count)
-    shown = in_pictures(spots).reshape(count)
+    free, shown = (x.reshape(count) for x in look(spots))
     surface = np.zeros(count, bool)
-    own = turned(soup.vertices[soup.faces[plane.faces]].mean(axis=1), frame)
+    own = turned(spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1), frame)
     at = np.clip(np.floor((own - start) / cell).astype(int), 0, count - 1)
     surface[at[:, 0], at[:, 1]] = True
     more = np.zeros(count, bool)
     for turn in range(4):
         grown = _grown(*(np.rot90(x, turn) for x in (surface, shown, inside)))
+        grown |= _behind(*(np.rot90(x, turn) for x in (surface, shown & ~free, ~free, inside)))
         more |= np.rot90(grown, -turn)
     more &= ~surface & inside
     return _rectangles(more, plane, u, v, start, cell)
@@ -157,6 +161,26 @@ def _grown(surface: Bool, shown: Bool, inside: Bool) -> Bool:
     if ended.sum() > _ENOUGH * enough.sum():
         end = int(np.quantile(last[ended], 0.9)) + 1
     return np.asarray(goes_on[:, None] & past & ~shown & inside & (along <= end))
+
+
+def _behind(surface: Bool, hidden: Bool, unknown: Bool, inside: Bool) -> Bool:
+    """Cells that no picture looks through, between surface in their row, or hidden from surface to the box's end."""
+    enough = surface.sum(axis=1) >= _LEAST_ROW
+
+    def reached(start: Bool, through: Bool) -> Bool:
+        """Cells `through` which one comes from a start, towards larger second indices."""
+        along = np.arange(start.shape[1])
+        last = np.maximum.accumulate(np.where(start, along, -1), axis=1)
+        stopped = np.maximum.accumulate(np.where(start | through, -1, along), axis=1)
+        return np.asarray(through & ~start & (last >= 0) & (last > stopped))
+
+    def back(start: Bool, through: Bool) -> Bool:
+        return reached(start[:, ::-1], through[:, ::-1])[:, ::-1]
+
+    between = reached(surface, unknown) & back(surface, unknown)
+    past = np.pad(~inside, ((0, 0), (0, 1)), constant_values=True)
+    to_the_end = reached(surface, hidden) & back(past, np.pad(hidden, ((0, 0), (0, 1))))[:, :-1]
+    return np.asarray(enough[:, None] & inside & (between | to_the_end))
 
 
 def _axes(plane: _Plane, planes: Sequence[_Plane]) -> tuple[F64, F64]:

@@ -16,7 +16,7 @@ import numpy as np
 from mirelight.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera
-from mirelight.proxy.beyond import beyond_pictures
+from mirelight.proxy.beyond import Look, beyond_pictures
 from mirelight.proxy.fusion import Grid
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.pictures import Bool, Pictures
@@ -72,9 +72,11 @@ def closing(
     room = (DEEP + THIN + 1) * cell  # so that what bounds the scene has something behind it
     hidden = _boundary_of_hidden(soup, pictures, low - room, high + room, cell)
     progress("carrying on walls", 0.7)
-    further = beyond_pictures(
-        soup, pictures.eyes, spacing, lambda points: pictures.states(points.astype(np.float32), 0.0)[1]
-    )
+
+    def look(before: float) -> Look:
+        return lambda points: pictures.states(points.astype(np.float32), -before)
+
+    further = beyond_pictures(soup, pictures.eyes, spacing, look)
     return joined(hidden, further)
 
 

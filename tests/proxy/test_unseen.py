@@ -120,6 +120,28 @@ def test_a_crack_closes_and_a_window_stays_open_aslant_too() -> None:
         assert not blocked(closed, window, np.array(way)).any()
 
 
+def test_a_wall_goes_on_behind_what_hides_it() -> None:
+    """A panel before a wall: no camera saw the wall there, and yet no light comes through."""
+    deep, half = 1.2, 0.5
+    wall, facing = square(4.0, 0.05, 2, 0.0)
+    eyes = [np.array(eye) for eye in ((-0.5, 0.3, 6.0), (0.0, -0.3, 6.5), (0.5, 0.2, 6.0))]
+    seen = np.zeros(len(wall), bool)
+    for eye in eyes:
+        passing = eye + (wall - eye) * ((eye[2] - deep) / eye[2])
+        seen |= (np.abs(passing[:, :2]) > half).any(axis=1)
+    panel = square(2 * half, 0.05, 2, deep)
+    points, normals = np.concatenate([wall[seen], panel[0]]), np.concatenate([facing[seen], panel[1]])
+    cameras = [Camera.look_at(eye, (0, 0, 0), 160, 128, yfov=45, name=f"{k}") for k, eye in enumerate(eyes)]
+    cloud = on_surface(points, normals, 0.035, thin=0.02)
+    amid = ~seen & (np.abs(wall[:, :2]) < 0.3).all(axis=1)  # cells grow into the rim
+    starts = wall[amid] + (0, 0, deep / 2)
+    assert len(starts) > 100
+    open_, closed = (
+        blocked(m, starts, np.array((0.0, 0.0, -1.0))) for m in (make(cloud), make(cloud, cameras=cameras))
+    )
+    assert closed.mean() > 0.9 > 0.1 > open_.mean()
+
+
 def test_cameras_of_something_else_are_refused() -> None:
     away = [Camera.look_at((0, 0, 30), (0, 0, 60), 64, 48, yfov=40, name="away")]
     with pytest.raises(InputError, match="its 1 cameras see 0% of its surface"):

@@ -245,10 +245,10 @@ class Scene:
                 splats, mesh = self.splats, self.mesh
                 assert splats is not None and mesh is not None
                 self._tell("estimating the captured light from the splats; it is kept for the next time")
-                found = estimate(splats, mesh, replace(self.job.render, seed=sky.seed), sky.exposure)
+                found = estimate(splats, mesh, replace(self.job.render, seed=sky.seed), sky.exposure, sky.lights)
                 packed = found.packed().astype(np.float32)
                 self.kept.keep_array(key, packed)
-            known = self._estimates[key] = lighting_of(packed.astype(np.float64))
+            known = self._estimates[key] = lighting_of(packed.astype(np.float64), sky.lights)
         return known
 
     def mixture(self, lighting: Lighting) -> Mixture:

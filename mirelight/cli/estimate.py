@@ -54,6 +54,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.job.captured_text import captured_text
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
+    from mirelight.model import EstimatedSky
 
     out = Path(args.out)
     if out.suffix.lower() != ".toml":
@@ -68,7 +69,9 @@ def run_estimate(args: argparse.Namespace) -> int:
     if out.exists() and out.samefile(work.source):
         raise OutputError(f"{out}: it is the job itself; write the table beside it; nothing was written")
     camera = _camera(work, args.camera)
-    found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure)
+    asked = work.captured.sky if work.captured is not None else None
+    lights = asked.lights if isinstance(asked, EstimatedSky) else ()
+    found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure, lights)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
     sky = found.lighting.environment

@@ -8,10 +8,11 @@ import numpy as np
 
 from mirelight.colour import REC709_LUMINANCE
 from mirelight.estimate.types import Estimate
-from mirelight.model import F64
+from mirelight.model import F64, AreaLight, PointLight, SpotLight
 
 SUNS_AGREE = 6.0  # degrees between the suns of both halves, above which the direction is a guess
 HALVES_AGREE = 0.15  # factor less 1 between the irradiances of both halves
+_UNITS = {PointLight: "candela", SpotLight: "candela", AreaLight: "cd/m²"}  # the rest: lux
 LITTLE = 0.03  # of the differences explained elsewhere: hardly any
 
 
@@ -28,6 +29,9 @@ def described(found: Estimate) -> Iterator[str]:
         yield f"             explains {c.sun_gain:.3f} of the differences; halves of the splats: {_apart(c.sun_apart)}"
     else:
         yield f"sun          none found (the best one explains {c.sun_gain:.3f} of the differences)"
+    for light in found.named:
+        strength, unit = _luminance(light.color * light.intensity), _UNITS.get(type(light), "lux")
+        yield f"light        {light.name}: {strength:.3g} {unit}"
     for lamp, gain in zip(found.lamps, c.lamps_gain, strict=True):
         yield (
             f"lamp         at ({_numbers(lamp[:3])}), {_luminance(lamp[3:]):.3g} candela; explains {gain:.3f} of the "

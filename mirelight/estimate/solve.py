@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from mirelight.estimate.sky import as_map
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
 from mirelight.estimate.types import Confidence, Estimate
-from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud
 
 LEAST_OPEN = 0.003  # share of the view that must be sky
 LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is not known
@@ -43,12 +44,18 @@ class _Found:
 
 
 def _beams(places: Places, one: Sun | None, positions: F64) -> F64:
-    """(N, K) what the sun, if there is one, and lamps at positions (L, 3) bring at strength 1."""
+    """(N, K) what the sun, if there is one, lights that are known and lamps at positions (L, 3) bring at strength 1."""
     suns = [] if one is None else [sun.disc(places, one.to_sun, one.radius)[None]]
-    return np.concatenate([*suns, lamps.lit(places, positions)]).T
+    return np.concatenate([*suns, places.named.T, lamps.lit(places, positions)]).T
 
 
-def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exposure: float = 0.0) -> Estimate:
+def estimate(
+    splats: SplatCloud,
+    proxy: ProxyMesh,
+    settings: RenderSettings,
+    exposure: float = 0.0,
+    lights: Sequence[Light] = (),
+) -> Estimate:
     """The light that splats were captured under, as a sun, a sky, and up to three lamps.
 
     Args:
@@ -56,6 +63,7 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
         proxy: world space; what casts shadows and stands in the way. Its own colours count for nothing.
         settings: seed, variant and threads of the rays.
         exposure: stops by which the light is stronger than it seems, where a person knows better.
+        lights: that are known to have been there, but not how strong: their own colours and intensities do not count.
 
     Returns:
         The same to the bit for the same input.
@@ -64,11 +72,11 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
         RenderError: too few splats lie on the proxy; none of them sees the sky through it.
         BackendError: the variant `scalar_rgb`.
     """
-    places = places_of(splats, proxy, settings)
-    if 1 - places.blocked < LEAST_OPEN:
+    places = places_of(splats, proxy, settings, lights)
+    if 1 - places.blocked < LEAST_OPEN and not lights:
         raise RenderError(
             f"only {1 - places.blocked:.2%} of what the splats on the proxy face is open, so no light comes in from "
-            "outside; lamps inside are not estimated: describe them in the job's [captured], or leave windows open"
+            "outside; name the lamps inside in the job's [captured], or leave windows open"
         )
     halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
@@ -108,6 +116,7 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
         to_sun=np.array([0.0, 1.0, 0.0]) if best.sun is None else best.sun.to_sun,
         sun=np.zeros(3) if best.sun is None else np.pi * best.light.beams[0] * strength,
         sun_diameter=0.53 if best.sun is None else max(2 * best.sun.radius, 0.53),
+        named=tuple(_shining(*pair) for pair in zip(lights, strength * _named(best, places), strict=True)),
         lamps=np.concatenate([best.lamps, np.pi * strength * _strengths(best)], axis=1),
         radiance=as_map(best.light.sky * strength).astype(np.float64),
         confidence=confidence,
@@ -117,6 +126,16 @@ def estimate(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, exp
 def _searched(half: Places, rng: np.random.Generator) -> Sun | None:
     some = half.taken(_thinned(half))
     return sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
+
+
+def _named(found: _Found, places: Places) -> F64:
+    """(L, 3) strengths of lights that are known to have been there."""
+    end = len(found.light.beams) - len(found.lamps)
+    return found.light.beams[end - places.named.shape[1] : end]
+
+
+def _shining(light: Light, strength: F64) -> Light:
+    return replace(light, color=strength / strength.max(), intensity=float(strength.max()))
 
 
 def _strengths(found: _Found) -> F64:
@@ -176,8 +195,9 @@ def _fitted(
     seen = _beams(places, found, positions)
     level = places.color.mean() / albedo
     direct = max(level - places.met.mean(), 0.1 * level)
-    sky = direct * (1 - share) / max(places.open.sum(axis=1).mean(), 1e-6)
-    shares = [share] * (found is not None) + [LAMPS_SHARE] * len(positions)
+    opening = float(places.open.sum(axis=1).mean())
+    sky = direct * (1 - share) / max(opening, 1e-6) if opening >= LEAST_OPEN else 0.0
+    shares = [share] * (found is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(positions))
     start = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, seen.mean(axis=0), strict=True)]
     light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm)
     return _Found(found, positions, light)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
-from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, judged
+from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, judged, light_of
 from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
@@ -212,7 +212,8 @@ def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
 
 def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
     """The sun at the direction, and with the disc, that explain the colours best with the radiances held."""
-    sky = np.einsum("np,pc->nc", places.open, light.sky) + places.met
+    others = light.beams[1 : 1 + places.named.shape[1]]
+    sky = light_of(places.open, places.met, places.named, light.sky, others)
 
     def loss(way: F64, radius: float, points: int) -> float:
         return judged(places.color, sky + disc(places, way, radius, points)[:, None] * light.beams[0], pairs)

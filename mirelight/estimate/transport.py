@@ -6,6 +6,7 @@ is linear in the sky and the sun, in absolute units, whatever the albedo.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from mirelight.estimate.sky import PATCHES, frame_around, patch_of
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import Deposits, deposits_of, face_normals
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F64, Light, Lighting, ProxyMesh, RenderSettings, SplatCloud
 
 PLACES = 6000  # splats that tell the light
 RAYS = 384  # from each, to what it faces: the noise of what few rays meet looks smaller under more light
@@ -28,6 +29,7 @@ SHOWN = 20000  # splats that tell what colour a ray meets
 FEWEST = 200  # splats on the proxy, below which nothing is known
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
 MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
+LIGHT_SPP = 32  # samples of a light that is known, at each splat: its shadows may be soft
 LIFT = 2e-4  # of the diagonal: where rays start
 _CHUNK = 1 << 20  # rays at once
 
@@ -45,6 +47,7 @@ class Places:
     spread: F64  # (N, 2, 3) world units: a standard deviation of the splat along the surface, both ways
     open: F64  # (N, PATCHES) share of the cosine-weighted hemisphere that sees each patch of the sky
     met: F64  # (N, 3) linear: what the hemisphere's other part shows
+    named: F64  # (N, L) irradiance / pi that comes straight from each light that is known to have been there, at 1
     sight: Sight  # for shadow rays
 
     def __len__(self) -> int:
@@ -65,6 +68,7 @@ class Places:
             spread=self.spread[rows],
             open=self.open[rows],
             met=self.met[rows],
+            named=self.named[rows],
         )
 
     def facing(self, to_sun: F64, aside: F64 | None = None) -> F64:
@@ -121,13 +125,14 @@ def _sound(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
     return np.asarray(_whole(deposits, normals) & (deposits.color.min(axis=1) > DARKEST))
 
 
-def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) -> Places:
+def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, lights: Sequence[Light] = ()) -> Places:
     """Rays from splats through the proxy.
 
     Args:
         splats: world space.
         proxy: world space; its own colours count for nothing.
         settings: seed, variant and threads.
+        lights: that are known to have been there.
 
     Raises:
         RenderError: fewer than `FEWEST` splats lie on the proxy and show a colour.
@@ -172,7 +177,20 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings) ->
     rays = min(int(GOING_OUT / max(float(around.sum(axis=1).mean()), 1e-9)), MOST_RAYS)
     if rays > 1.5 * RAYS:
         around = _open(start, normals, sight, rays, rng)
-    return Places(color=color, points=start, normals=normals, spread=spread, open=around, met=met, sight=sight)
+    named = _from_lights(replace(mesh, albedo=np.zeros(3)), lights, points, normals, settings)
+    return Places(
+        color=color, points=start, normals=normals, spread=spread, open=around, met=met, named=named, sight=sight
+    )
+
+
+def _from_lights(mesh: ProxyMesh, lights: Sequence[Light], points: F64, normals: F64, settings: RenderSettings) -> F64:
+    """(N, L) irradiance / pi at points of a black mesh by each of the lights, white and of intensity 1."""
+    tracer = Tracer(mesh, replace(settings, max_depth=1), aovs=False)
+    columns = np.zeros((len(points), len(lights)))
+    for k, light in enumerate(lights):
+        alone = Lighting(lights=(replace(light, name="light", color=np.ones(3), intensity=1.0, group=None),))
+        columns[:, k] = tracer.point_layers(alone, points, normals, LIGHT_SPP).total[:, 0] / np.pi
+    return columns
 
 
 def _spread(splats: SplatCloud, rows: NDArray[np.int64], normals: F64, most: float) -> F64:

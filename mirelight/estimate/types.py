@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.model import F64, Environment, Lighting, PointLight, SunLight
+from mirelight.model import F64, Environment, Light, Lighting, PointLight, SunLight
 from mirelight.model.lights import SKY, SUN
 
-_SUN_VALUES = 7  # direction, irradiance, diameter: before the map's own
+_SUN_VALUES = 7  # direction, irradiance, diameter: before those of lamps and the map's own
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,29 +35,36 @@ class Estimate:
     to_sun: F64  # (3,) unit; straight up where there is no sun
     sun: F64  # (3,) linear: irradiance of a facing surface; 0: no sun
     sun_diameter: float  # degrees
-    lamps: F64  # (L, 6) position in world units, candela in linear RGB
+    named: tuple[Light, ...]  # that were known to have been there, with the colours and intensities found
+    lamps: F64  # (L, 6) of those that were searched: position in world units, candela in linear RGB
     radiance: F64  # (48, 96, 3) linear, equirectangular, row 0 is +Y
     confidence: Confidence
 
     @property
     def lighting(self) -> Lighting:
         """As lights: a sun, lamps and a map."""
-        return lighting_of(self.packed())
+        return lighting_of(self.packed(), self.named)
 
     def packed(self) -> F64:
         """All of the light as one row of numbers, for keeping."""
-        lamps = [len(self.lamps)], self.lamps.ravel()
+        named = [light.color * light.intensity for light in self.named]
+        lamps = *named, [len(self.lamps)], self.lamps.ravel()
         return np.concatenate([self.to_sun, self.sun, [self.sun_diameter], *lamps, self.radiance.ravel()])
 
 
-def lighting_of(packed: F64) -> Lighting:
-    """The lighting of :meth:`Estimate.packed`: a light "sun", which may have intensity 0, lamps in its layer, and an
-    environment "sky"."""
+def lighting_of(packed: F64, named: Sequence[Light] = ()) -> Lighting:
+    """The lighting of :meth:`Estimate.packed`: a light "sun", which may have intensity 0, lamps in its layer (`named`
+    ones, which the estimate was given, first), and an environment "sky"."""
     values = np.asarray(packed, dtype=np.float64)
     to_sun, color, diameter = values[:3], values[3:6], float(values[6])
+    strengths, values = np.split(values[_SUN_VALUES:], [3 * len(named)])
+    known = tuple(
+        replace(light, color=rgb / max(rgb.max(), 1e-30), intensity=float(rgb.max()), group=SUN)
+        for light, rgb in zip(named, strengths.reshape(-1, 3), strict=True)
+    )
     lux = float(color.max())
-    end = _SUN_VALUES + 1 + 6 * int(values[_SUN_VALUES])
-    rows_of_lamps = values[_SUN_VALUES + 1 : end].reshape(-1, 6)
+    end = 1 + 6 * int(values[0])
+    rows_of_lamps = values[1:end].reshape(-1, 6)
     lamps = tuple(
         PointLight(
             name=f"lamp {k}",
@@ -77,4 +85,4 @@ def lighting_of(packed: F64) -> Lighting:
         angular_diameter=diameter,
     )
     radiance = pixels.reshape(rows, 2 * rows, 3).astype(np.float32)
-    return Lighting(name="captured", lights=(sun, *lamps), environment=Environment(name=SKY, radiance=radiance))
+    return Lighting(name="captured", lights=(sun, *known, *lamps), environment=Environment(name=SKY, radiance=radiance))

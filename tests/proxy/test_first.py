@@ -152,6 +152,7 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
         to_sun=np.array([0.0, 1, 0]),
         sun=np.full(3, 4 * np.pi),
         sun_diameter=1.0,
+        named=(),
         lamps=np.zeros((0, 6)),
         radiance=np.full((48, 96, 3), 4.0),
         confidence=sure,

@@ -24,6 +24,7 @@ from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud, SplatFile
+from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
 
 if TYPE_CHECKING:
@@ -169,7 +170,7 @@ def build(source: Source, table: JobTable) -> Job:
         lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
         is_moment = [False] * len(lightings)
     mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
-    captured = captured or _estimated(table, splats, proxy)
+    captured = captured or _estimated(table, splats, proxy, assets, wrong)
     cameras_of()
     source.refuse(wrong)
     return Job(
@@ -343,11 +344,18 @@ def _captured(
 
 
 def _estimated(
-    table: JobTable, splats: Deferred[SplatCloud] | None, proxy: Deferred[ProxyMesh] | None
+    table: JobTable,
+    splats: Deferred[SplatCloud] | None,
+    proxy: Deferred[ProxyMesh] | None,
+    assets: Assets,
+    wrong: list[Mistake],
 ) -> Lighting | None:
     """Captured light that a prepared scene estimates; None where the job does not ask for it."""
     if table.captured is None or not table.captured.estimate or splats is None or proxy is None:
         return None
     seed, exposure = table.render.seed, table.captured.exposure
-    sky = EstimatedSky(splats=splats.digest, proxy=proxy.digest, seed=seed, exposure=exposure)
+    named = lighting.lighting("captured", table.captured, ("captured",), assets, wrong).lights
+    white = [replace(light, color=np.ones(3), intensity=1.0, group=None) for light in named]
+    lights = lighting.unique(white, {SUN, SKY})
+    sky = EstimatedSky(splats=splats.digest, proxy=proxy.digest, seed=seed, exposure=exposure, lights=lights)
     return Lighting(name="captured", sky=sky)

@@ -94,7 +94,9 @@ class CapturedTable(Lit):
         default=None, description="Name of one of the job's lightings; instead of the other keys."
     )
     estimate: bool = Field(
-        default=False, description="Whether it is estimated from the splats and the proxy; instead of the other keys."
+        default=False,
+        description="Whether it is estimated from the splats and the proxy. `lights` and `lights_from` then say which "
+        "lamps there were: how strong they were is found.",
     )
     exposure: float = Field(
         default=0.0, ge=-20, le=20, allow_inf_nan=False, description="Stops by which an estimate is made stronger."
@@ -103,8 +105,10 @@ class CapturedTable(Lit):
     @model_validator(mode="after")
     def _check(self) -> CapturedTable:
         if self.estimate:
-            if self.lighting is not None or self.lights or self.lights_from or self.environment:
+            if self.lighting is not None or self.environment:
                 raise wrong("an estimate and a lighting", "keep one of them", at="estimate")
+            if any(light.type == "playcanvas" for light in self.lights):
+                raise wrong("a light in the engine's units", "give its place as another type", at="lights")
             return self
         if "exposure" in self.model_fields_set:
             raise wrong("the exposure of an estimate", "add estimate = true, or leave it out", at="exposure")

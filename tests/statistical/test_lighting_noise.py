@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight.lighting import Interrupted, Tracer, adaptive
+from mirelight.lighting import Interrupted, Tracer, adaptive, frame
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -302,12 +302,13 @@ def test_an_interrupt_between_adding_samples_and_counting_them_waits(monkeypatch
         if len(calls) == 2:
             signal.raise_signal(signal.SIGINT)
 
+    monkeypatch.setattr(frame, "TILE", 0)  # a tile's sequence is cut by how many samples a pixel is to have
     monkeypatch.setattr(Film, "close", interrupted)
     with pytest.raises(Interrupted) as caught:
         tracer.trace(lighting, VIEW)
     buffer = caught.value.buffer
     assert buffer is not None and buffer.spp == 32
-    monkeypatch.undo()
+    monkeypatch.setattr(Film, "close", close)
     tracer.settings = replace(tracer.settings, spp=32)
     np.testing.assert_array_equal(buffer.beauty, tracer.trace(lighting, VIEW).beauty)
     np.testing.assert_array_equal(buffer.coverage, tracer.trace(lighting, VIEW).coverage)

@@ -321,7 +321,8 @@ def test_a_steps_noise_is_what_other_seeds_show() -> None:
         steps = np.array([x.rungs[index].frame.astype(np.float64) - x.rungs[index - 1].frame for x in ladders])
         spread = np.sqrt(np.mean(np.var(steps, axis=0, ddof=1)))
         told = np.array([step.noise for x in ladders for step in x.steps if step.name == name], dtype=np.float64)
-        np.testing.assert_allclose(told, spread, rtol=0.1)
+        np.testing.assert_allclose(told.mean(), spread, rtol=0.1)
+        np.testing.assert_allclose(told, spread, rtol=0.25)  # pixels share a sequence: a seed is one draw
         assert spread > 1e-3
     assert all(step.noise is None for step in ladders[0].steps if step.name in ("float", "buffer", "prefilter"))
 

@@ -243,6 +243,8 @@ def test_other_processes_read_it(folders: tuple[Path, Path], method: str) -> Non
     here = view[5].rgba  # some cameras are ready, others are not
     with multiprocessing.get_context(method).Pool(2) as pool:
         found = pool.starmap(frame_elsewhere, [(view, i) for i in (5, 0, 5)])
+        pool.close()  # its processes end by themselves, and not by signals that wait for each other's locks
+        pool.join()
     assert np.array_equal(found[0], here) and np.array_equal(found[2], here)
     assert len(pickle.dumps(view)) < 2000
 

@@ -62,9 +62,9 @@ class Deaf:
     def __init__(self) -> None:
         self.asked: list[Any] = []
 
-    def move(self, layer: int, light: int, position: np.ndarray) -> bool:
+    def move(self, layer: int, light: int, position: np.ndarray) -> int | None:
         self.asked.append((layer, light, position.tolist()))
-        return layer == 0
+        return 5 if layer == 0 else None
 
     def ask_still(self, view: View) -> None:
         self.asked.append(view)
@@ -170,7 +170,7 @@ def test_news_layers_and_stills(asker: Asker) -> None:
 
 
 def test_what_is_asked_reaches_the_session(asker: Asker) -> None:
-    assert asker.ask("live/light", b'{"layer": 0, "light": 1, "position": [1, 2.5, -3]}')[0] == 204
+    assert asker.ask("live/light", b'{"layer": 0, "light": 1, "position": [1, 2.5, -3]}') == (200, b"5")
     assert asker.ask("live/still", json.dumps(VIEW).encode())[0] == 204
     assert asker.ask("live/still", b'{"number": null}')[0] == 204
     moved, view, dropped = asker.session.asked

@@ -102,11 +102,11 @@ def test_aovs_are_those_of_the_surface(name: str) -> None:
 
 def test_smooth_and_flat_normals_of_a_ball() -> None:
     camera = Camera.look_at([0, 0, 4], [0, 0, 0], 48, 48)
-    buffer = render(sphere(smooth=True, rings=48), camera, spp=16)
+    buffer = render(sphere(smooth=True, rings=40), camera, spp=16)
     seen = buffer.coverage == 1
     outward = buffer.position[seen] / np.linalg.norm(buffer.position[seen], axis=1, keepdims=True)
     np.testing.assert_allclose(buffer.normal[seen], outward, atol=0.005)
-    assert np.abs(buffer.geometric_normal[seen] - outward).max() > 0.008  # of facets
+    assert np.abs(buffer.geometric_normal[seen] - outward).max() > 0.01
     assert not buffer.normal[buffer.coverage == 0].any()
 
 

@@ -9,7 +9,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -30,9 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if args.command is None:
         parser.print_help()
         return BAD
-    signal.signal(signal.SIGTERM, _terminate)
     try:
-        code = _run(args)
+        with _in_order():
+            code = _run(args)
         return code if _flushed() else BAD
     except RenderError as e:  # raised where only arrays are known
         _say(f"{_subject(args)}: {e}")
@@ -105,13 +105,24 @@ def _say(line: str) -> None:
         print(f"mirelight: {printable(line)}", file=sys.stderr)
 
 
+@contextlib.contextmanager
+def _in_order() -> Iterator[None]:
+    """SIGTERM ends the block in order, so that no temporary file is left; after it the process is as it was."""
+    thresholds = gc.get_threshold()
+    gc.set_threshold(100_000, 20, 100)  # plans of many frames hold a million objects and no cycles
+    before = signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        gc.set_threshold(*thresholds)
+
+
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    """SIGTERM ends the program in order, so that no temporary file is left."""
     raise SystemExit(TERMINATED)
 
 
 def _run(args: argparse.Namespace) -> int:
-    gc.set_threshold(100_000, 20, 100)  # plans of many frames hold a million objects and no cycles
     match args.command:
         case "new":
             from mirelight.cli.new import run_new

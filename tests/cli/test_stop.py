@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
+from types import FrameType
 
 import pytest
 
+from mirelight.cli import main
 from mirelight.cli.progress import Tally
 from mirelight.cli.stop import Watched, exit_code
 
@@ -56,3 +59,17 @@ def test_an_interrupt_behind_another_error_is_one() -> None:
     assert exit_code(wrapped(KeyboardInterrupt())) == 130
     assert exit_code(wrapped(SystemExit(143))) == 143
     assert exit_code(wrapped(ValueError())) is None
+
+
+def test_a_command_called_from_python_leaves_the_process_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+    def own(number: int, frame: FrameType | None) -> None:
+        raise AssertionError
+
+    before, thresholds = signal.signal(signal.SIGTERM, own), gc.get_threshold()
+    try:
+        assert main(["schema"]) == 0
+        assert main(["inspect", "no-such.toml"]) == 2
+        assert signal.getsignal(signal.SIGTERM) is own
+        assert gc.get_threshold() == thresholds
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from bench_truth_captures import Captured
 from bench_truth_scores import F32, Score, edges_of, mean, score
+from bench_truth_seen import seen_of
 from bench_truth_store import Store
 from PIL import Image
 
@@ -40,6 +41,7 @@ Surface = Literal[
     "decimated 50x",
     "moved 1 %",
     "moved 1 %, fitted",
+    "exact, unseen left out",
     "own",
     "own, cameras known",
 ]
@@ -48,10 +50,8 @@ Known = Literal["known", "estimated"]
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 ORDER: tuple[Surface, ...] = get_args(Surface)
 SURFACES = tuple(x for x in ORDER if x not in ("without bars", "solid"))
-FEW: tuple[Surface, ...] = (
-    "exact",
-    "own, cameras known",
-)  # of captures that are not `whole`; and with the light estimated
+FEW: tuple[Surface, ...] = ("exact", "exact, unseen left out", "own, cameras known")  # of captures not `whole`
+ESTIMATED: tuple[Surface, ...] = ("exact", "own, cameras known")  # with the light estimated too
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +140,8 @@ class Bench:
             case "moved 1 %, fitted":
                 name = f"{capture.scene}.fitted"
                 return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
+            case "exact, unseen left out":
+                return seen_of(capture.exact, splats, self.size)
             case "own" | "own, cameras known":
                 return self._own(surface == "own, cameras known")
 
@@ -171,7 +173,7 @@ class Bench:
             mesh = self.mesh(surface)
             ways = WAYS if surface == "exact" and self.capture.whole else (BEST,)
             yield from self._relit(surface, "known", mesh, self.capture.light, ways[:2] if quick else ways)
-            if surface in FEW and not quick:
+            if surface in ESTIMATED and not quick:
                 yield from self._relit(surface, "estimated", mesh, self._estimated(surface, mesh), (BEST,))
 
     def _relit(

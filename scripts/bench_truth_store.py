@@ -37,6 +37,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
         "mirelight/model",
         "scripts/bench_truth_rows.py",
         "scripts/bench_truth_scores.py",
+        "scripts/bench_truth_seen.py",
     ),
 }
 

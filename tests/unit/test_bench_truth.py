@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mirelight.model import ProxyMesh, SplatCloud
+
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
@@ -117,3 +119,47 @@ def test_rows_are_the_same_from_plain_values(monkeypatch: pytest.MonkeyPatch) ->
     score = scores.Score(35.5, 34, 21, 20, 0.6, 0.2)
     row = rows.Row("room", "ratio", "own", "known", rows.BEST, True, score, own, 1.5, 0.0, 0.25, 300)
     assert rows.row_of(json.loads(json.dumps(asdict(row)))) == row
+
+
+def test_what_splats_tell_of_a_surface_is_the_part_that_they_lie_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    seen = importlib.import_module("bench_truth_seen")
+    corners = np.array([[0, 0, 0], [4, 0, 0], [4, 1, 0], [0, 1, 0], [0.1, 0.1, 0], [0.9, 0.1, 0], [0.9, 0.9, 0]])
+    corners[4:, 2] = 0.01
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6]], np.int32)
+    x, y = np.meshgrid(np.arange(0, 1.01, 0.01), np.arange(0, 1.01, 0.01))  # on a quarter of the large one
+    means = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1).astype(np.float32)
+    n = len(means)
+    splats = SplatCloud(
+        means=means,
+        quats=np.tile(np.array([[1, 0, 0, 0]], np.float32), (n, 1)),
+        scales=np.full((n, 3), 0.01, np.float32),
+        opacities=np.ones(n, np.float32),
+        sh=np.zeros((n, 1, 3), np.float32),
+    )
+    mesh = seen.seen_of(ProxyMesh(vertices=corners.astype(np.float32), faces=faces), splats, size=10.0)
+    v = mesh.vertices[mesh.faces].astype(np.float64)
+    low = v[v[..., 2].max(axis=1) == 0]
+    assert len(v) == len(low) + 1  # what was seen all over stays as it was
+    area = np.cross(low[:, 1] - low[:, 0], low[:, 2] - low[:, 0])[:, 2] / 2
+    assert area.min() > 0  # none turned over
+    assert 1.0 < area.sum() < 1 + 10 * (seen.REACH + seen.EDGE)  # all that is near a splat, little beyond
+    assert low[..., 0].max() < 1 + 10 * (seen.REACH + seen.EDGE)
+
+
+def test_pieces_of_triangles_are_small_and_leave_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    corners = np.array([[0.0, 0, 0], [4, 0, 1], [4, 1, 0], [0, 1, 0]])
+    pieces, face = importlib.import_module("bench_truth_seen").split(corners[[[0, 1, 2], [0, 2, 3]]], 0.3)
+    ahead = np.roll(pieces, -1, axis=1)
+    assert np.linalg.norm(ahead - pieces, axis=2).max() <= 0.3
+    area = np.linalg.norm(np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]), axis=1) / 2
+    whole = np.cross(corners[[1, 2]] - corners[0], corners[[2, 3]] - corners[0])
+    np.testing.assert_allclose(np.bincount(face, area), np.linalg.norm(whole, axis=1) / 2)
+    ends = np.stack([pieces, ahead], axis=2).reshape(-1, 3)
+    points, which = np.unique(ends, axis=0, return_inverse=True)
+    edges, count = np.unique(np.sort(which.reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    rim = [(p, q - p) for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    for a, b in points[edges[count == 1]]:  # an edge of one piece alone
+        off = [np.linalg.norm(np.cross(a - p, q)) + np.linalg.norm(np.cross(b - p, q)) for p, q in rim]
+        assert min(off) < 1e-12

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import os
 from dataclasses import replace
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 WIDEST = 480  # pixels of each of the three pictures
 SPP = 16
 _MOST_STOPS = 20.0
+_GLTF = (".glb", ".gltf")
 
 
 def add_estimate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -29,11 +31,12 @@ def add_estimate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "estimate",
         help="find the light that splats were captured under",
         description="Find the sun, sky and lamps under which the splats of a job were captured, from the splats and "
-        "the proxy alone. Writes a table [captured] to paste into the job and edit, its map beside it (.exr), and a "
-        "picture to judge it by (.png): captured, irradiance, captured / irradiance.",
+        "the proxy alone. Writes them as a table [captured] to paste into the job and edit, or as a glTF file to edit "
+        "in Blender; the map of the sky beside it (.exr); and a picture to judge it by (.png): captured, irradiance, "
+        "captured / irradiance.",
     )
     parser.add_argument("job", metavar="JOB", help="job file (TOML) that names splats and a proxy")
-    parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the table to write (.toml)")
+    parser.add_argument("-o", "--out", metavar="FILE", required=True, help="what to write (.toml, .glb, .gltf)")
     parser.add_argument(
         "--exposure", metavar="STOPS", type=_stops, default=0.0, help="make the light stronger by so many stops (0)"
     )
@@ -49,16 +52,15 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.estimate import estimate
     from mirelight.estimate.describe import described, unknown
     from mirelight.io import job
-    from mirelight.io.atomic import atomic_path
     from mirelight.io.environment import write_environment
-    from mirelight.io.job.captured_text import captured_text
+    from mirelight.io.gltf.write import check_light
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
 
     out = Path(args.out)
-    if out.suffix.lower() != ".toml":
-        raise OutputError(f"{out}: the table is written as .toml; nothing was written")
+    if out.suffix.lower() not in (".toml", *_GLTF):
+        raise OutputError(f"{out}: light is written as .toml, .glb or .gltf; nothing was written")
     if not out.parent.is_dir():
         raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
     work = job.load(args.job, [parse(text) for text in args.set])
@@ -71,22 +73,23 @@ def run_estimate(args: argparse.Namespace) -> int:
     camera = _camera(work, args.camera)
     asked = work.captured.sky if work.captured is not None else None
     lights = asked.lights if isinstance(asked, EstimatedSky) else ()
+    if out.suffix.lower() in _GLTF:
+        for light in lights:
+            check_light(out, light)
     found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure, lights)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
     sky = found.lighting.environment
     assert sky is not None
-    named = os.path.relpath(exr.resolve(), work.source.resolve().parent).replace(os.sep, "/")
     notes = ["Captured light, estimated from splats and proxy.", *lines, *(f"not known: {line}" for line in doubts)]
     write_environment(exr, sky.pixels)
-    with atomic_path(out) as temporary:
-        temporary.write_text(captured_text(found.lighting, named, notes), encoding="utf-8")
+    use = _written(out, exr, work, found.lighting, notes)
     picture = None
     if camera is not None:
         picture = out.with_suffix(".png")
         write_png(picture, _picture(work, found.lighting, camera), {})
     if not args.quiet:
-        say.result(f"{out}: paste it into {work.source.name} (the map is {exr.name})")
+        say.result(use)
         for line in lines:
             say.result(f"  {line}")
         for line in doubts:
@@ -96,6 +99,33 @@ def run_estimate(args: argparse.Namespace) -> int:
                 f"  picture      {picture}: captured | irradiance | captured / irradiance (no shadows should be left)"
             )
     return 0
+
+
+def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[str]) -> str:
+    """Write the lights as a table or as glTF; says how the job takes them."""
+    from mirelight.io.atomic import atomic_path
+    from mirelight.io.gltf.write import write_lights
+    from mirelight.io.job.captured_text import captured_text
+
+    def named(path: Path) -> str:
+        return os.path.relpath(path.resolve(), work.source.resolve().parent).replace(os.sep, "/")
+
+    if out.suffix.lower() not in _GLTF:
+        with atomic_path(out) as temporary:
+            temporary.write_text(captured_text(lighting, named(exr), notes), encoding="utf-8")
+        return f"{out}: paste it into {work.source.name} (the map is {exr.name})"
+    shining = [replace(light, group=None) for light in lighting.lights if light.intensity > 0]
+    around = f"environment = {{ path = {_quoted(named(exr))} }}"
+    if not shining:
+        none = f"no sun and no lamp was found, so {out.name} is not written"
+        return f"{exr}: {none}; in {work.source.name}: captured = {{ {around} }}"
+    write_lights(out, shining, notes)
+    lamps = f'lights_from = {{ path = {_quoted(named(out))}, unit = "khr" }}'
+    return f"{out}: in {work.source.name}: captured = {{ {lamps}, {around} }}"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _camera(work: Job, name: str | None) -> Camera | None:

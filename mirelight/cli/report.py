@@ -158,7 +158,7 @@ def _job(facts: JobFacts) -> Rows:
 
 def _lighting(title: str, facts: LightingFacts) -> Rows:
     yield title, facts.name
-    yield from _many("  light", [_light(x) for x in facts.lights])
+    yield from _many("  light", [_light(x, unknown=facts.estimated) for x in facts.lights])
     if facts.estimated:
         yield "  sun and sky", "estimated from the splats when something is rendered"
     if facts.sky is not None:
@@ -172,12 +172,10 @@ def _lighting(title: str, facts: LightingFacts) -> Rows:
         )
 
 
-def _light(facts: LightFacts) -> str:
-    parts = [
-        f"{facts.name}: {facts.type}",
-        f"{facts.intensity:g} {_UNITS[facts.type]}",
-        f"color {_vector(facts.color)}",
-    ]
+def _light(facts: LightFacts, *, unknown: bool = False) -> str:
+    """`unknown`: how strong it is, is still to be found."""
+    strength = [f"{facts.intensity:g} {_UNITS[facts.type]}", f"color {_vector(facts.color)}"]
+    parts = [f"{facts.name}: {facts.type}", *(["as strong as the splats tell"] if unknown else strength)]
     if facts.shape is not None and facts.size is not None:
         parts.insert(1, f"{facts.shape} {_vector(facts.size)}")
     if facts.position is not None:

@@ -55,7 +55,7 @@ def doubted(found: Estimate) -> bool:
     """Whether anything but what is true of every estimate speaks against this one: then it may be worse than none."""
     c = found.confidence
     lost_sun = bool(found.sun.any()) and not c.sun_apart <= SUNS_AGREE
-    return lost_sun or c.halves_apart > HALVES_AGREE or c.held_out < LITTLE
+    return lost_sun or not c.halves_apart <= HALVES_AGREE or c.held_out < LITTLE
 
 
 def unknown(found: Estimate) -> Iterator[str]:
@@ -68,7 +68,7 @@ def unknown(found: Estimate) -> Iterator[str]:
         )
     if found.sun.any() and not c.sun_apart <= SUNS_AGREE:
         yield "where the sun stood: the two halves of the splats disagree, so its direction is a guess"
-    if c.halves_apart > HALVES_AGREE:
+    if not c.halves_apart <= HALVES_AGREE:
         yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
     if c.held_out < LITTLE:
         yield "whether this is the light at all: it explains hardly more than even light from everywhere"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -97,8 +98,6 @@ def estimate(
     known = places.blocked >= LEAST_BLOCKED
     scale = 1.0 if known else _scale_for_albedo(places, best)
     light = best.at(places) if known else _scaled(best, scale).at(places)
-    albedo = (places.color / light) @ REC709_LUMINANCE.astype(np.float64)
-    low, middle, high = (float(x) for x in np.quantile(albedo, [0.05, 0.5, 0.95]))
     both = [one.at(places) for one in found]
     confidence = Confidence(
         places=len(places),
@@ -106,10 +105,10 @@ def estimate(
         scale_known=known,
         sun_gain=gain,
         sun_apart=_apart(suns),
-        halves_apart=float(np.expm1(np.median(np.abs(np.log(both[0] / both[1]))))),
+        halves_apart=_differ(*both),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
         lamps_gain=tuple(lamp_gains),
-        albedo=(low, middle, high),
+        albedo=_albedos(places.color, light),
     )
     strength = scale * 2.0**exposure
     return Estimate(
@@ -121,6 +120,25 @@ def estimate(
         radiance=as_map(best.light.sky * strength).astype(np.float64),
         confidence=confidence,
     )
+
+
+def _differ(one: F64, other: F64) -> float:
+    """The median factor, less 1, between lights (N, 3) of the same places; a place that meets black ones alone has none
+    and tells nothing. NaN where no place has light."""
+    lit = np.minimum(one, other).min(axis=1) > 0
+    if not lit.any():
+        return math.nan
+    return float(np.expm1(np.median(np.abs(np.log(one[lit] / other[lit])))))
+
+
+def _albedos(color: F64, light: F64) -> tuple[float, float, float]:
+    """5 %, median and 95 % of what places that have light (N, 3) are like, as luminance."""
+    lit = light.min(axis=1) > 0
+    if not lit.any():
+        return math.nan, math.nan, math.nan
+    albedo = (color[lit] / light[lit]) @ REC709_LUMINANCE.astype(np.float64)
+    low, middle, high = (float(x) for x in np.quantile(albedo, [0.05, 0.5, 0.95]))
+    return low, middle, high
 
 
 def _searched(half: Places, rng: np.random.Generator) -> Sun | None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from mirelight import conventions
 from mirelight.errors import InputError
 from mirelight.first import beside, captured, up, view
 from mirelight.model import F64, Camera, SplatCloud
+
+if TYPE_CHECKING:
+    from mirelight.io.job.lighting import FreeNames
 
 LIGHTS = ("sun", "point")
 _FILL = 0.35  # cd/m² all around, under the sun
@@ -203,20 +207,23 @@ def _lightings(
     capture: Path, seen: view.FirstView, wish: Wish, proxy: beside.Proxy | None, level: float, named: _Names
 ) -> Iterator[str]:
     """`level`: of the captured light, cd/m²; new light is as bright."""
-    middle = seen.target
+    from mirelight.io.job.lighting import FreeNames
+
+    middle, names = seen.target, FreeNames()
     if wish.light and wish.light not in LIGHTS:
         path = Path(wish.light)
         one = beside.of_file(path, middle) if path.exists() else None
         if one is None:
             found = "no light in it" if path.exists() else "no such file"
             raise InputError(path, found, "give sun, point, an .hdr or .exr panorama, or a glTF with lights")
-        yield from _file(one, level, named)
+        yield from _file(one, level, named, names)
         return
     kind = wish.light or ("point" if seen.room else "sun")
+    names.take("lamp" if kind == "point" else "sun")
     yield from (_point(seen, level) if kind == "point" else _sun(seen, level))
     if not wish.light:
         for one in beside.lights(capture, middle, proxy.path if proxy else None):
-            yield from _file(one, level, named)
+            yield from _file(one, level, named, names)
 
 
 def _towards_light(camera: Camera) -> F64:
@@ -264,10 +271,10 @@ def _point(seen: view.FirstView, level: float) -> Iterator[str]:
     yield f"radius = {0.03 * reach:.2g}"
 
 
-def _file(one: beside.Lights, level: float, named: _Names) -> Iterator[str]:
+def _file(one: beside.Lights, level: float, named: _Names, names: FreeNames) -> Iterator[str]:
     yield ""
     yield "[[lightings]]"
-    yield f"name = {json.dumps(one.path.stem)}"
+    yield f"name = {json.dumps(names.take(one.path.stem))}"
     if one.kind == "panorama":
         yield "# The intensity brings its mean to that of the captured light."
         yield f"environment = {{ path = {named(one.path)}, intensity = {one.intensity * level:.3g} }}"

@@ -102,7 +102,7 @@ class LightingFacts:
     """One lighting of a job."""
 
     name: str
-    lights: tuple[LightFacts, ...]
+    lights: tuple[LightFacts, ...]  # of an estimate: those whose places are known, of intensity 1
     environment: EnvironmentFacts | None
     sky: SkyFacts | None
     estimated: bool = False  # its light is estimated from the splats when something is rendered
@@ -220,9 +220,10 @@ def lighting_facts(lighting: Lighting) -> LightingFacts:
             rotation=light.rotation,
             intensity=light.intensity,
         )
+    named = lighting.sky.lights if isinstance(lighting.sky, EstimatedSky) else ()
     return LightingFacts(
         name=lighting.name,
-        lights=tuple(light_facts(x) for x in lighting.lights),
+        lights=tuple(light_facts(x) for x in (*lighting.lights, *named)),
         environment=environment,
         sky=_sky_facts(lighting.sky) if isinstance(lighting.sky, SkyModel) else None,
         estimated=isinstance(lighting.sky, EstimatedSky),

@@ -16,7 +16,7 @@ def test_bad_input_is_one_line_and_writes_nothing(run: Run, tmp_path: Path) -> N
     (tmp_path / "bare.toml").write_text(job)
     for arguments, said in (
         (("bare.toml", "-o", "light.toml"), "proxy: no proxy"),
-        (("bare.toml", "-o", "light.exr"), "written as .toml"),
+        (("bare.toml", "-o", "light.exr"), "written as .toml, .glb or .gltf"),
         (("bare.toml", "-o", "nowhere/light.toml"), "the folder does not exist"),
         (("none.toml", "-o", "light.toml"), "none.toml"),
     ):

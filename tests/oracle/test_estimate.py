@@ -14,7 +14,7 @@ from mirelight import colour
 from mirelight.conventions import quaternion_from_rotation, unit
 from mirelight.errors import RenderError
 from mirelight.estimate import Estimate, estimate, fit, lighting_of, solve, sun, transport
-from mirelight.estimate.describe import described, unknown
+from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
 from mirelight.lighting import Tracer
@@ -121,6 +121,17 @@ def test_the_sun_is_found() -> None:
     assert apart(-sun.direction, TO_SUN) < 2
     assert sun.angular_diameter <= 4
     assert found().confidence.sun_apart < 6
+
+
+def test_places_without_light_leave_the_figures_sound() -> None:
+    light = np.array([[1.0, 2, 4], [0, 0, 0], [2, 2, 2]])
+    assert solve._differ(light, 1.1 * light) == pytest.approx(0.1)
+    assert solve._albedos(0.4 * light, light) == pytest.approx((0.4, 0.4, 0.4))
+    dark = np.zeros((3, 3))
+    assert np.isnan(solve._differ(dark, dark)) and np.isnan(solve._albedos(dark, dark)).all()
+    blind = replace(found(), confidence=replace(found().confidence, halves_apart=np.nan))
+    assert doubted(blind) and not doubted(found())
+    assert any("disagree by more than 15 %" in line for line in unknown(blind))
 
 
 def test_the_light_at_the_surface_is_found_up_to_its_scale() -> None:

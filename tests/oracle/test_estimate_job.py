@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import mirelight
+from mirelight.cli import main
+from mirelight.cli.report import lines
 from mirelight.errors import InputError
-from mirelight.estimate import estimate
+from mirelight.estimate import Estimate, estimate
+from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
 from mirelight.io.environment import write_environment
 from mirelight.io.gltf.write import write_glb
+from mirelight.io.inspect import of_job
 from mirelight.io.job.captured_text import captured_text
 from mirelight.kept import KeptNowhere
-from mirelight.model import F32, EstimatedSky, Job
+from mirelight.model import F32, EstimatedSky, Job, PointLight
 from mirelight.plan import plan
 from mirelight.scene import prepare
 
@@ -108,6 +112,64 @@ def test_the_table_that_is_written_can_be_read(folder: Path) -> None:
     assert pasted is not None and pasted.environment is not None
     np.testing.assert_array_equal(pasted.environment.pixels, light.environment.pixels)
     np.testing.assert_allclose(pasted.lights[0].color, light.lights[0].color, rtol=1e-5)
+
+
+def told(sun: float, *named: PointLight) -> Estimate:
+    """An estimate: a wide sun of so many lux, lamps, and an uneven sky."""
+    rng = np.random.default_rng(4)
+    return Estimate(
+        to_sun=np.array([0.6, 0.8, 0.0]),
+        sun=sun * np.array([1.0, 0.9, 0.7]),
+        sun_diameter=4.5,
+        named=named,
+        lamps=np.zeros((0, 6)),
+        radiance=rng.random((48, 96, 3)).astype(np.float32).astype(np.float64),
+        confidence=Confidence(
+            places=500,
+            blocked=0.4,
+            scale_known=True,
+            sun_gain=0.1,
+            sun_apart=1.0,
+            halves_apart=0.05,
+            held_out=0.1,
+            lamps_gain=(),
+            albedo=(0.1, 0.3, 0.7),
+        ),
+    )
+
+
+@pytest.mark.parametrize("out", ["captured.glb", "captured.gltf", "dark.glb"])
+def test_gltf_that_is_written_is_the_same_light(
+    folder: Path, out: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line that the command prints is put into the job as it is."""
+    lamp = PointLight(name="lamp", position=np.array([1.0, 1, 1]), intensity=2.0, radius=0.05)
+    made = told(0.0) if out == "dark.glb" else told(3.0, lamp)
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: made)
+    (folder / "blind.toml").write_text(JOB.replace("cameras", "# cameras"))
+    assert main(["estimate", str(folder / "blind.toml"), "-o", str(folder / out)]) == 0
+    line = capsys.readouterr().out.splitlines()[0]
+    (folder / "pasted.toml").write_text(JOB.replace('captured = "estimate"', line[line.index("captured = ") :]))
+    pasted = job.load(folder / "pasted.toml").captured
+    assert pasted is not None and pasted.environment is not None
+    np.testing.assert_array_equal(pasted.environment.pixels, made.radiance.astype(np.float32))
+    shining = [light for light in made.lighting.lights if light.intensity > 0]
+    assert len(shining) == len(pasted.lights) == (0 if out == "dark.glb" else 2)
+    assert (folder / out).exists() == bool(shining)
+    for old, new in zip(shining, pasted.lights, strict=True):
+        assert type(old) is type(new)
+        for field in fields(old):
+            if field.name != "group":
+                np.testing.assert_array_equal(getattr(old, field.name), getattr(new, field.name))
+
+
+def test_named_lamps_are_listed_before_they_are_found(folder: Path) -> None:
+    lamps = '{ estimate = true, lights = [{ type = "point", name = "desk", position = [1, 1, 1], intensity = 7 }] }'
+    facts = of_job(loaded(folder, f"captured={lamps}"), folder / "job.toml")
+    assert facts.captured is not None and facts.captured.estimated
+    assert [(x.name, x.position) for x in facts.captured.lights] == [("desk", (1.0, 1.0, 1.0))]
+    text = "\n".join(lines(facts))
+    assert "light      desk: point, as strong as the splats tell, at (1, 1, 1)" in text
 
 
 def test_without_splats_it_is_one_line(folder: Path) -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight import conventions
+from mirelight.io.gltf.beyond import Punctual, restored
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.names import unique_names
@@ -28,7 +29,8 @@ def read_node_lights(
     `values`: by the light's index, values of fields ("intensity", "spot/innerConeAngle") in place of the file's.
 
     A light shines along its node's world -Z; scale changes neither intensity nor range (KHR_lights_punctual, "Light
-    properties"). Names are the light's, else the node's, else its type, made unique.
+    properties"). Names are the light's, else the node's, else its type, made unique. Lights that it has no words for
+    come back from their extras (`gltf.beyond`).
 
     Raises:
         InputError: a value outside the specification, with its field.
@@ -37,7 +39,9 @@ def read_node_lights(
     lights = document.top.child("extensions").child(EXTENSION).children("lights") if carriers else []
     found = [(node, _definition(lights, user, values)) for node, user in carriers]
     names = unique_names([(light.text("name", ""), node.name, light.text("type")) for node, light in found])
-    return tuple(_light(light, node, name) for (node, light), name in zip(found, names, strict=True))
+    return tuple(
+        restored(_light(light, node, name), light, node.world) for (node, light), name in zip(found, names, strict=True)
+    )
 
 
 def _definition(lights: Sequence[Fields], user: Fields, values: Mapping[int, Mapping[str, object]]) -> Fields:
@@ -54,7 +58,7 @@ def _definition(lights: Sequence[Fields], user: Fields, values: Mapping[int, Map
     return replace(light, values=changed)
 
 
-def _light(light: Fields, node: Node, name: str) -> Light:
+def _light(light: Fields, node: Node, name: str) -> Punctual:
     color, intensity = light.vector("color", 3, (1, 1, 1)), light.number("intensity", 1.0)
     if np.any(color < 0) or np.any(color > 1):
         raise light.fail("color", f"{color.tolist()}", "every component must lie in 0..1; scale the intensity instead")

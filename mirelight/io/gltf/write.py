@@ -1,4 +1,4 @@
-"""Write a mesh, punctual lights and cameras as one GLB file."""
+"""Write a mesh, lights and cameras as one GLB file; lights alone as glTF, too."""
 
 from __future__ import annotations
 
@@ -17,8 +17,20 @@ from numpy.typing import NDArray
 from mirelight import __version__, colour, conventions
 from mirelight.errors import OutputError
 from mirelight.io.atomic import atomic_path
+from mirelight.io.gltf.beyond import punctual
 from mirelight.io.gltf.materials import WRAP_NUMBERS
-from mirelight.model import F32, Camera, DirectionalLight, Light, Material, PointLight, ProxyMesh, SpotLight, Wraps
+from mirelight.model import (
+    F32,
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    Light,
+    Material,
+    PointLight,
+    ProxyMesh,
+    SpotLight,
+    Wraps,
+)
 
 _LIGHTS = "KHR_lights_punctual"
 _STRENGTH = "KHR_materials_emissive_strength"
@@ -32,16 +44,16 @@ def write_glb(
 
     Vertices, normals, texture coordinates, colours and faces come back bit for bit; faces are grouped by material.
     Textures are stored as 8-bit sRGB PNG. A mesh's `albedo`, if it has one, is not stored: the file keeps the surface's
-    own colours. Point and spot lights with a radius lose it: KHR_lights_punctual has none.
+    own colours. What KHR_lights_punctual has no words for stands in a light's extras (`gltf.beyond`).
 
     Args:
         path: the file to write.
         mesh: what to store, in world space.
-        lights: directional, point and spot lights, each as a node.
+        lights: each becomes a node; those of measured luminaires cannot be stored.
         cameras: centred cameras, each as a node.
 
     Raises:
-        OutputError: a kind of light or camera that glTF cannot hold, or a file that cannot be written.
+        OutputError: a light or a camera that glTF cannot hold, or a file that cannot be written.
     """
     builder = GlbBuilder(Path(path))
     if mesh is not None:
@@ -54,15 +66,43 @@ def write_glb(
         temporary.write_bytes(builder.glb())
 
 
+def write_lights(path: str | Path, lights: Sequence[Light], notes: Sequence[str] = ()) -> None:
+    """Write lights alone as .glb, or as .gltf, which is text.
+
+    Args:
+        path: the file to write.
+        lights: as for `write_glb`.
+        notes: lines for a person, in the file's `asset.extras`.
+
+    Raises:
+        OutputError: a light that glTF cannot hold, or a file that cannot be written.
+    """
+    builder = GlbBuilder(Path(path), notes=list(notes))
+    for light in lights:
+        builder.add_light(light)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(builder.text() if Path(path).suffix.lower() == ".gltf" else builder.glb())
+
+
+def check_light(path: str | Path, light: Light) -> None:
+    """Raises OutputError: glTF cannot hold it."""
+    if isinstance(light, PointLight | SpotLight) and light.profile is not None:
+        raise OutputError(f"{path}: glTF has no measured lights (IES), as {light.name!r} is one; nothing was written")
+
+
 @dataclass
 class GlbBuilder:
-    """Collects the JSON and the binary chunk of one GLB file; `used`: the extensions that its parts name."""
+    """Collects the JSON and the binary chunk of one GLB file.
+
+    `used`: the extensions that its parts name; `notes`: lines for a person.
+    """
 
     path: Path
     binary: bytearray = field(default_factory=bytearray)
     parts: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     lights: list[dict[str, Any]] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+    notes: list[str] = field(default_factory=list)
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """Append an entry to one of the top-level arrays; returns its index."""
@@ -141,24 +181,23 @@ class GlbBuilder:
         return {"index": self.add("textures", texture)}
 
     def add_light(self, light: Light) -> None:
-        if not isinstance(light, (DirectionalLight, PointLight, SpotLight)):
-            kind = type(light).__name__
-            raise OutputError(f"{self.path}: {_LIGHTS} has no {kind} ({light.name!r}); nothing was written")
-        if isinstance(light, PointLight) and light.profile is not None:
-            raise OutputError(f"{self.path}: {_LIGHTS} has no IES profile ({light.name!r}); nothing was written")
-        entry: dict[str, Any] = {"name": light.name, "color": light.color.tolist(), "intensity": light.intensity}
-        pose = np.eye(4)
-        if not isinstance(light, PointLight):
-            pose[:3, :3] = _rotation_along(light.direction)
-        if isinstance(light, DirectionalLight):
+        check_light(self.path, light)
+        plain, extras = punctual(light)
+        entry: dict[str, Any] = {"name": plain.name, "color": plain.color.tolist(), "intensity": plain.intensity}
+        pose = light.world_from_light.copy() if isinstance(light, AreaLight) else np.eye(4)
+        if not isinstance(light, AreaLight) and not isinstance(plain, PointLight):
+            pose[:3, :3] = _rotation_along(plain.direction)
+        if isinstance(plain, DirectionalLight):
             entry["type"] = "directional"
         else:
-            pose[:3, 3] = light.position
-            entry["type"] = "point" if isinstance(light, PointLight) else "spot"
-            if math.isfinite(light.range):
-                entry["range"] = light.range
-        if isinstance(light, SpotLight):
-            entry["spot"] = {"innerConeAngle": light.inner_cone_angle, "outerConeAngle": light.outer_cone_angle}
+            pose[:3, 3] = plain.position
+            entry["type"] = "point" if isinstance(plain, PointLight) else "spot"
+            if math.isfinite(plain.range):
+                entry["range"] = plain.range
+        if isinstance(plain, SpotLight):
+            entry["spot"] = {"innerConeAngle": plain.inner_cone_angle, "outerConeAngle": plain.outer_cone_angle}
+        if extras:
+            entry["extras"] = extras
         self.used.add(_LIGHTS)
         self.lights.append(entry)
         extension = {_LIGHTS: {"light": len(self.lights) - 1}}
@@ -186,16 +225,7 @@ class GlbBuilder:
 
     def glb(self) -> bytes:
         """The whole file (glTF §4.4)."""
-        top: dict[str, Any] = {
-            "asset": {"version": "2.0", "generator": f"mirelight {__version__}"},
-            "scene": 0,
-            "scenes": [{"nodes": list(range(len(self.parts.get("nodes", []))))} if "nodes" in self.parts else {}],
-            **self.parts,
-        }
-        if self.used:
-            top["extensionsUsed"] = sorted(self.used)
-        if self.lights:
-            top["extensions"] = {_LIGHTS: {"lights": self.lights}}
+        top = self._top()
         body = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
         if body:
             top["buffers"] = [{"byteLength": len(body)}]
@@ -205,6 +235,27 @@ class GlbBuilder:
         if body:
             chunks += struct.pack("<2I", len(body), 0x004E4942) + body
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+    def text(self) -> bytes:
+        """The whole file as JSON, where nothing of it is binary."""
+        assert not self.binary
+        return (json.dumps(self._top(), indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+    def _top(self) -> dict[str, Any]:
+        asset: dict[str, Any] = {"version": "2.0", "generator": f"mirelight {__version__}"}
+        if self.notes:
+            asset["extras"] = {"notes": self.notes}
+        top: dict[str, Any] = {
+            "asset": asset,
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(self.parts.get("nodes", []))))} if "nodes" in self.parts else {}],
+            **self.parts,
+        }
+        if self.used:
+            top["extensionsUsed"] = sorted(self.used)
+        if self.lights:
+            top["extensions"] = {_LIGHTS: {"lights": self.lights}}
+        return top
 
 
 def _rotation_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
-from mirelight import colour
-from mirelight.errors import OutputError
-from mirelight.io.gltf.scene import read_scene
-from mirelight.io.gltf.write import write_glb
+from mirelight import colour, conventions
+from mirelight.errors import InputError, OutputError
+from mirelight.io.gltf.scene import read_lights, read_scene
+from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.model import (
+    F64,
     AreaLight,
     Camera,
     DirectionalLight,
+    IesProfile,
     Light,
     Material,
     PointLight,
     ProxyMesh,
     SpotLight,
+    SunLight,
 )
+from mirelight.model.ies import AROUND, DOWN
 
 RNG = np.random.default_rng(11)
 KHRONOS = Path(__file__).parents[2] / "data" / "khronos"
@@ -159,10 +167,95 @@ def test_lights_and_cameras_alone(tmp_path: Path) -> None:
     assert read_scene(tmp_path / "b.glb").lights == ()
 
 
+def tilted() -> F64:
+    """A place, and a turn about no axis of the world."""
+    pose = np.eye(4)
+    pose[:3, :3] = conventions.rotation_from_euler((30, 40, 50))
+    pose[:3, 3] = (1, 2, -3)
+    return pose
+
+
+BEYOND: tuple[Light, ...] = (
+    SunLight(name="hazy sun", direction=np.array([0.3, -0.8, 0.2]), intensity=3.3, angular_diameter=4.5),
+    PointLight(name="globe", position=np.array([1, 2, 3]), intensity=2.2, radius=0.05),
+    SpotLight(
+        name="beam",
+        position=np.array([1, 2, 3]),
+        direction=np.array([0, -1, 0.1]),
+        inner_cone_angle=0.2,
+        outer_cone_angle=0.5,
+        cone="playcanvas",
+        radius=0.02,
+    ),
+    AreaLight(name="window", shape="rectangle", world_from_light=tilted(), size=(1.2, 0.1), intensity=100),
+    AreaLight(name="panel", shape="disk", world_from_light=tilted(), size=(0.2, 0.2), color=np.array([1, 0.5, 0.2])),
+    AreaLight(name="moon", shape="sphere", world_from_light=tilted(), size=(0.3, 0.3), intensity=7),
+)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+def test_lights_that_khr_has_no_words_for_come_back(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_lights(path, [*BEYOND, *LIGHTS], ["what for"])
+    for light, found in zip([*BEYOND, *LIGHTS], read_lights(path), strict=True):
+        assert type(light) is type(found)
+        for field in fields(light):
+            old, new = getattr(light, field.name), getattr(found, field.name)
+            same = np.allclose(old, new, rtol=1e-12) if isinstance(old, np.ndarray | float) else old == new
+            assert same, (light.name, field.name)
+    assert b'"what for"' in path.read_bytes()
+
+
+def test_other_programs_see_the_punctual_light_of_the_same_strength(tmp_path: Path) -> None:
+    """Along its axis a panel of radiance L and area A shines with L A candela, a sphere with L pi r^2."""
+    write_lights(tmp_path / "a.gltf", BEYOND)
+    top = json.loads((tmp_path / "a.gltf").read_text())
+    entries = top["extensions"]["KHR_lights_punctual"]["lights"]
+    assert [x["type"] for x in entries] == ["directional", "point", "spot", "spot", "spot", "point"]
+    expected = [3.3, 2.2, 1.0, 100 * 1.2 * 0.1, math.pi * 0.1**2, 7 * math.pi * 0.15**2]
+    assert [x["intensity"] for x in entries] == pytest.approx(expected)
+    for entry in entries:
+        entry["intensity"] *= 2  # an edit in another program counts
+    (tmp_path / "b.gltf").write_text(json.dumps(top))
+    for light, found in zip(BEYOND, read_lights(tmp_path / "b.gltf"), strict=True):
+        assert found.intensity == pytest.approx(2 * light.intensity)
+        assert type(found) is type(light)
+
+
+@pytest.mark.parametrize(
+    ("kind", "extras", "said"),
+    [
+        ("directional", {"mirelight_angular_diameter": 0}, "extras.mirelight_angular_diameter"),
+        ("directional", {"mirelight_angular_diameter": "wide"}, "expected a number"),
+        ("point", {"mirelight_radius": -1}, "must not be negative"),
+        ("point", {"mirelight_shape": "cube", "mirelight_size": [1, 1]}, "expected rectangle, disk, sphere"),
+        ("point", {"mirelight_shape": "sphere"}, "extras.mirelight_size: missing"),
+        ("spot", {"mirelight_shape": "disk", "mirelight_size": [1, 0]}, "both must be positive"),
+        ("spot", {"mirelight_cone": "blender"}, "expected khr or playcanvas"),
+    ],
+)
+def test_extras_that_no_light_has_are_refused(glb: Any, kind: str, extras: dict[str, object], said: str) -> None:
+    glb.light(type=kind, extras=extras, **({"spot": {}} if kind == "spot" else {}))
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_lights(glb.save())
+
+
+@pytest.mark.parametrize("extras", ["a word", {"radius": 3}, {"mirelight_shape": "disk"}, None])
+def test_extras_of_others_mean_nothing(glb: Any, extras: object) -> None:
+    glb.light(type="directional", extras=extras)
+    (light,) = read_lights(glb.save())
+    assert isinstance(light, DirectionalLight)
+
+
 def test_what_gltf_cannot_hold_is_refused(tmp_path: Path) -> None:
-    area = AreaLight(name="panel", shape="disk", world_from_light=np.eye(4), size=(1, 1))
-    with pytest.raises(OutputError, match="AreaLight \\('panel'\\)"):
-        write_glb(tmp_path / "a.glb", lights=[area])
+    measured = IesProfile(share=np.ones((AROUND, DOWN), np.float32))
+    lamps: list[Light] = [
+        PointLight(name="office", position=np.zeros(3), profile=measured),
+        SpotLight(name="office", position=np.zeros(3), direction=measured.nadir, profile=measured),
+    ]
+    for lamp in lamps:
+        with pytest.raises(OutputError, match="'office'"):
+            write_glb(tmp_path / "a.glb", lights=[lamp])
     crooked = Camera(world_from_camera=np.eye(4), width=10, height=10, fx=5, fy=5, cx=3, cy=5)
     with pytest.raises(OutputError, match="off-centre"):
         write_glb(tmp_path / "a.glb", cameras=[crooked])

@@ -1,0 +1,147 @@
+"""Lights that KHR_lights_punctual has no words for: suns with a disc, lamps with a size, spots of the engine's law.
+
+Each is written as the punctual light nearest to it, which any viewer shows. What that one lacks stands in the light's
+`extras`, under names that no other program uses and as plain values, which Blender shows as custom properties of the
+light. Read back, the light is what it was.
+
+| light | written as | extras |
+|---|---|---|
+| sun | directional, lux | mirelight_angular_diameter (degrees) |
+| sphere of radiance L and diameter d | point of L pi d^2 / 4 candela | mirelight_shape, mirelight_size |
+| rectangle or disk of radiance L and area A | spot of L A candela with a half angle of 90 degrees | the same |
+| point or spot with a radius | itself | mirelight_radius (world units) |
+| spot of the engine's law | itself | mirelight_cone |
+
+Intensities are the punctual light's, so that what another program makes of them counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Literal, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight import conventions
+from mirelight.io.gltf.fields import Fields
+from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
+
+Punctual: TypeAlias = DirectionalLight | PointLight | SpotLight
+Extras: TypeAlias = dict[str, Any]
+
+_DIAMETER, _RADIUS, _CONE = "mirelight_angular_diameter", "mirelight_radius", "mirelight_cone"
+_SHAPE, _SIZE = "mirelight_shape", "mirelight_size"
+_WIDEST = 90.0  # degrees of a sun
+_SHAPES = ("rectangle", "disk", "sphere")
+
+
+def punctual(light: Light) -> tuple[Punctual, Extras]:
+    """The punctual light nearest to a light, and what that lacks."""
+    match light:
+        case SunLight():
+            plain = DirectionalLight(
+                name=light.name, direction=light.direction, color=light.color, intensity=light.intensity
+            )
+            return plain, {_DIAMETER: light.angular_diameter}
+        case AreaLight():
+            return _of_area(light), {_SHAPE: light.shape, _SIZE: [float(x) for x in light.size]}
+        case DirectionalLight():
+            return light, {}
+        case PointLight() | SpotLight():
+            extras: Extras = {_RADIUS: light.radius} if light.radius > 0 else {}
+            if isinstance(light, SpotLight) and light.cone != "khr":
+                extras[_CONE] = light.cone
+            return light, extras
+
+
+def restored(plain: Punctual, light: Fields, world: NDArray[np.float64]) -> Light:
+    """The light that was written as a punctual one; itself where its extras say nothing of it.
+
+    Args:
+        plain: as the specification has it.
+        light: its entry in the file.
+        world: (4, 4) of its node.
+
+    Raises:
+        InputError: a value that no light has.
+    """
+    values = light.values.get("extras")
+    if not isinstance(values, dict):
+        return plain
+    extras = Fields(light.file, light.at("extras"), values)
+    match plain:
+        case DirectionalLight() if _DIAMETER in extras:
+            degrees = extras.number(_DIAMETER)
+            if not 0 < degrees <= _WIDEST:
+                raise extras.fail(_DIAMETER, f"{degrees:g}", f"expected above 0, and not above {_WIDEST:g} degrees")
+            return SunLight(
+                name=plain.name,
+                direction=plain.direction,
+                color=plain.color,
+                intensity=plain.intensity,
+                angular_diameter=degrees,
+            )
+        case PointLight() | SpotLight() if _SHAPE in extras:
+            return _area(plain, extras, world)
+        case PointLight() | SpotLight():
+            return _lamp(plain, extras)
+        case _:
+            return plain
+
+
+def _of_area(light: AreaLight) -> PointLight | SpotLight:
+    position = light.world_from_light[:3, 3]
+    candela = light.intensity * _area_of(light.shape, light.size)
+    if light.shape == "sphere":
+        return PointLight(name=light.name, position=position, color=light.color, intensity=candela)
+    return SpotLight(
+        name=light.name,
+        position=position,
+        direction=-light.world_from_light[:3, 2],
+        color=light.color,
+        intensity=candela,
+        outer_cone_angle=math.pi / 2,
+    )
+
+
+def _area(plain: PointLight | SpotLight, extras: Fields, world: NDArray[np.float64]) -> AreaLight:
+    shape = extras.text(_SHAPE)
+    if shape not in _SHAPES:
+        raise extras.fail(_SHAPE, f"{shape[:40]!r}", f"expected {', '.join(_SHAPES)}")
+    width, height = extras.vector(_SIZE, 2).tolist()
+    if not (width > 0 and height > 0):
+        raise extras.fail(_SIZE, f"{width:g} by {height:g}", "both must be positive")
+    size = (width, height) if shape == "rectangle" else (width, width)
+    try:
+        pose = conventions.rigid_part(world)
+    except ValueError:
+        raise extras.fail("", "its node has no size, so the light has no direction") from None
+    known = cast(Literal["rectangle", "disk", "sphere"], shape)
+    return AreaLight(
+        name=plain.name,
+        shape=known,
+        world_from_light=pose,
+        size=size,
+        color=plain.color,
+        intensity=plain.intensity / _area_of(known, size),
+    )
+
+
+def _lamp(plain: PointLight | SpotLight, extras: Fields) -> PointLight | SpotLight:
+    radius = extras.number(_RADIUS, 0.0)
+    if radius < 0:
+        raise extras.fail(_RADIUS, f"{radius:g}", "it must not be negative")
+    lamp = replace(plain, radius=radius)
+    if not isinstance(lamp, SpotLight) or _CONE not in extras:
+        return lamp
+    law = extras.text(_CONE)
+    if law not in ("khr", "playcanvas"):
+        raise extras.fail(_CONE, f"{law[:40]!r}", "expected khr or playcanvas")
+    return replace(lamp, cone=cast(Literal["khr", "playcanvas"], law))
+
+
+def _area_of(shape: str, size: tuple[float, float]) -> float:
+    """Of what a light's axis sees of it, in square world units."""
+    return size[0] * size[1] * (1.0 if shape == "rectangle" else math.pi / 4)

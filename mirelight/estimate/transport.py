@@ -27,6 +27,7 @@ GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more r
 MOST_RAYS = 1024
 SHOWN = 20000  # splats that tell what colour a ray meets
 FEWEST = 200  # splats on the proxy, below which nothing is known
+SOLID = 0.02  # opacity below which a splat does not show
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
 MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
 LIGHT_SPP = 32  # samples of a light that is known, at each splat: its shadows may be soft
@@ -135,9 +136,14 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         lights: that are known to have been there.
 
     Raises:
-        RenderError: fewer than `FEWEST` splats lie on the proxy and show a colour.
+        RenderError: fewer than `FEWEST` splats show, lie on the proxy and have a colour.
         BackendError: the variant `scalar_rgb`.
     """
+    if int((splats.opacities >= SOLID).sum()) < FEWEST:
+        raise RenderError(
+            f"fewer than {FEWEST} splats show (opacity {SOLID} and more), too few to tell the captured light from; "
+            "check the capture, or describe the light in the job"
+        )
     mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, 0.5))
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     few = deposits_of(splats, mesh, tracer, PLACES)

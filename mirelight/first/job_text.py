@@ -69,6 +69,8 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     seen = view.best(world, str(capture), outside=cameras is not None and beside.around(cameras, cloud))
     known = None if proxy is None else captured.find(world, proxy, turn)
     named = _Names(folder)
+    if proxy is None:
+        _refuse_few(capture, cloud)
     lines = [
         f"# {capture.name}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
         *_splats(capture, cloud, found, named),
@@ -99,6 +101,16 @@ def _refuse_far(capture: Path, cloud: SplatCloud) -> None:
     if size > 0 and float(np.spacing(np.float32(far))) > 1e-4 * size:
         found = f"it lies {far:.3g} units from the origin and is {size:.3g} in size"
         raise InputError(capture, found, "single precision is too coarse there: move it to the origin before saving")
+
+
+def _refuse_few(capture: Path, cloud: SplatCloud) -> None:
+    """No mesh can be made of a few splats, and a job without one renders nothing."""
+    from mirelight.proxy.capture import FEWEST, SOLID
+
+    showing = int((cloud.opacities >= SOLID).sum())
+    if showing < FEWEST:
+        found = f"{showing} splats show, too few for a surface that light could fall on"
+        raise InputError(capture, found, "give a capture, or put a mesh beside it: proxy.glb")
 
 
 def _splats(capture: Path, cloud: SplatCloud, found: up.Up, named: _Names) -> Iterator[str]:

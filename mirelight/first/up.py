@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight import conventions
 from mirelight.model import F64, SplatCloud
@@ -15,6 +16,9 @@ LEAST_FLOOR = (
     0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.22, a thing without one 0.03)
 )
 _MOST_BELOW = 0.05  # share of the area that may lie below it
+_ALIKE = 0.5  # of the floor's share: what a ceiling has at the least
+_WALL = 0.2  # cosine between up and what is a wall at the most
+_LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which they are told apart
 _LAYER = 1 / 50  # of the extent: how thick a floor is
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
@@ -55,12 +59,16 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
     if taken is not None:
         return Up(_neat(taken), f"from {len(cameras)} cameras of the capture", False)
     floor = _floor(cloud)
-    if floor is not None:
-        way, share = floor
-        return Up(_neat(way), f"from the floor, in which {share:.0%} of the splats' area lies", False)
-    if path.suffix.lower() in (".glb", ".gltf"):
-        return Up(np.array([0.0, 1.0, 0.0]), "a guess: there is no floor, and +Y is up in glTF", True)
-    return Up(np.array([0.0, -1.0, 0.0]), "a guess: there is no floor, and -Y is up in most captures", True)
+    gltf = path.suffix.lower() in (".glb", ".gltf")
+    habit = np.array([0.0, 1.0 if gltf else -1.0, 0.0])
+    usual = "+Y is up in glTF" if gltf else "-Y is up in most captures"
+    if floor is None:
+        return Up(habit, f"a guess: there is no floor, and {usual}", True)
+    if not floor.told:
+        way = floor.way if floor.way @ habit >= 0 else -floor.way
+        return Up(_neat(way), f"a guess: floor and ceiling look alike, and {usual}", True)
+    why = f"from the floor, in which {floor.share:.0%} of the splats' area lies"
+    return Up(_neat(floor.way), why + (", and on which things stand" if floor.ceiling else ""), False)
 
 
 def _of_cameras(poses: Sequence[F64]) -> F64 | None:
@@ -78,8 +86,19 @@ def _of_cameras(poses: Sequence[F64]) -> F64 | None:
     return np.asarray(way * np.sign(way @ mean))
 
 
-def _floor(cloud: SplatCloud) -> tuple[F64, float] | None:
-    """Up as the normal of the layer that holds most area with nearly nothing on its other side, and its share."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Floor:
+    """What a capture stands on."""
+
+    way: F64  # (3,) unit, up
+    share: float  # of the splats' area that lies in it
+    ceiling: bool  # whether there is one like it on the other side
+    told: bool  # which of both is the floor
+
+
+def _floor(cloud: SplatCloud) -> Floor | None:
+    """The layer that holds most area with nearly nothing on its other side. A closed room has two: things stand on the
+    floor, so what lies between both and is no wall lies nearer to it."""
     sound = np.isfinite(cloud.means).all(axis=1) & np.isfinite(cloud.scales).all(axis=1) & (cloud.opacities > 0.1)
     rows = np.flatnonzero(sound)
     rows = rows[:: max(1, len(rows) // _SAMPLE)]
@@ -94,23 +113,54 @@ def _floor(cloud: SplatCloud) -> tuple[F64, float] | None:
     turns = conventions.rotation_from_quaternion(cloud.quats[rows])
     normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
     means = cloud.means[rows].astype(np.float64)
-    best: tuple[float, F64, float] | None = None
+    best: tuple[float, F64, _Layer] | None = None
     for way in _ways(normals):
         worth = max([1.0, *(by for by, axis in _LIKELY if abs(way @ axis) > 0.8)])
-        height = means @ way
-        low, high = np.quantile(height, [0.005, 0.995])
-        if not high > low:
-            continue
-        flat = np.abs(normals @ way) > _ALONG
-        layer = np.clip((height - low) / ((high - low) * _LAYER), -1, 1 / _LAYER).astype(int)
-        held = np.bincount(layer[(layer >= 0) & flat], area[(layer >= 0) & flat], minlength=1)
-        lowest = int(np.argmax(held))
-        share, below = float(held[lowest]), float(area[layer < lowest].sum())
-        if share > 0 and below < _MOST_BELOW and (best is None or share * worth > best[0]):
-            near = flat & (layer == lowest)
-            signs = np.sign(normals[near] @ way)[:, None]
-            best = share * worth, conventions.unit((normals[near] * signs * area[near, None]).sum(axis=0)), share
-    return None if best is None or best[2] < LEAST_FLOOR else (best[1], best[2])
+        layer = _lowest(means, normals, area, way)
+        if layer is not None and (best is None or layer.share * worth > best[0]):
+            best = layer.share * worth, way, layer
+    if best is None or best[2].share < LEAST_FLOOR:
+        return None
+    _, way, floor = best
+    ceiling = _lowest(means, normals, area, -way)
+    if ceiling is None or ceiling.share < _ALIKE * floor.share:
+        return Floor(floor.way, floor.share, ceiling=False, told=True)
+    height = means @ way
+    low, high = np.quantile(height, [0.005, 0.995])
+    inside = ~floor.on & ~ceiling.on & (np.abs(normals @ way) > _WALL)
+    if area[inside].sum() < _LEAST_INSIDE:
+        return Floor(floor.way, floor.share, ceiling=True, told=False)
+    upright = float(np.average(height[inside], weights=area[inside])) < (low + high) / 2
+    found = floor if upright else ceiling
+    return Floor(found.way, found.share, ceiling=True, told=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Layer:
+    """The layer along a direction that holds most area, with nearly nothing below it."""
+
+    way: F64  # (3,) unit, its normal
+    share: float  # of the area
+    on: NDArray[np.bool_]  # (N,) which splats lie in it
+
+
+def _lowest(means: F64, normals: F64, area: F64, way: F64) -> _Layer | None:
+    height = means @ way
+    low, high = np.quantile(height, [0.005, 0.995])
+    if not high > low:
+        return None
+    flat = np.abs(normals @ way) > _ALONG
+    layer = np.clip((height - low) / ((high - low) * _LAYER), 0, 1 / _LAYER).astype(int)
+    every = np.bincount(layer, area)
+    held = np.bincount(layer[flat], area[flat], minlength=len(every))
+    held[np.cumsum(every) - every >= _MOST_BELOW] = 0
+    lowest = int(np.argmax(held))
+    share = float(held[lowest])
+    if not share > 0:
+        return None
+    near = flat & (layer == lowest)
+    signs = np.sign(normals[near] @ way)[:, None]
+    return _Layer(conventions.unit((normals[near] * signs * area[near, None]).sum(axis=0)), share, near)
 
 
 def _ways(normals: F64) -> F64:

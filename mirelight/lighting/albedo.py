@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mirelight import colour, conventions, sh
 from mirelight.errors import RenderError
 from mirelight.lighting.points import shown
+from mirelight.lighting.pooling import pooled
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud
 from mirelight.model.profiles import BRIGHTEST
@@ -32,6 +33,7 @@ _MANY = 0.1  # share of clipped splats in bright light from which a vertex's col
 _OVEREXPOSED = 1e-4  # what a splat in such light counts then
 _START = 0.5  # albedo that the first round's light is traced with
 _FILL_STEPS = 256  # edges from a vertex with splats to the farthest without that takes its colour
+_POOL = 2.0  # times the splats' distance: the finest cells over which colours of fine meshes are pooled
 
 Int = NDArray[np.int64]
 
@@ -65,10 +67,11 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     """The proxy with vertex colours that look like the splats under the captured light.
 
     Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
-    on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E). Vertices on an edge
-    between faces that look different ways are split, so that a corner of a room keeps the colours of its walls apart.
-    E holds light reflected by the proxy, so colours and light are found in turns. Where splats end at display white,
-    all that lie in light as bright count only if there are no others: which of them are clipped depends on their
+    on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E). Of a fine mesh, which
+    has more vertices than there are splats, the mean around them counts for most of that (`pooling`). Vertices on an
+    edge between faces that look different ways are split, so that a corner of a room keeps the colours of its walls
+    apart. E holds light reflected by the proxy, so colours and light are found in turns. Where splats end at display
+    white, all that lie in light as bright count only if there are no others: which of them are clipped depends on their
     colour, and to leave out those alone would leave the dark ones.
 
     Args:
@@ -113,18 +116,14 @@ def _met(mesh: ProxyMesh, deposits: Deposits) -> float:
     """Share of the area whose faces have a splat at a corner."""
     corner_met = np.zeros(len(mesh.vertices), bool)
     corner_met[mesh.faces[deposits.face]] = True
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = _areas(mesh)
     return float(area[corner_met[mesh.faces].any(axis=1)].sum() / max(area.sum(), 1e-300))
 
 
 def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
     """The mesh in plain gray, a vertex for each of the six main directions that its faces look along."""
     faces = proxy.faces.astype(np.int64)
-    n = face_normals(proxy)
-    axis = np.abs(n).argmax(axis=1)
-    way = 2 * axis + (np.take_along_axis(n, axis[:, None], axis=1)[:, 0] < 0)
-    kept, corner = np.unique(faces * 6 + way[:, None], return_inverse=True)
+    kept, corner = np.unique(faces * 6 + _ways(proxy)[:, None], return_inverse=True)
     old = kept // 6
 
     def of_old(values: F32 | None) -> F32 | None:
@@ -140,6 +139,13 @@ def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
         materials=tuple(replace(m, base_color=np.ones(3), base_color_texture=None) for m in proxy.materials),
         albedo=None,
     )
+
+
+def _ways(mesh: ProxyMesh) -> Int:
+    """(F,) 0 to 5: which of the six main directions faces look along."""
+    n = face_normals(mesh)
+    axis = np.abs(n).argmax(axis=1)
+    return np.asarray(2 * axis + (np.take_along_axis(n, axis[:, None], axis=1)[:, 0] < 0))
 
 
 def face_normals(mesh: ProxyMesh) -> F64:
@@ -202,11 +208,9 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
 
 def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, outwards: Sequence[Int]) -> F32:
     """(V, 3) sums of the splats' colours over sums of their light."""
-    weight = deposits.weight * np.where(_overexposed(mesh, deposits, light), _OVEREXPOSED, 1)
-    values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1) * weight[:, None]
-    sums = np.zeros((len(mesh.vertices), 7))
-    for k in range(3):
-        _add(sums, mesh.faces[deposits.face, k], values * deposits.corners[:, k, None])
+    count = np.where(_overexposed(mesh, deposits, light), _OVEREXPOSED, 1)
+    values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1)
+    sums = _around(mesh, deposits, values * (deposits.weight * count)[:, None], count)
     c, e, w = np.split(_filled(sums, outwards), [3, 6], axis=1)
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
@@ -220,12 +224,36 @@ def _overexposed(mesh: ProxyMesh, deposits: Deposits, light: F64) -> NDArray[np.
     white = np.abs(brightest - 1) < CLIPPED
     if white.sum() <= (brightest >= 1 + CLIPPED).sum():  # brightness goes on past white: nothing is clipped there
         return np.zeros(len(bright), bool)
-    sums = np.zeros((len(mesh.vertices), 2))
     values = np.stack([bright, bright & white], axis=1) * deposits.weight[:, None]
-    for k in range(3):
-        _add(sums, mesh.faces[deposits.face, k], values * deposits.corners[:, k, None])
+    sums = _around(mesh, deposits, values, np.ones(len(bright)))
     clipped = (sums[:, 1] > _MANY * sums[:, 0])[mesh.faces[deposits.face]].any(axis=1)
     return np.asarray(bright & clipped)
+
+
+def _around(mesh: ProxyMesh, deposits: Deposits, values: F64, count: F64) -> F64:
+    """(V, C) sums of values (N, C) that count as so many samples (N,) at the vertices, pooled with those around.
+
+    Vertices without a splat have 0.
+    """
+    sums = np.zeros((len(mesh.vertices), values.shape[1] + 1))
+    shared = np.concatenate([values, count[:, None]], axis=1)
+    ways = np.zeros(len(sums), np.int64)
+    ways[mesh.faces] = _ways(mesh)[:, None]
+    for k in range(3):
+        _add(sums, mesh.faces[deposits.face, k], shared * deposits.corners[:, k, None])
+    area = float(_areas(mesh).sum()) / 2
+    known = sums[:, -1] > 0
+    at = mesh.vertices[known].astype(np.float64)
+    out = np.zeros((len(sums), values.shape[1]))
+    size = _POOL * float(np.sqrt(area / len(values)))
+    out[known] = pooled(sums[known, :-1], sums[known, -1], at, ways[known], size)
+    return out
+
+
+def _areas(mesh: ProxyMesh) -> F64:
+    """(F,) twice the areas of faces."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def _neighbours(mesh: ProxyMesh) -> Int:

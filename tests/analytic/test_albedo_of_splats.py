@@ -112,6 +112,45 @@ def test_clipped_splats_count_only_where_there_are_no_others() -> None:
     assert 0 < bound.vertex_colors[middle].max() < 0.05
 
 
+@pytest.mark.parametrize("parts", [4, 96])
+def test_a_fine_mesh_has_the_colours_of_a_coarse_one(parts: int) -> None:
+    """More vertices than splats: neither the noise of a splat nor that it is clipped is its vertex's colour."""
+    floor = joined(quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), parts=parts))
+    rng = np.random.default_rng(4)
+    at = np.stack([rng.uniform(-2, 2, 4000), np.zeros(4000), rng.uniform(-2, 2, 4000)], axis=1)
+    up = np.tile([0.0, 1.0, 0.0], (len(at), 1))
+    squared = 1 + at[:, 0] ** 2 + at[:, 2] ** 2
+    color = 0.7 * rng.uniform(0.5, 1.5, len(at)) * (2 * np.pi) / squared**1.5 / np.pi
+    assert 0.02 < (color > 1).mean() < 0.2
+    splats = splats_on(at, up, np.repeat(np.minimum(color, 1)[:, None], 3, axis=1), 0.02)
+    lamp = Lighting(lights=(PointLight(name="lamp", position=np.array([0.0, 1, 0]), intensity=2 * np.pi),))
+    found = colored_by(splats, floor, lamp, SETTINGS)
+    assert found.vertex_colors is not None
+    off = np.abs(found.vertex_colors / 0.7 - 1)
+    assert np.median(off) < 0.1 and np.quantile(off, 0.95) < 0.25, np.quantile(off, [0.5, 0.95, 1])
+
+
+def test_pooling_keeps_walls_apart() -> None:
+    """A few splats on either side of a fine wall, seen from both: colours do not mix through it."""
+    front, back = (
+        quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), parts=60),
+        quad((-1, -1, -0.01), (0, 2, 0), (2, 0, 0), parts=60),
+    )
+    wall = joined(front, back)
+    rng = np.random.default_rng(6)
+    at = np.stack([rng.uniform(-1, 1, 1000), rng.uniform(-1, 1, 1000), np.where(np.arange(1000) % 2, 0, -0.01)], axis=1)
+    side = np.where(np.arange(1000) % 2, 1.0, -1.0)
+    normals = np.stack([np.zeros(1000), np.zeros(1000), side], axis=1)
+    sky = Lighting(environment=Environment(radiance=np.full((1, 1, 3), 0.8, np.float32)))
+    color = np.where(side[:, None] > 0, RED, GREEN) * 0.8
+    found = colored_by(splats_on(at, normals, color, 0.02), wall, sky, SETTINGS)
+    assert found.vertex_colors is not None
+    for z, wanted in ((0.0, RED), (-0.01, GREEN)):
+        there = np.abs(found.vertices[:, 2] - z) < 1e-4
+        assert there.any()
+        np.testing.assert_allclose(found.vertex_colors[there], np.tile(wanted / 1.01, (there.sum(), 1)), rtol=0.03)
+
+
 @pytest.mark.parametrize("facing", [1, -1])
 def test_what_lies_inside_is_not_what_was_seen(facing: int) -> None:
     """A closed box of either winding: only its outside is lit, so only that can be what the splats show."""

@@ -35,6 +35,8 @@ _MOST_PIXELS = 20_000  # that are looked at: shares are right to a third of a pe
 _SAME = 1e-4  # relative: so near to the brightest albedo comes what is held there, and hardly anything else
 _UNLIT = 1e-6  # share of the picture's light below which a light adds nothing
 
+_OWN = "it was made from the splats, so they have no clear surface there: `mirelight inspect --heat DIR` shows where"
+
 Mask = NDArray[np.bool_]
 
 
@@ -50,13 +52,16 @@ class Finding:
         return f"{self.text}; {self.remedy}"
 
 
-def of_frame(frame: Frame, display: DisplaySettings, *, off: Collection[str] = ()) -> tuple[Finding, ...]:
+def of_frame(
+    frame: Frame, display: DisplaySettings, *, off: Collection[str] = (), own: bool = False
+) -> tuple[Finding, ...]:
     """What is wrong with a frame as its PNG shows it.
 
     Args:
         frame: from `mirelight.relight`.
         display: how its PNG is made.
         off: names of layers that are meant to add nothing.
+        own: whether its proxy was made from the splats.
     """
     step = _step(frame.rgba.shape)
     alpha = frame.rgba[::step, ::step, 3]
@@ -67,7 +72,7 @@ def of_frame(frame: Frame, display: DisplaySettings, *, off: Collection[str] = (
         text = f"the camera sees nothing: {on.mean():.1%} of the picture shows the {what}"
         return (Finding("nothing", text, "turn or move the camera, or leave cameras out: one is placed that sees all"),)
     if frame.splats is not None and frame.lighting is not None:
-        found += _fit(frame)
+        found += _fit(frame, own)
     if frame.lighting is not None:
         found += _brightness(frame, display, step, on)
         found += _idle(frame, off)
@@ -98,8 +103,8 @@ def _step(shape: tuple[int, ...]) -> int:
     return math.ceil(math.sqrt(shape[0] * shape[1] / _MOST_PIXELS))
 
 
-def _fit(frame: Frame) -> list[Finding]:
-    """Whether the proxy is where the splats are."""
+def _fit(frame: Frame, own: bool) -> list[Finding]:
+    """Whether the proxy is where the splats are; `own`: it was made from them."""
     splats, lit = frame.splats, frame.lighting
     assert splats is not None and lit is not None
     height, width = lit.coverage.shape
@@ -111,7 +116,7 @@ def _fit(frame: Frame) -> list[Finding]:
         return []
     covered: Mask = lit.coverage[::step, ::step] > OPAQUE
     off = 1 - float((on & covered).sum() / on.sum())
-    look = '`mirelight inspect` says what would make it fit; proxy = "splats" has one made that does'
+    look = _OWN if own else '`mirelight inspect` says what would make it fit; proxy = "splats" has one made that does'
     if off > MOST_UNCOVERED:
         text = f"the proxy does not cover {off:.0%} of the splats' pixels (right ones leave up to 13 %)"
         return [Finding("uncovered", text, look)]

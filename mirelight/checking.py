@@ -63,7 +63,7 @@ def check(job: Job, *, every_camera: bool = False) -> Check:
         except InputError as refused:  # fog, a handful of splats: frames are made, but there is no surface to fit
             found.append(Finding("gap", f"the splats have no surface to compare with: {refused.found}", refused.remedy))
         else:
-            found += _misfits(quality)
+            found += _misfits(quality, own=job.made_proxy is not None)
     if mesh is not None and len(mesh.faces) and job.lightings:
         sight = Sight(mesh, job.render.variant, job.render.threads)
         found += hidden_lights(job.lightings, cameras, sight)
@@ -79,13 +79,16 @@ def _idle_cameras(cameras: Sequence[Camera], mesh: ProxyMesh | None, splats: Spl
     ]
 
 
-def _misfits(quality: ProxyQuality) -> list[Finding]:
-    """Of the whole where the mesh misfits everywhere, else of the views in which it does."""
+def _misfits(quality: ProxyQuality, *, own: bool) -> list[Finding]:
+    """Of the whole where the mesh misfits everywhere, else of the views in which it does; `own`: it was made of the
+    splats."""
     wrong = quality.uncovered > MOST_UNCOVERED or quality.leaks > MOST_LEAKS
     if quality.advice:
         *what, remedy = quality.advice
         if remedy == UNEXPLAINED:
-            remedy = '--heat DIR shows where; try `mirelight proxy SPLATS --fit MESH`, or proxy = "splats"'
+            other = "it was made from them, so they have no clear surface there"
+            remedy = other if own else 'try `mirelight proxy SPLATS --fit MESH`, or proxy = "splats"'
+            remedy = f"--heat DIR shows where; {remedy}"
         return [Finding("uncovered" if wrong else "gap", "; ".join(what), remedy)]
     found = []
     look = "--heat DIR shows where"

@@ -199,7 +199,8 @@ class Said:
     def look(self, scene: Scene, task: FrameTask, frame: Frame) -> None:
         """Tell what is wrong with a frame."""
         off = [x.layer for x in terms(task.lighting) if not np.any(x.weight)] if task.lighting else []
-        for finding in advice.of_frame(frame, scene.job.display, off=off):
+        own = scene.job.made_proxy is not None
+        for finding in advice.of_frame(frame, scene.job.display, off=off, own=own):
             self._counts[finding.kind] += 1
             if self._counts[finding.kind] <= _MOST_SAID:
                 self._progress.note(f"{task.name}: {finding}")

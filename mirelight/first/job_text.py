@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight import conventions
+from mirelight import colour, conventions
 from mirelight.errors import InputError
 from mirelight.first import beside, captured, up, view
 from mirelight.model import F64, Camera, SplatCloud
+from mirelight.sh import C0
 
 if TYPE_CHECKING:
     from mirelight.io.job.lighting import FreeNames
@@ -27,9 +28,12 @@ if TYPE_CHECKING:
 LIGHTS = ("sun", "point")
 _FILL = 0.35  # cd/m² all around, under the sun
 _SUN = 3.2  # lux: a surface that faces it is lit 1.4 times as brightly as it was captured
-_POINT = 4.5  # lux at the capture's middle
+_GAIN = 0.9  # a lamp's light over the captured one, median of the surface
+_MET = 0.6  # of a room's light, that comes straight from a lamp
+_BRIGHT = 0.05  # share of the surface that a lamp may make white
 _FROM_LEFT = (-0.75, 0.8, 0.45)  # towards the light: along the picture's right, up, towards the camera
 _DIGITS = 4
+_SAMPLE = 20_000  # splats that are looked at
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
 
 
@@ -78,7 +82,7 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
         *_cameras(cameras, wish, named),
         *_camera(seen, wish),
         *_captured(seen, proxy, known),
-        *_lightings(capture, seen, wish, proxy, 1.0 if known is None else known.level, named),
+        *_lightings(capture, world, seen, wish, proxy, 1.0 if known is None else known.level, named),
         *_rest(),
     ]
     return "\n".join(lines) + "\n"
@@ -205,6 +209,11 @@ def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.
     yield f"# As captured, the splats' mean luminance is {seen.luminance:.2f}; {white}."
     if known is not None:
         return
+    if seen.room:
+        yield "# The light they were captured under is not known, and within walls none comes from all around. It is"
+        yield "# taken as even on every surface: new light multiplies their colours (mode tint)."
+        yield "# Where you know it, or which lamps there were, say it in [captured] (docs/captured-light.md)."
+        return
     yield "# The light they were captured under is not known, so an even one all around is assumed. New light is"
     yield "# divided by it: a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here."
     if proxy is None:
@@ -216,7 +225,13 @@ def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.
 
 
 def _lightings(
-    capture: Path, seen: view.FirstView, wish: Wish, proxy: beside.Proxy | None, level: float, named: _Names
+    capture: Path,
+    world: SplatCloud,
+    seen: view.FirstView,
+    wish: Wish,
+    proxy: beside.Proxy | None,
+    level: float,
+    named: _Names,
 ) -> Iterator[str]:
     """`level`: of the captured light, cd/m²; new light is as bright."""
     from mirelight.io.job.lighting import FreeNames
@@ -232,7 +247,7 @@ def _lightings(
         return
     kind = wish.light or ("point" if seen.room else "sun")
     names.take("lamp" if kind == "point" else "sun")
-    yield from (_point(seen, level) if kind == "point" else _sun(seen, level))
+    yield from (_point(seen, world, level) if kind == "point" else _sun(seen, level))
     if not wish.light:
         for one in beside.lights(capture, middle, proxy.path if proxy else None):
             yield from _file(one, level, named, names)
@@ -262,7 +277,7 @@ def _sun(seen: view.FirstView, level: float) -> Iterator[str]:
     yield "angular_diameter = 1.5 # degrees; more gives softer shadows"
 
 
-def _point(seen: view.FirstView, level: float) -> Iterator[str]:
+def _point(seen: view.FirstView, cloud: SplatCloud, level: float) -> Iterator[str]:
     away = float(np.linalg.norm(seen.target - seen.camera.position))
     if seen.room:
         place, reach = seen.target + np.array([0.0, 0.25 * away, 0.0]), away
@@ -279,8 +294,38 @@ def _point(seen: view.FirstView, level: float) -> Iterator[str]:
     yield 'type = "point"'
     yield f"position = {_vector(place)}"
     yield "color = [1, 0.85, 0.62]"
-    yield f"intensity = {_POINT * level * reach**2:.3g} # candela: {_POINT * level:.3g} lux in the capture's middle"
+    straight = _MET if seen.room else 1.0
+    yield f"intensity = {level * straight * _candela(cloud, place):.3g} # candela"
     yield f"radius = {0.03 * reach:.2g}"
+
+
+def _candela(cloud: SplatCloud, place: F64) -> float:
+    """What a lamp needs to light a capture as brightly as it was captured under 1 cd/m² all around: the median of what
+    faces it, unless that makes more than a few of the splats white. Shadows are not looked at.
+
+    Args:
+        cloud: in the world.
+        place: (3,) of the lamp.
+    """
+    rows = np.flatnonzero(cloud.opacities > 0.1)
+    rows = rows[:: max(1, len(rows) // _SAMPLE)]
+    scales = np.sort(cloud.scales[rows].astype(np.float64), axis=1)
+    area = scales[:, 1] * scales[:, 2] * cloud.opacities[rows]
+    turns = conventions.rotation_from_quaternion(cloud.quats[rows])
+    normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
+    way = place - cloud.means[rows].astype(np.float64)
+    squared = np.maximum((way**2).sum(axis=1), 1e-12)
+    factor = np.abs((way * normals).sum(axis=1)) / squared**1.5 / np.pi  # of one candela, over a captured 1 cd/m²
+    shown = colour.srgb_decode(np.clip(cloud.sh[rows, 0] * C0 + 0.5, 0, 1)).max(axis=1)
+    usual = _quantile(factor, area, 0.5)
+    return _GAIN / max(usual, _GAIN * _quantile(factor * shown, area, 1 - _BRIGHT), 1e-12)
+
+
+def _quantile(values: F64, weights: F64, share: float) -> float:
+    """The value that so much of the weight lies below."""
+    order = np.argsort(values, kind="stable")
+    up_to = np.cumsum(weights[order])
+    return float(values[order][min(int(np.searchsorted(up_to, share * up_to[-1])), len(order) - 1)])
 
 
 def _file(one: beside.Lights, level: float, named: _Names, names: FreeNames) -> Iterator[str]:

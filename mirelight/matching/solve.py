@@ -77,6 +77,8 @@ def fitted(columns: list[Column], target: F64, weight: F64) -> tuple[F64, Bool]:
     seen = power > _SEEN * max(float(power.max(initial=0.0)), 1e-300)
     used = [c for c, s in zip(columns, seen, strict=True) if s]
     out = np.zeros(len(columns))
+    if not used:  # of splats that are all black
+        return out, seen
     for _ in range(_ROUNDS):
         x = nonnegative(*_normal_equations(used, target, weight**2 * trust))
         off = np.abs(summed(used, x, target.shape) - target) * weight

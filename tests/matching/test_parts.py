@@ -17,6 +17,12 @@ from mirelight.matching.tone import CURVES, inverse
 from mirelight.model import DisplaySettings, ToneCurve
 
 
+def test_no_light_shows_on_black_splats() -> None:
+    columns = [Column(np.zeros((5, 3)), k) for k in range(3)]
+    found, seen = fitted(columns, np.full((5, 3), 0.2), np.ones((5, 3)))
+    assert not seen.any() and not found.any()
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_same_weights_as_scipy(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -15,6 +15,7 @@ from mirelight import conventions
 from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, job_text, up
+from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
 from mirelight.model import SplatCloud
 
@@ -154,6 +155,20 @@ def test_cameras_beside_a_capture_close_its_proxy(tmp_path: Path, where: str) ->
     else:
         assert tomllib.loads(text)["proxy"] == "splats"
         assert ("# " + line in text) == (where == "in a room")
+    assert ("captured" in tomllib.loads(text)) == (where != "in a room")  # no light comes in from all around
+
+
+def test_a_lamp_lights_a_capture_as_brightly_as_it_was_captured() -> None:
+    """In a ball's middle every splat has candela / r^2 lux, and pi lux are what 1 cd/m² all around gives."""
+    cloud = ball()
+    lit = replace(cloud, sh=np.full_like(cloud.sh, -0.5))  # 0.36 of white, 0.1 in linear light
+    at = conventions.unit((1, 2, 3))
+    middle = _candela(lit, np.zeros(3))
+    assert middle == pytest.approx(0.9 * np.pi, rel=1e-3)
+    assert _candela(replace(lit, means=5 * lit.means), np.zeros(3)) == pytest.approx(25 * middle)
+    white = replace(cloud, sh=np.full_like(cloud.sh, 1.7))  # nearly white
+    near = _candela(white, 0.9 * at)
+    assert near < 0.5 * _candela(lit, 0.9 * at)  # most would have as much, the nearest be white
 
 
 @pytest.mark.parametrize("doubted", [False, True])

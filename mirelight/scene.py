@@ -23,6 +23,7 @@ from mirelight.model import (
     EstimatedSky,
     Job,
     Lighting,
+    LightingBuffer,
     Matte,
     ProxyMesh,
     RelightSettings,
@@ -72,10 +73,10 @@ def check(job: Job) -> None:
     if job.splats is None and (job.proxy is None or not job.lightings):
         raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
     kept_apart = job.output.store == "layers" or job.dataset.layouts
-    if kept_apart and job.splats is not None and any(relighting.per_splat(x) for x in _relights(job)):
+    if kept_apart and job.splats is not None and any(_asks_splats(x) for x in _relights(job)):
         raise InputError(
             job.source,
-            "splats that are relit one by one, and frames that are mixed from the layers of pixels",
+            "light that is found for splats, and frames that are mixed from the layers of pixels",
             'set per to "pixel", or leave dataset.layouts and output.store = "layers" out',
             field="relight.per",
         )
@@ -100,6 +101,10 @@ def _relights(job: Job) -> list[RelightSettings]:
     return [job.relight_of(x) for x in (None, *job.lightings)]
 
 
+def _asks_splats(settings: RelightSettings) -> bool:
+    return relighting.per_splat(settings) or relighting.softens(settings)
+
+
 def _digest(part: Deferred[Any] | None) -> str:
     return "" if part is None else part.digest
 
@@ -114,6 +119,7 @@ class Scene:
         self._report = report
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
         self._view: ViewLight | None = None
+        self._softened: tuple[LightingBuffer, LightingBuffer] | None = None  # as it was traced, and as it became
         self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
 
     def __repr__(self) -> str:
@@ -291,6 +297,29 @@ class Scene:
                 self._tell(f"light on {len(self.splats or ()):,} splats: {what}; it is kept for the next time")
 
         return SplatLight(self, self.job.render.spp, say)
+
+    def softened(self, captured: LightingBuffer) -> LightingBuffer:
+        """A view's captured light with shadows as soft as the splats show them; that of the last view is kept."""
+        if self._softened is not None and self._softened[0] is captured:
+            return self._softened[1]
+        from mirelight.lighting import Tracer
+        from mirelight.lighting.splat_light import lamps_in_view
+
+        job, tracer = self.job, self.tracer
+        assert job.captured is not None and isinstance(tracer, Tracer)
+        known = self.resolved(job.captured)
+        made = captured
+        if known.lights:
+            lamps = lamps_in_view(tracer, known, captured.camera)
+            if job.render.denoise:
+                from mirelight.lighting.denoise import denoise
+
+                lamps = denoise(lamps, layers=False)
+            values = self.splat_light.captured_lamps
+            seen, on_splats = self.compositor.composite_with(captured.camera, values, depth=False)
+            made = relighting.softened(captured, lamps, on_splats, 1 - seen.transmittance)
+        self._softened = captured, made
+        return made
 
     @cached_property
     def compositor(self) -> Compositor:

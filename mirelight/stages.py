@@ -104,6 +104,8 @@ def light(
 
     try:
         captured = None if compared is None else view.mixed(compared)
+        if captured is not None and relighting.softens(job.relight_of(lighting)):
+            captured = scene.softened(captured)
         return lit(view.mixed(lighting, None if look is None else offer))
     except ViewStopped:
         so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None

@@ -96,8 +96,8 @@ class DataSet:
         if self._index.denoised:
             raise InputError(self.folder, "frames that are denoised after mixing", "render with render.denoise = false")
         ways = [self._index.relight, *(x.relight for x in self._index.lightings if x.relight is not None)]
-        if any(relighting.per_splat(x) for x in ways):
-            found = "frames whose splats are relit one by one"
+        if any(relighting.per_splat(x) or relighting.softens(x) for x in ways):
+            found = "frames whose light is found for splats"
             raise InputError(self.folder, found, 'render with relight.per = "pixel"')
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)

@@ -84,7 +84,7 @@ class RelightSettings:
     texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 2]
     delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
     max_ratio: float = 16.0  # ratio: upper clamp
-    per: Per = "pixel"  # light is found for each pixel of a view, or for each splat, wherever it is seen from
+    per: Per = "pixel"  # light is found for each pixel of a view, for each splat, or as the module `shadows` says
     sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)
 
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.mode import Lit, Mode, Task
-from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads
+from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, softens
 from mirelight.relighting.resample import upsample
+from mirelight.relighting.shadows import softened
 from mirelight.relighting.splats import captured_color, frame_of_splats, relit_colors, splat_relighter
 
 __all__ = [
@@ -29,6 +30,8 @@ __all__ = [
     "reads",
     "relighter",
     "relit_colors",
+    "softened",
+    "softens",
     "splat_relighter",
     "unlit_rgba",
     "upsample",

@@ -37,6 +37,12 @@ def per_splat(settings: RelightSettings) -> bool:
     return settings.per == "splat" and rules_of(settings.profile).path_traced
 
 
+def softens(settings: RelightSettings) -> bool:
+    """Whether pixels are compared with captured light whose shadows are as soft as the splats show them."""
+    compares = mode_of(settings).needs_captured and settings.blend > 0
+    return settings.per == "both" and compares and rules_of(settings.profile).path_traced
+
+
 def gloss_of(settings: RelightSettings) -> Gloss:
     """What becomes of colour that changes with the view."""
     return settings.sh if rules_of(settings.profile).splits_colour else "keep"

@@ -166,7 +166,7 @@ def test_splats_relit_one_by_one_are_mixed_without_tracing(place: Path, monkeypa
 
 def test_layers_of_pixels_do_not_hold_splats_relit_one_by_one(place: Path) -> None:
     work = job.load(place / "job.toml", ['output.store="layers"'])
-    with pytest.raises(InputError, match=r"relight\.per: splats that are relit one by one"):
+    with pytest.raises(InputError, match=r"relight\.per: light that is found for splats"):
         prepare(work)
 
 

@@ -128,8 +128,9 @@ class RelightTable(Table):
     max_ratio: Positive = Field(default=_RELIGHT.max_ratio, description="ratio: largest factor.")
     per: Per = Field(
         default=_RELIGHT.per,
-        description="What light is found for: each pixel of a view, or each splat, wherever it is seen from "
-        "(docs/relighting.md: which is better where). playcanvas: pixel.",
+        description="What light is found for: each pixel of a view; each splat, wherever it is seen from; or both: "
+        "pixels, but captured lamps' direct light for splats (docs/relighting.md: which is better where). "
+        "playcanvas: pixel.",
     )
     sh: Gloss = Field(
         default=_RELIGHT.sh,

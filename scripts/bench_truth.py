@@ -1,8 +1,9 @@
 """How close relit frames come to path-traced truth: proxies, captured light, indirect light, samples, denoising.
 
-A fixed protocol: five captures (a courtyard under a soft and a hard sun, a stage between soft boxes, a room with the
-sun through its windows and under clouds), three new lightings each, one camera each that no splat was made from. Every
-frame is made by mirelight's own calls in mode `ratio` with the splats' colours on the proxy.
+A fixed protocol: five captures (a courtyard from two sides under a soft sun and from all round under a hard one, a
+stage between soft boxes, a room with the sun through its windows and under clouds), three new lightings each, one
+camera each that no splat was made from. Every frame is made by mirelight's own calls in mode `ratio` with the splats'
+colours on the proxy.
 
     python scripts/bench_truth.py [--quick] [--only NAME] [--json FILE] [--pictures DIR] [--cache DIR] [--processes N]
 

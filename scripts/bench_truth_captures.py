@@ -28,7 +28,9 @@ from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
 METALS = ("iron", "brass")
-BAKE_SPP = {"courtyard": 16, "interior": 48}  # for one splat's colour; indoors light is noisy
+SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
+BAKE_SPP = {"courtyard_walk": 16, "interior": 48}  # for one splat's colour; indoors light is noisy
+PROBES = {"courtyard_walk": (300.0, 3.0), "interior": (1500.0, 6.0)}  # for `candidates`; many cameras take few
 
 F64 = NDArray[np.float64]
 
@@ -52,7 +54,7 @@ class Captured:
     """One capture: splats under a light that is known, and true pictures under it and under others."""
 
     name: str
-    scene: str
+    cloud: str  # name of the splats but for their colours
     whole: bool  # all proxies and ways are tried on it, not the ends alone
     camera: Camera  # not one that the splats were made from
     orbit: tuple[Camera, ...]  # those that they were made from
@@ -69,6 +71,7 @@ class Captured:
 @dataclass(frozen=True, slots=True)
 class _Plan:
     scene: str
+    cloud: str  # module of `scenegen` whose cameras the splats are made from
     name: str
     captured: str  # lighting
     new: tuple[str, ...]
@@ -76,11 +79,11 @@ class _Plan:
 
 
 PLANS = (
-    _Plan("courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
-    _Plan("courtyard", "courtyard, hard sun", "hard sun", ("evening", "night", "day")),
-    _Plan("stage", "stage, soft boxes", "studio", ("spots", "gels", "sunset")),
-    _Plan("interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
-    _Plan("interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
+    _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
+    _Plan("courtyard", "courtyard_walk", "courtyard, walked round", "hard sun", ("evening", "night", "day")),
+    _Plan("stage", "stage", "stage, soft boxes", "studio", ("spots", "gels", "sunset")),
+    _Plan("interior", "interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
+    _Plan("interior", "interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -95,18 +98,19 @@ APART = {  # eye and target between the cameras that a capture is made from
 def capture(name: str, size: Size, store: Store, say: Callable[[str], None]) -> Captured:
     """The capture of that name, made or read."""
     plan = next(plan for plan in PLANS if plan.name == name)
-    return _Scene(plan.scene, size, store, say).captured(plan)
+    return _Scene(plan, size, store, say).captured()
 
 
 class _Scene:
     """A scene of `scenegen`, and what is made of it once."""
 
-    def __init__(self, name: str, size: Size, store: Store, say: Callable[[str], None]) -> None:
-        self._name, self._size, self._store, self._say = name, size, store, say
-        self.recipe: Recipe = importlib.import_module(f"scenegen.{name}").recipe()
+    def __init__(self, plan: _Plan, size: Size, store: Store, say: Callable[[str], None]) -> None:
+        self._plan, self._size, self._store, self._say = plan, size, store, say
+        self._name = plan.scene
+        self.recipe: Recipe = importlib.import_module(f"scenegen.{plan.cloud}").recipe()
         own = {x.name: x for x in (self.recipe.captured, *self.recipe.lightings)}
-        self._lightings = own | ({"hard sun": _hard_sun()} if name == "courtyard" else {})
-        eye, target, yfov = APART[name]
+        self._lightings = own | ({"hard sun": _hard_sun()} if plan.scene == "courtyard" else {})
+        eye, target, yfov = APART[plan.scene]
         self._camera = size.seen(Camera.look_at(eye, target, 960, 540, yfov=yfov, name="apart"))
 
     @cached_property
@@ -114,11 +118,13 @@ class _Scene:
         """The true surface; building it takes seconds, so only where it is needed."""
         return self.recipe.looks()
 
-    def captured(self, plan: _Plan) -> Captured:
+    def captured(self) -> Captured:
+        """The capture of the plan."""
+        plan = self._plan
         new = plan.new[: self._size.most]
         return Captured(
             name=plan.name,
-            scene=self._name,
+            cloud=plan.cloud,
             whole=plan.whole,
             camera=self._camera,
             orbit=self.recipe.orbit,
@@ -168,24 +174,23 @@ class _Scene:
         return self._store.mesh(f"{self._name}.{triangles}", "decimated proxies", make)
 
     def _splats(self, lighting: str) -> SplatCloud:
-        if self._name != "interior":
-            shipped = splat_files.read(ROOT / "scenes" / self._name / "splats.compressed.ply")
-            if lighting == self.recipe.captured.name:
-                return shipped  # fitted to pictures, as a capture is
-            return self._coloured(shipped, lighting)
+        cloud = self._plan.cloud
+        if cloud in SHIPPED:
+            shipped = splat_files.read(ROOT / "scenes" / cloud / "splats.compressed.ply")
+            assert lighting == self.recipe.captured.name
+            return shipped  # fitted to pictures, as a capture is
 
         def make() -> F32:
-            self._say("splats of the interior")
+            self._say(f"splats of {cloud}")
             recipe = self.recipe
             truth = Truth(self.looks, recipe.captured)
-            points, seen = surfels.candidates(surfels.Triangles.of(self.looks.soups), recipe, truth)
+            points, seen = surfels.candidates(surfels.Triangles.of(self.looks.soups), recipe, truth, *PROBES[cloud])
             kept = surfels.thin_out(points, seen.spacing, seed=2)
-            cloud = surfels.cloud(
-                surfels.shape(points.where(kept), seen.spacing[kept], points), np.zeros((len(kept), 3))
-            )
-            return np.concatenate([cloud.means, cloud.quats, cloud.scales], axis=1)
+            form = surfels.shape(points.where(kept), seen.spacing[kept], points)
+            made = surfels.cloud(form, np.zeros((len(kept), 3)))
+            return np.concatenate([made.means, made.quats, made.scales], axis=1)
 
-        rows = self._store.array("interior.splats", "splats", make)
+        rows = self._store.array(f"{cloud}.splats", "splats", make)
         n = len(rows)
         bare = SplatCloud(
             means=rows[:, :3],
@@ -200,7 +205,7 @@ class _Scene:
         """The splats with the colours that they have under a lighting, by path tracing from each."""
 
         def make() -> F32:
-            self._say(f"colours of the splats of {self._name} under {lighting}")
+            self._say(f"colours of the splats of {self._plan.cloud} under {lighting}")
             frames = conventions.rotation_from_quaternion(splats.quats.astype(np.float64))
             order = np.argsort(-splats.scales, axis=1, kind="stable")
             frames = np.take_along_axis(frames, order[:, None, :], axis=2)
@@ -211,13 +216,13 @@ class _Scene:
             # the side that cameras see: from the other one, looked at from inside of a thing, a splat is black
             points = surfels.Points(positions=means, normals=normals)
             seen = surfels.look(points, self.recipe.orbit, truth, self.recipe.pixels_per_splat)
-            light = surfels.bake(form, seen.eye, truth, BAKE_SPP[self._name], seed=3)
+            light = surfels.bake(form, seen.eye, truth, BAKE_SPP[self._plan.cloud], seed=3)
             known = np.isfinite(seen.spacing) & np.isfinite(light).all(axis=1)
             _, nearest = cKDTree(means[known]).query(means[~known])  # no picture shows them
             light[~known] = light[known][nearest]
             return np.asarray(srgb_encode(np.clip(light, 0, 1)), np.float32)
 
-        colour = self._store.array(f"{self._name}.colours.{lighting}", "splats", make)
+        colour = self._store.array(f"{self._plan.cloud}.colours.{lighting}", "splats", make)
         return replace(splats, sh=((colour - 0.5) / C0)[:, None, :].astype(np.float32))
 
 

@@ -138,7 +138,7 @@ class Bench:
             case "moved 1 %":
                 return self._moved
             case "moved 1 %, fitted":
-                name = f"{capture.scene}.fitted"
+                name = f"{capture.cloud}.fitted"
                 return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
             case "exact, unseen left out":
                 return seen_of(capture.exact, splats, self.size)
@@ -146,7 +146,7 @@ class Bench:
                 return self._own(surface == "own, cameras known")
 
     def _own(self, closed: bool) -> ProxyMesh:
-        """Made of the splats' places and shapes, so one for all captures of a scene; what closes unseen space, the last
+        """Made of the splats' places and shapes, so one for all captures of a cloud; what closes unseen space, the last
         of its triangles, makes the difference between both."""
         capture = self.capture
 
@@ -156,7 +156,7 @@ class Bench:
             sizes = [[len(mesh.vertices), len(mesh.faces) - made.unseen, 0]]
             return np.concatenate([sizes, mesh.vertices, mesh.faces]).astype(np.float32)
 
-        rows = self._store.array(f"{capture.scene}.own", "own proxies", pack, "proxies")
+        rows = self._store.array(f"{capture.cloud}.own", "own proxies", pack, "proxies")
         count, seen = (int(x) for x in rows[0, :2])
         faces = rows[1 + count :].astype(np.int32)
         if closed:

@@ -108,15 +108,25 @@ def look(points: Points, orbit: tuple[Camera, ...], truth: Truth, pixels: float,
     return Seen(spacing=spacing, eye=eye / np.maximum(length, 1e-9), flip=facing < 0)
 
 
-def candidates(triangles: Triangles, recipe: Recipe, truth: Truth) -> tuple[Points, Seen]:
-    """Dense points on everything that the orbit sees, about eight for each splat to come."""
+def candidates(
+    triangles: Triangles, recipe: Recipe, truth: Truth, probes: float = 1500.0, dense: float = 6.0
+) -> tuple[Points, Seen]:
+    """Dense points on everything that the orbit sees, about eight for each splat to come, or four.
+
+    Args:
+        triangles: of the scene.
+        recipe: whose orbit and distances.
+        truth: to look along rays.
+        probes: a square metre, by which it is told what is seen; few are enough for many cameras.
+        dense: points on a square as wide as the distance of neighbouring splats.
+    """
     rng = np.random.default_rng(1)
     low, high = recipe.spacing
-    probe = np.concatenate([np.arange(len(triangles.areas)), triangles.spread(1500.0, rng)])
+    probe = np.concatenate([np.arange(len(triangles.areas)), triangles.spread(probes, rng)])
     seen = look(triangles.points(probe, rng), recipe.orbit, truth, recipe.pixels_per_splat)
     finest = np.full(len(triangles.areas), np.inf)
     np.minimum.at(finest, probe, seen.spacing)
-    density = np.where(np.isfinite(finest), 6.0 / np.clip(finest, low, high) ** 2, 0.0)
+    density = np.where(np.isfinite(finest), dense / np.clip(finest, low, high) ** 2, 0.0)
     points = triangles.points(triangles.spread(density, rng), rng)
     seen = look(points, recipe.orbit, truth, recipe.pixels_per_splat)
     visible = np.isfinite(seen.spacing)

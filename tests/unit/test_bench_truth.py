@@ -163,3 +163,13 @@ def test_pieces_of_triangles_are_small_and_leave_no_seam(monkeypatch: pytest.Mon
     for a, b in points[edges[count == 1]]:  # an edge of one piece alone
         off = [np.linalg.norm(np.cross(a - p, q)) + np.linalg.norm(np.cross(b - p, q)) for p, q in rim]
         assert min(off) < 1e-12
+
+
+def test_no_splat_is_made_from_the_camera_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    captures = importlib.import_module("bench_truth_captures")
+    for plan in captures.PLANS:
+        recipe = importlib.import_module(f"scenegen.{plan.cloud}").recipe()
+        eye = np.array(captures.APART[plan.scene][0])
+        away = [np.linalg.norm(camera.position - eye) for camera in recipe.orbit]
+        assert min(away) > 0.2, plan.name

@@ -158,7 +158,10 @@ class Scene:
     @cached_property
     def splats(self) -> SplatCloud | None:
         """The splats in world space."""
-        return None if self.job.splats is None else self.job.splats.value
+        cloud = None if self.job.splats is None else self.job.splats.value
+        if cloud is not None and cloud.dropped:
+            self._tell(f"{cloud.dropped:,} splats with NaN or infinite values are left out")
+        return cloud
 
     @cached_property
     def mesh(self) -> ProxyMesh | None:

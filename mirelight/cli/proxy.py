@@ -66,7 +66,7 @@ def run_proxy(args: argparse.Namespace) -> int:
         write_png(heat, quality.heat, {})
     if not args.quiet:
         say.result(f"{out}: {how}")
-        for line in table(quality, before):
+        for line in table(quality, before, own=args.fit is None):
             say.result(line)
         say.result(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
     return 0
@@ -111,8 +111,10 @@ _SIZE = (1280, 720)  # pixels of cameras whose file gives none
 _METHODS = {"cells": "cells of the splats' planes", "depth": "depth maps"}
 
 
-def table(quality: ProxyQuality, before: ProxyQuality | None = None) -> Iterator[str]:
-    """The figures, a line each, and the advice."""
+def table(quality: ProxyQuality, before: ProxyQuality | None = None, *, own: bool = False) -> Iterator[str]:
+    """The figures, a line each, and the advice; `own`: the mesh was made from the splats."""
+    from mirelight.proxy.advice import UNEXPLAINED
+
     size = quality.size
 
     def was(share: Callable[[ProxyQuality], float]) -> str:
@@ -129,8 +131,13 @@ def table(quality: ProxyQuality, before: ProxyQuality | None = None) -> Iterator
         f"{was(lambda x: x.gap_median / x.size)})"
     )
     yield f"  leaks        {quality.leaks:.1%} of the proxy's pixels show no splats{was(lambda x: x.leaks)}"
+    other = (
+        "the splats have no clear surface there"
+        if own
+        else "one made from the splats may serve better (leave out --fit)"
+    )
     for line in quality.advice:
-        yield f"  ! {line}"
+        yield f"  ! {f'see the heat map; {other}' if line == UNEXPLAINED else line}"
 
 
 @contextmanager

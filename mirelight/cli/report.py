@@ -96,8 +96,7 @@ Rows = Iterator[tuple[str, str]]
 
 def _splats(facts: SplatFacts) -> Rows:
     yield "kind", f"splats, {facts.format}"
-    dropped = f" ({facts.dropped:,} more with NaN or infinite values are left out)" if facts.dropped else ""
-    yield "splats", f"{facts.splats:,}{dropped}"
+    yield "splats", f"{facts.splats:,}{_dropped(facts)}"
     yield "SH degree", f"{facts.sh_degree}"
     if facts.antialiased:
         yield "trained", "antialiased (opacity compensation)"
@@ -109,6 +108,10 @@ def _splats(facts: SplatFacts) -> Rows:
     yield "memory", size(facts.memory)
     for note in facts.notes:
         yield "note", note
+
+
+def _dropped(facts: SplatFacts | JobFacts) -> str:
+    return f" ({facts.dropped:,} more with NaN or infinite values are left out)" if facts.dropped else ""
 
 
 def _mesh(facts: MeshFacts) -> Rows:
@@ -141,7 +144,7 @@ def _job(facts: JobFacts) -> Rows:
     yield "kind", f"job, profile {facts.profile}, mode {facts.mode}"
     yield "inputs", _listed(facts.inputs)
     if facts.sh_degree is not None:
-        yield "splats", f"{facts.splats:,}, SH degree {facts.sh_degree}"
+        yield "splats", f"{facts.splats:,}, SH degree {facts.sh_degree}{_dropped(facts)}"
     made = "made from the splats when something is rendered" if facts.proxy_to_make else "none"
     yield "proxy", f"{facts.triangles:,} triangles" if facts.triangles else made
     yield from _box(facts.bounds)

@@ -119,7 +119,8 @@ def _refuse_few(capture: Path, cloud: SplatCloud) -> None:
 
 def _splats(capture: Path, cloud: SplatCloud, found: up.Up, named: _Names) -> Iterator[str]:
     yield ""
-    yield f"# {len(cloud):,} splats. Up, which is +Y in a job: {found.why}."
+    lost = f" ({cloud.dropped:,} more with NaN or infinite values are left out)" if cloud.dropped else ""
+    yield f"# {len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
     if found.guessed:
         yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
     place = _placed(found)

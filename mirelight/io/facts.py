@@ -168,6 +168,7 @@ class JobFacts:
     kind: ClassVar[str] = "job"
     path: str
     splats: int
+    dropped: int  # left out on reading: NaN or infinite values
     sh_degree: int | None
     triangles: int
     proxy_to_make: bool  # from the splats, when something is rendered

@@ -194,6 +194,7 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
     return JobFacts(
         path=str(path),
         splats=len(splats) if splats is not None else 0,
+        dropped=splats.dropped if splats is not None else 0,
         sh_degree=splats.sh_degree if splats is not None else None,
         triangles=len(proxy.faces) if proxy else 0,
         proxy_to_make=to_make,

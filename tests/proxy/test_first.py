@@ -12,12 +12,15 @@ import numpy as np
 import pytest
 
 from mirelight import conventions
+from mirelight.cli.report import lines
 from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, job_text, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
+from mirelight.io.inspect import of_job
 from mirelight.model import SplatCloud
+from mirelight.scene import prepare
 
 from .clouds import ball, box_shell, on_surface, square
 
@@ -226,3 +229,18 @@ def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> No
     splats.write(bad, path)
     with pytest.raises(InputError, match="too few for a surface" if case == "two" else None):
         job_text(path, tmp_path)
+
+
+def test_splats_that_are_left_out_are_said_everywhere(tmp_path: Path) -> None:
+    whole = ball()
+    means = whole.means.copy()
+    means[::4, 1] = np.nan
+    splats.write(replace(whole, means=means), tmp_path / "capture.ply")
+    text = job_text(tmp_path / "capture.ply", tmp_path)
+    assert "# 3,000 splats (1,000 more with NaN or infinite values are left out). Up, which" in text
+    work = job.load_text(text, tmp_path / "job.toml")
+    told: list[str] = []
+    assert prepare(work, report=told.append).splats is not None
+    assert told == ["1,000 splats with NaN or infinite values are left out"]
+    shown = lines(of_job(work, tmp_path / "job.toml"))
+    assert any("3,000, SH degree 0 (1,000 more with NaN or infinite values are left out)" in line for line in shown)

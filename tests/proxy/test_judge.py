@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mirelight import conventions
+from mirelight.cli.proxy import table
 from mirelight.io.mesh import transform
 from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy import judge
@@ -97,6 +98,8 @@ def test_a_mesh_of_something_else_is_not_explained_away() -> None:
     quality = judge(splats(), ProxyMesh(vertices=flat, faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32)))
     assert quality.leaks > 0.3
     assert "nothing simple explains it" in quality.advice[-1]
+    (fitted,), (made,) = ([x for x in table(quality, own=own) if "see the heat map" in x] for own in (False, True))
+    assert "leave out --fit" in fitted and "--fit" not in made  # what was done is not what to try
 
 
 def test_what_is_missing_counts_as_uncovered() -> None:

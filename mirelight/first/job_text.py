@@ -7,6 +7,7 @@ capture, whatever its scale.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -195,10 +196,10 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
     yield ""
     yield "[[cameras]]"
     yield 'name = "first"'
-    yield f"position = {_vector(seen.camera.position)}"
+    yield f"position = {_place(seen.camera.position, seen)}"
     ahead = -seen.camera.world_from_camera[:3, 2]
     away = float(np.linalg.norm(seen.target - seen.camera.position))
-    yield f"target = {_vector(seen.camera.position + ahead * away)}"
+    yield f"target = {_place(seen.camera.position + ahead * away, seen)}"
     yfov = 2 * np.degrees(np.arctan(seen.camera.height / 2 / seen.camera.fy))
     yield f"yfov = {yfov:.4g} # degrees"
     yield f"near = {away / 1000:.3g}"
@@ -293,7 +294,7 @@ def _point(seen: view.FirstView, cloud: SplatCloud, level: float) -> Iterator[st
     yield ""
     yield "[[lightings.lights]]"
     yield 'type = "point"'
-    yield f"position = {_vector(place)}"
+    yield f"position = {_place(place, seen)}"
     yield "color = [1, 0.85, 0.62]"
     straight = _MET if seen.room else 1.0
     yield f"intensity = {level * straight * _candela(cloud, place):.3g} # candela"
@@ -353,5 +354,11 @@ def _rest() -> Iterator[str]:
     yield 'directory = "out"'
 
 
-def _vector(values: Sequence[float] | F64) -> str:
-    return "[" + ", ".join(f"{round(float(v), _DIGITS) + 0.0:g}" for v in values) + "]"
+def _place(values: F64, seen: view.FirstView) -> str:
+    """To a hundred-thousandth of what the camera is away, be it in millimetres or in kilometres."""
+    away = float(np.linalg.norm(seen.target - seen.camera.position))
+    return _vector(values, max(_DIGITS - math.floor(math.log10(away)), 0))
+
+
+def _vector(values: Sequence[float] | F64, digits: int = _DIGITS) -> str:
+    return "[" + ", ".join(f"{round(float(v), digits) + 0.0:.12g}" for v in values) + "]"

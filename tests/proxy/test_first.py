@@ -19,7 +19,7 @@ from mirelight.first import Wish, job_text, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
 from mirelight.io.inspect import of_job
-from mirelight.model import SplatCloud
+from mirelight.model import Camera, PointLight, SplatCloud
 from mirelight.scene import prepare
 
 from .clouds import ball, box_shell, on_surface, square
@@ -229,6 +229,28 @@ def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> No
     splats.write(bad, path)
     with pytest.raises(InputError, match="too few for a surface" if case == "two" else None):
         job_text(path, tmp_path)
+
+
+def test_the_same_view_and_light_at_any_scale(tmp_path: Path) -> None:
+    """Also where the capture lies beside the origin."""
+
+    def made(scale: float) -> tuple[Camera, PointLight]:
+        m = np.diag([scale, scale, scale, 1.0])
+        m[:3, 3] = 20 * scale
+        splats.write(splats.transform(ball(), m), tmp_path / "capture.ply")
+        text = job_text(tmp_path / "capture.ply", tmp_path, Wish(light="point"))
+        work = job.load_text(text, tmp_path / "job.toml")
+        (lamp,) = work.lightings[0].lights
+        assert isinstance(lamp, PointLight)
+        return work.cameras[0], lamp
+
+    camera, lamp = made(1.0)
+    for scale in (1e-3, 1e4):
+        small, its = made(scale)
+        np.testing.assert_allclose(small.position / scale, camera.position, atol=2e-4)
+        np.testing.assert_allclose(small.world_from_camera[:3, :3], camera.world_from_camera[:3, :3], atol=1e-3)
+        np.testing.assert_allclose(its.position / scale, lamp.position, atol=2e-4)
+        assert its.intensity / scale**2 == pytest.approx(lamp.intensity, rel=0.01)
 
 
 def test_splats_that_are_left_out_are_said_everywhere(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture, axes_of
 from mirelight.proxy.polygons import Polygons, octagons
+from mirelight.proxy.rods import Rods, rods_of
 from mirelight.proxy.sides import seen_sides
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
@@ -54,23 +55,27 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     radius, ends = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept], ends[kept]
     discs = _Discs(discs.at[kept], discs.axes[kept], discs.scales[kept])
     near, distance = _neighbours(discs.at, NEIGHBOURS)
+    rods = rods_of(discs.at, discs.normal, near, distance[:, 5] / 1.8)
+    bars = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     corners, faces, owners, start = [], [], [], 0
     for first in range(0, len(discs.at), _CHUNK):
         progress("cutting cells", 0.2 + 0.6 * first / len(discs.at))
         rows = np.arange(first, min(first + _CHUNK, len(discs.at)))
-        cells = _cut(discs, rows, near[rows], radius[rows], ends[rows], s)
-        found, triangles, cell = _in_space(discs, rows, cells)
+        polygons = _cut(discs, rows, near[rows], radius[rows], ends[rows], s)
+        bars = bars.beside(_bars(rods.where((rods.rows >= first) & (rods.rows <= rows[-1])), discs, first, polygons))
+        found, triangles, cell = _in_space(discs, rows, polygons)
         corners.append(found)
         faces.append(triangles + start)
         owners.append(rows[cell])
         start += len(found)
     progress("telling the sides apart", 0.8)
     soup = Soup(np.concatenate(corners), np.concatenate(faces))
-    sight = Sight(soup.mesh(), settings.variant, settings.threads)
+    sight = Sight(soup.beside(bars).mesh(), settings.variant, settings.threads)
     front = seen_sides(capture, discs.at, discs.normal, sight) * np.sign(np.linalg.det(discs.axes))
     behind = front[np.concatenate(owners)] < 0
     progress("welding cells", 0.95)
-    return welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), WELD * s)
+    cells = welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), WELD * s)
+    return cells.beside(bars)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,6 +196,14 @@ def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, ends: F64, s: float) 
             np.where(flip, -c, c),
         )
     return cells
+
+
+def _bars(rods: Rods, discs: _Discs, first: int, cells: Polygons) -> Soup:
+    """Prisms in place of the cells of discs on rods, as long as those were; `first` is the disc of the first cell."""
+    along = np.einsum("rij,ri->rj", discs.axes[rods.rows][:, :, 1:], rods.axis)
+    low, high = cells.extent(rods.rows - first, along)
+    cells.count[rods.rows - first] = 0
+    return rods.prisms(discs.at[rods.rows], low, high)
 
 
 def _in_space(discs: _Discs, rows: Int, cells: Polygons) -> tuple[F64, Int, Int]:

@@ -20,7 +20,7 @@ from mirelight.proxy.judge import judged
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
-from mirelight.proxy.unseen import closing, joined
+from mirelight.proxy.unseen import closing
 from mirelight.proxy.views import ORBIT, PIXELS, around, from_points, moved
 
 PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
@@ -78,7 +78,7 @@ def make(
     whole = soup
     if cameras:
         there = [moved(camera, -capture.middle) for camera in cameras]
-        whole = joined(soup, closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), source))
+        whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), source))
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
         method=method,

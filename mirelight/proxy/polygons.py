@@ -54,6 +54,12 @@ class Polygons:
         self.corners[rows[fits]] = fresh[fits]
         self.count[rows[fits]] = total[fits]
 
+    def extent(self, rows: Int, way: F64) -> tuple[F64, F64]:
+        """(R,) where polygons begin and where they end along directions (R, 2)."""
+        along = np.einsum("rvj,rj->rv", self.corners[rows], way)
+        used = np.arange(MOST_CORNERS) < self.count[rows, None]
+        return np.where(used, along, np.inf).min(axis=1), np.where(used, along, -np.inf).max(axis=1)
+
 
 def octagons(radius: F64) -> Polygons:
     """Regular octagons about the origin with those radii of their corners."""

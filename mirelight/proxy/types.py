@@ -85,6 +85,13 @@ class Soup:
     vertices: F64  # (V, 3)
     faces: Int  # (F, 3)
 
+    def beside(self, other: Soup) -> Soup:
+        """Both as one, this one's faces first, nothing welded."""
+        return Soup(
+            np.concatenate([self.vertices, other.vertices]),
+            np.concatenate([self.faces, other.faces + len(self.vertices)]),
+        )
+
     def mesh(self) -> ProxyMesh:
         """In single precision."""
         return ProxyMesh(vertices=self.vertices.astype(np.float32), faces=self.faces.astype(np.int32))

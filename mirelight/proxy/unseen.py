@@ -77,15 +77,7 @@ def closing(
         return lambda points: pictures.states(points.astype(np.float32), -before)
 
     further = beyond_pictures(soup, pictures.eyes, spacing, look)
-    return joined(hidden, further)
-
-
-def joined(one: Soup, other: Soup) -> Soup:
-    """Both as one, nothing welded."""
-    return Soup(
-        np.concatenate([one.vertices, other.vertices]),
-        np.concatenate([one.faces, other.faces + len(one.vertices)]),
-    )
+    return hidden.beside(further)
 
 
 def _boundary_of_hidden(soup: Soup, pictures: Pictures, low: F64, high: F64, cell: float) -> Soup:

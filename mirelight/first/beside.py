@@ -164,10 +164,11 @@ def of_file(path: Path, middle: F64) -> Lights | None:
         mean = float(np.average(colour.luminance(picture).mean(axis=1), weights=rows))
         return Lights(path, "panorama", 1 / mean) if mean > 0 else None
     if suffix in (".glb", ".gltf"):
+        from mirelight.io.gltf.beyond import punctual
         from mirelight.io.gltf.scene import read_lights
 
         total = 0.0
-        for light in read_lights(path):
+        for light, _ in map(punctual, read_lights(path)):
             strength = light.intensity * float(colour.luminance(np.asarray(light.color)))
             if isinstance(light, PointLight | SpotLight):
                 strength /= max(float(np.sum((light.position - middle) ** 2)), 1e-12)

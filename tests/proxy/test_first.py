@@ -15,11 +15,12 @@ from mirelight import conventions
 from mirelight.cli.report import lines
 from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
-from mirelight.first import Wish, job_text, up
+from mirelight.first import Wish, beside, job_text, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
+from mirelight.io.gltf.write import write_lights
 from mirelight.io.inspect import of_job
-from mirelight.model import Camera, PointLight, SplatCloud
+from mirelight.model import AreaLight, Camera, PointLight, SplatCloud
 from mirelight.scene import prepare
 
 from .clouds import ball, box_shell, on_surface, square
@@ -251,6 +252,19 @@ def test_the_same_view_and_light_at_any_scale(tmp_path: Path) -> None:
         np.testing.assert_allclose(small.world_from_camera[:3, :3], camera.world_from_camera[:3, :3], atol=1e-3)
         np.testing.assert_allclose(its.position / scale, lamp.position, atol=2e-4)
         assert its.intensity / scale**2 == pytest.approx(lamp.intensity, rel=0.01)
+
+
+def test_a_panel_in_a_file_counts_by_what_arrives_of_it(tmp_path: Path) -> None:
+    """As a lamp of the same candela on its axis does, not by its radiance."""
+    place = np.eye(4)
+    place[2, 3] = 4.0
+    write_lights(
+        tmp_path / "panel.glb",
+        [AreaLight(name="a", shape="disk", world_from_light=place, size=(0.2, 0.2), intensity=50)],
+    )
+    found = beside.of_file(tmp_path / "panel.glb", np.zeros(3))
+    assert found is not None
+    assert found.intensity == pytest.approx(3.5 / (50 * np.pi * 0.1**2 / 4.0**2))
 
 
 def test_splats_that_are_left_out_are_said_everywhere(tmp_path: Path) -> None:

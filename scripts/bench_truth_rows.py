@@ -19,12 +19,13 @@ from PIL import Image
 from mirelight import estimate, proxy, relighting
 from mirelight.colour import srgb_encode
 from mirelight.compositor import Compositor
-from mirelight.lighting import Tracer, captured_level, colored_by
+from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (
     Camera,
     Indirect,
     Lighting,
+    LightingBuffer,
     ProxyMesh,
     RelightSettings,
     RenderSettings,
@@ -69,6 +70,7 @@ class Way:
         return f"`{self.indirect}`, {self.spp * self.scale**2} samples{apart}"
 
 
+BOTH = "ratio, per both"
 BEST = Way("traced", 2, 16)  # by which proxies are compared
 WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16)))
 
@@ -78,7 +80,7 @@ class Row:
     """One way to relight, on one capture."""
 
     capture: str
-    mode: str  # unchanged, tint, ratio
+    mode: str  # unchanged, tint, ratio; `BOTH`: ratio with relight.per = "both"
     proxy: Surface
     light: Known
     way: Way
@@ -248,18 +250,35 @@ class Bench:
             trace, wash = (sum(seconds for _, seconds in x) for x in (traced, cleaned))
             settings = RelightSettings(mode="ratio", texture_scale=way.scale)
             for buffers, denoised in ((noisy, False), (clean, True)) if len(ways) > 1 else ((clean, True),):
-                factors = [
-                    _there(
-                        relighting.apply(
-                            self.splats, x, settings, captured=buffers[0], captured_level=level, noise=False
-                        ).factor
-                    )
-                    for x in buffers[1:]
-                ]
+                factors = self._factors(buffers[0], buffers[1:], settings, level)
                 row = self._row("ratio", surface, known, way, denoised, factors, len(mesh.faces))
                 share = 2 / len(lightings)  # a frame needs its new and the captured light
                 filled = fill if way.indirect == "surface" else 0.0
                 yield replace(row, trace=trace * share, clean=wash * share if denoised else 0.0, fill=filled)
+            if surface in FEW and way == BEST and light.lights:
+                soft = cost("captured lamps on splats", partial(self._softened, tracer, colored, light, clean[0]))
+                factors = self._factors(soft, clean[1:], settings, level)
+                yield self._row(BOTH, surface, known, way, True, factors, len(mesh.faces))
+
+    def _factors(
+        self, captured: LightingBuffer, lit: Sequence[LightingBuffer], settings: RelightSettings, level: float
+    ) -> list[F32]:
+        """That of each new light."""
+
+        def factor(new: LightingBuffer) -> F32 | None:
+            made = relighting.apply(self.splats, new, settings, captured=captured, captured_level=level, noise=False)
+            return made.factor
+
+        return [_there(factor(x)) for x in lit]
+
+    def _softened(self, tracer: Tracer, proxy: ProxyMesh, light: Lighting, captured: LightingBuffer) -> LightingBuffer:
+        """The captured light with its lamps as the splats show them."""
+        splats = self.capture.splats
+        own = splat_light.tracer_for(proxy, RenderSettings())
+        values = splat_light.lamps_on(own, light, splat_light.places_of(splats, proxy, own, light))
+        lamps = denoise(splat_light.lamps_in_view(tracer, light, captured.camera), layers=False)
+        seen, blended = Compositor(splats).composite_with(captured.camera, values, depth=False)
+        return relighting.softened(captured, lamps, blended, 1 - seen.transmittance)
 
     def _row(
         self,

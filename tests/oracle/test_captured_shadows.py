@@ -127,6 +127,18 @@ def test_a_capture_without_lamps_is_relit_as_before() -> None:
     np.testing.assert_array_equal(made[0], made[1])
 
 
+def test_a_stop_while_lamps_are_found_leaves_nothing_to_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = prepare(job(RelightSettings(mode="ratio", per="both")))
+
+    def stopped(_: LightingBuffer) -> LightingBuffer:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scene, "softened", stopped)
+    with pytest.raises(stages.Stopped) as found:
+        stages.light(scene, EYE, scene.job.lightings[0])
+    assert found.value.lit is None
+
+
 def test_frames_that_are_mixed_from_pixels_refuse_it() -> None:
     made = replace(job(RelightSettings(mode="ratio", per="both")), output=OutputSettings(store="layers"))
     with pytest.raises(InputError, match=r"relight\.per: light that is found for splats"):

@@ -5,7 +5,8 @@ stage between soft boxes, a room with the sun through its windows and under clou
 camera each that no splat was made from. Every frame is made by mirelight's own calls in mode `ratio` with the splats'
 colours on the proxy.
 
-    python scripts/bench_truth.py [--quick] [--only NAME] [--json FILE] [--pictures DIR] [--cache DIR] [--processes N]
+    python scripts/bench_truth.py [--quick] [--ways] [--only NAME] [--json FILE] [--pictures DIR] [--cache DIR]
+                                  [--processes N]
 
 Captures run side by side. What is made is kept in the cache folder (out/bench_truth), under digests of what it is made
 from: a run that was stopped goes on where it was. Needs the extras `scenes`, `denoise`, `compare`.
@@ -36,7 +37,9 @@ SMALL = Size(96, 54, truth_spp=64, most=1)
 Costs = dict[str, dict[str, float]]  # CPU seconds by kept thing and part of the protocol
 
 
-def rows_of(name: str, start: float, cache: Path, pictures: Path | None, quick: bool) -> tuple[list[Row], Costs]:
+def rows_of(
+    name: str, start: float, cache: Path, pictures: Path | None, quick: bool, ways: bool
+) -> tuple[list[Row], Costs]:
     """All rows of a capture, and what it and all that it uses has cost; lines to standard error meanwhile.
 
     Args:
@@ -45,6 +48,7 @@ def rows_of(name: str, start: float, cache: Path, pictures: Path | None, quick: 
         cache: folder of kept things.
         pictures: folder for pictures; None: none.
         quick: as the option.
+        ways: as the option.
     """
 
     def say(text: str) -> None:
@@ -52,14 +56,16 @@ def rows_of(name: str, start: float, cache: Path, pictures: Path | None, quick: 
 
     store = Store(cache)
     made = capture(name, SMALL if quick else FULL, store, say)
-    rows = list(Bench(made, store, say, pictures).rows(quick))
+    rows = list(Bench(made, store, say, pictures).rows(quick, ways))
     say(f"{name}: done, {time.process_time():.0f} CPU s in this process so far")
     return rows, store.costs
 
 
 def run(names: Sequence[str], chosen: argparse.Namespace, start: float) -> tuple[list[Row], Costs]:
     """All rows, in the order of the names; the captures with the most rows are begun first."""
-    work = partial(rows_of, start=start, cache=chosen.cache, pictures=chosen.pictures, quick=chosen.quick)
+    work = partial(
+        rows_of, start=start, cache=chosen.cache, pictures=chosen.pictures, quick=chosen.quick, ways=chosen.ways
+    )
     rows: dict[str, list[Row]] = {}
     costs: Costs = {}
     with ProcessPoolExecutor(chosen.processes, mp_context=get_context("spawn")) as pool:
@@ -77,6 +83,7 @@ def main() -> None:
     """Run the protocol."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="two captures, one lighting: to see that it runs")
+    parser.add_argument("--ways", action="store_true", help="samples, denoising, light on surfaces, each by itself too")
     parser.add_argument("--json", type=Path, help="write all rows here")
     parser.add_argument("--pictures", type=Path, help="captured | x factor | frame | truth, of every frame made anew")
     parser.add_argument("--cache", type=Path, default=ROOT / "out" / "bench_truth", help="where things are kept")

@@ -39,7 +39,6 @@ Surface = Literal[
     "without bars",
     "solid",
     "decimated 10x",
-    "decimated 50x",
     "moved 1 %",
     "moved 1 %, fitted",
     "exact, unseen left out",
@@ -135,8 +134,6 @@ class Bench:
                 return capture.solid
             case "decimated 10x":
                 return capture.simplified(len(capture.solid.faces) // 10)
-            case "decimated 50x":
-                return capture.simplified(len(capture.solid.faces) // 50)
             case "moved 1 %":
                 return self._moved
             case "moved 1 %, fitted":
@@ -166,15 +163,20 @@ class Bench:
         used, corner = np.unique(faces[:seen], return_inverse=True)
         return ProxyMesh(vertices=rows[1 + used], faces=corner.reshape(-1, 3).astype(np.int32))
 
-    def rows(self, quick: bool) -> Iterator[Row]:
-        """All rows of the capture."""
+    def rows(self, quick: bool, ways: bool) -> Iterator[Row]:
+        """All rows of the capture.
+
+        Args:
+            quick: the exact proxy alone.
+            ways: its frames in all ways, where the capture is `whole`.
+        """
         yield from self._kept("without light", (self.capture.exact, BEST), self._without_light)
         bars: tuple[Surface, ...] = ("without bars",) if self.capture.without_bars is not None else ()
         all_of_them = (*bars, "solid", *SURFACES) if self.capture.whole else FEW
         for surface in ("exact",) if quick else all_of_them:
             mesh = self.mesh(surface)
-            ways = WAYS if surface == "exact" and self.capture.whole else (BEST,)
-            yield from self._relit(surface, "known", mesh, self.capture.light, ways[:2] if quick else ways)
+            tried = WAYS if ways and surface == "exact" and self.capture.whole else (BEST,)
+            yield from self._relit(surface, "known", mesh, self.capture.light, tried)
             if surface in ESTIMATED and not quick:
                 yield from self._relit(surface, "estimated", mesh, self._estimated(surface, mesh), (BEST,))
 

@@ -46,6 +46,5 @@ def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
     best = sorted(proxies, key=lambda r: (order[r.mode], r.light == "estimated", ORDER.index(r.proxy)))
     parts = "\n".join(f"| {part} | {seconds:.0f} |" for part, seconds in spent.items())
     costs = f"| part | CPU s |\n|---|---|\n{parts}"
-    return "\n\n".join(
-        [table("proxy and light", best, proxy_label), table("exact proxy, light known", ways, way_label), costs]
-    )
+    tried = [table("exact proxy, light known", ways, way_label)] if ways else []
+    return "\n\n".join([table("proxy and light", best, proxy_label), *tried, costs])

@@ -71,16 +71,17 @@ class Pairs:
         return np.asarray(w / max(w.sum(), 1e-12))
 
 
-def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
-    """Each of places (N, 3) of those colours with others at all distances, `EACH` from every band of nearness: the
-    nearest are of one material, but seldom one in light and one in shadow; the farther ones tell light from shadow."""
+def pairs_of(points: F64, color: F64, rng: np.random.Generator, nearest: int = 0) -> Pairs:
+    """Each of places (N, 3) of those colours with others at all distances, `EACH` from every band of nearness but the
+    `nearest` ones: near places are of one material, but seldom one in light and one in shadow; the farther ones tell
+    light from shadow."""
     from scipy.spatial import cKDTree
 
     n = len(points)
     last = min(BANDS[-1], n)
     _, order = cKDTree(points).query(points, k=last, workers=-1)  # ties at one place are in any order, but the same one
     own, other = [], []
-    for first, end in itertools.pairwise(min(b, n - 1) for b in BANDS):
+    for first, end in itertools.pairwise(min(b, n - 1) for b in BANDS[nearest:]):
         if end > first:
             rank = rng.integers(first, end, (n, EACH))
             own.append(np.repeat(np.arange(n), EACH))
@@ -119,6 +120,7 @@ def fit(
     sky: float,
     beams: Sequence[float],
     firm: NDArray[np.bool_] | None = None,
+    robust: float = ROBUST,
 ) -> Fitted:
     """Descent (Adam, Kingma and Ba 2015) from an even sky.
 
@@ -130,6 +132,7 @@ def fit(
         sky: radiance to start from.
         beams: their strengths to start from.
         firm: (N,) places that are fitted to; None: all.
+        robust: of the logarithm of albedo, as `ROBUST`: less where colours are means.
     """
     if firm is None:
         firm = np.ones(len(color), bool)
@@ -152,9 +155,9 @@ def fit(
         if step % _AGAIN == 0:
             weights = pairs.weights(a)
         d = pairs.apart(a)
-        below = d * d + ROBUST**2
+        below = d * d + robust**2
         loss = float((weights * (d * d / below).mean(axis=1)).sum())
-        g = weights[:, None] * (2 * ROBUST**2 / 3) * d / (below * below)
+        g = weights[:, None] * (2 * robust**2 / 3) * d / (below * below)
         by_a = np.stack([np.bincount(rows, np.concatenate([g[:, k], -g[:, k]]), minlength=len(a)) for k in range(3)], 1)
         over, under = np.maximum(a - np.log(BRIGHT), 0), np.maximum(np.log(DARK) - a, 0)
         by_a += (BOUNDS * 2 / (3 * firm.sum())) * (over - under) * firm[:, None]

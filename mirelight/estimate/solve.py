@@ -13,6 +13,7 @@ from mirelight.colour import REC709_LUMINANCE
 from mirelight.errors import RenderError
 from mirelight.estimate import fit, lamps, sun
 from mirelight.estimate.fit import Fitted, Pairs
+from mirelight.estimate.groups import groups
 from mirelight.estimate.sky import as_map
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
@@ -26,6 +27,8 @@ WIDEST_SUN = 9.0  # degrees, of its radius: what is wider is sky
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
+ROBUST_GROUPED = 0.18  # as fit.ROBUST: means of places differ less by texture
+GROUPED = 1  # bands of nearest pairs that are left out: they share most of their groups
 LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
 _NO_LAMPS = np.zeros((0, 3))
 
@@ -81,9 +84,9 @@ def estimate(
         )
     halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
-    pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
+    pairs = [fit.pairs_of(half.points, half.color, rng, GROUPED) for half in halves]
     suns = [_searched(half, rng) for half in halves]
-    every = fit.pairs_of(places.points, places.color, rng)
+    every = fit.pairs_of(places.points, places.color, rng, GROUPED)
     best, gain = _best(places, every, suns)
     found = [_fitted(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
@@ -206,40 +209,61 @@ def _fitted(
     positions: F64 = _NO_LAMPS,
     firm: NDArray[np.bool_] | None = None,
 ) -> _Found:
-    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3); fitted to the
-    places that are `firm` (N,), off that sun's shadow edges where none are named."""
-    firm = _firm(places, found) if firm is None else firm
+    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3); fitted to
+    groups of the places that are `firm` (N,), off that sun's shadow edges where none are named."""
+    beside = groups(places, _firm(places, found) if firm is None else firm)
+    together = replace(
+        places,
+        color=beside.mean(places.even),
+        open=beside.mean(places.open),
+        met=beside.mean(places.met),
+        named=beside.mean(places.named),
+    )
+    seen = beside.mean(_beams(places, found, positions))
+    return _descended(together, pairs, found, positions, seen, beside.sound, ROBUST_GROUPED)
+
+
+def _descended(
+    places: Places,
+    pairs: Pairs,
+    found: Sun | None,
+    positions: F64,
+    seen: F64,
+    firm: NDArray[np.bool_],
+    robust: float = fit.ROBUST,
+) -> _Found:
+    """The fit to places that are `firm`, where the sun, lights that are known and lamps bring what is `seen` (N, K)."""
     albedo, share = (MEAN_ALBEDO, 0.0) if found is None else found.start
-    seen = _beams(places, found, positions)
     level = places.color.mean() / albedo
     direct = max(level - places.met.mean(), 0.1 * level)
     opening = float(places.open.sum(axis=1).mean())
     sky = direct * (1 - share) / max(opening, 1e-6) if opening >= LEAST_OPEN else 0.0
     shares = [share] * (found is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(positions))
     start = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, seen.mean(axis=0), strict=True)]
-    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm)
+    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm, robust)
     return _Found(found, positions, light)
 
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
     """The better of both halves' suns, moved to where all places like it best; and what it gains over none."""
-    every = np.ones(len(places), bool)  # edges tell the direction
-    without = _fitted(places, pairs, None)
-    best, gain = without, 0.0
-    for one in suns:
-        if one is None:
-            continue
-        found = _fitted(places, pairs, one, firm=every)
-        if without.light.loss - found.light.loss > gain:
-            best, gain = found, without.light.loss - found.light.loss
+    unlit = _each(places, pairs, None)
+    shining = [_each(places, pairs, one) for one in suns if one is not None]
+    best = min([unlit, *shining], key=lambda found: found.light.loss)
+    gain = unlit.light.loss - best.light.loss
     if best.sun is None or gain < LEAST_GAIN:
-        return without, max(gain, 0.0)
+        return _fitted(places, pairs, None), gain
     moved = sun.moved(places, pairs, best.sun, best.light)
     if moved.radius > WIDEST_SUN:
-        return without, gain
+        return _fitted(places, pairs, None), gain
     firm = _firm(places, moved)
     found, dark = (_fitted(places, pairs, one, firm=firm) for one in (moved, None))
     return found, dark.light.loss - found.light.loss
+
+
+def _each(places: Places, pairs: Pairs, found: Sun | None) -> _Found:
+    """The fit to every place by itself: edges of shadows tell the sun's direction."""
+    seen = _beams(places, found, _NO_LAMPS)
+    return _descended(places, pairs, found, _NO_LAMPS, seen, np.ones(len(places), bool))
 
 
 def _scaled(found: _Found, scale: float) -> _Found:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mirelight import conventions
 from mirelight.errors import RenderError
+from mirelight.estimate.around import evened
 from mirelight.estimate.sky import PATCHES, frame_around, patch_of
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import Deposits, deposits_of, face_normals
@@ -43,6 +44,7 @@ class Places:
     """
 
     color: F64  # (N, 3) linear, the splats' own
+    even: F64  # (N, 3) linear, the mean of the splats around: less of texture and noise, but no sharp shadows
     points: F64  # (N, 3) world units, just off the surface
     normals: F64  # (N, 3) unit, towards the side that was seen
     spread: F64  # (N, 2, 3) world units: a standard deviation of the splat along the surface, both ways
@@ -64,6 +66,7 @@ class Places:
         return replace(
             self,
             color=self.color[rows],
+            even=self.even[rows],
             points=self.points[rows],
             normals=self.normals[rows],
             spread=self.spread[rows],
@@ -163,6 +166,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
     shown = _Shown.of(deposits_of(splats, mesh, tracer, SHOWN), mesh, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
     spread = _spread(splats, few.splat[sound], normals, MOST_SPREAD / LIFT * lift)
+    even = np.maximum(evened(splats, color, points, normals, spread), DARKEST)
     start = points + lift * normals
     around, met = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3))
     step = max(_CHUNK // RAYS, 1)
@@ -185,7 +189,15 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         around = _open(start, normals, sight, rays, rng)
     named = _from_lights(replace(mesh, albedo=np.zeros(3)), lights, points, normals, settings)
     return Places(
-        color=color, points=start, normals=normals, spread=spread, open=around, met=met, named=named, sight=sight
+        color=color,
+        even=even,
+        points=start,
+        normals=normals,
+        spread=spread,
+        open=around,
+        met=met,
+        named=named,
+        sight=sight,
     )
 
 

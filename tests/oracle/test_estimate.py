@@ -299,7 +299,7 @@ def test_light_from_a_wide_patch_is_sky_and_no_sun() -> None:
     ways = sphere_map(32)
     box = np.where((ways @ TO_SUN > np.cos(np.radians(20)))[..., None], 8.0, 0.2) * np.ones(3)
     soft = Lighting(environment=Environment(radiance=box.astype(np.float32)))
-    places = transport.places_of(painted(yard(), soft, 900), yard(), SETTINGS)
+    places = transport.places_of(painted(yard(), soft, 2400), yard(), SETTINGS)
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
     wide = sun.Sun(TO_SUN, 16.0, np.zeros(0), 0.0, (0.35, 0.45))
     best, _ = solve._best(places, pairs, [wide, None])

@@ -27,7 +27,6 @@ from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
-METALS = ("iron", "brass")
 SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
 BAKE_SPP = {"courtyard_walk": 16, "interior": 48}  # for one splat's colour; indoors light is noisy
 PROBES = {"courtyard_walk": (300.0, 3.0), "interior": (1500.0, 6.0)}  # for `candidates`; many cameras take few
@@ -62,7 +61,6 @@ class Captured:
     light: Lighting  # under which they were captured
     lightings: tuple[Lighting, ...]  # new ones
     exact: ProxyMesh  # the true surface, leaves and bars and all
-    without_bars: ProxyMesh | None  # the exact one without thin metal (lantern cages); None: there is none
     solid: ProxyMesh  # what a reconstruction has of it: no leaves, no thin bars
     simplified: Callable[[int], ProxyMesh]  # that, in about so many triangles
     truth: Mapping[str, tuple[F32, F32]]  # by lighting: two pictures (H, W, 3), linear on black
@@ -132,7 +130,6 @@ class _Scene:
             light=self._lightings[plan.captured],
             lightings=tuple(self._lightings[x] for x in new),
             exact=self._exact(),
-            without_bars=self._without_bars(),
             solid=self._solid(),
             simplified=self._simplified,
             truth={x: self._truth(x) for x in (plan.captured, *new)},
@@ -157,13 +154,6 @@ class _Scene:
     def _solid(self) -> ProxyMesh:
         bare = replace(self.looks, soups=[s for s in self.looks.soups if s.solid])
         return self._store.mesh(f"{self._name}.solid", "true surfaces", lambda: _welded(bare), "scenes")
-
-    def _without_bars(self) -> ProxyMesh | None:
-        rest = [s for s in self.looks.soups if s.solid or s.material not in METALS]
-        if len(rest) == len(self.looks.soups):
-            return None
-        bare = replace(self.looks, soups=rest)
-        return self._store.mesh(f"{self._name}.without-bars", "true surfaces", lambda: _welded(bare), "scenes")
 
     def _simplified(self, triangles: int) -> ProxyMesh:
         def make() -> ProxyMesh:

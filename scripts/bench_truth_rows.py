@@ -36,10 +36,8 @@ from mirelight.model import (
 
 Surface = Literal[
     "exact",
-    "without bars",
     "solid",
     "decimated 10x",
-    "moved 1 %",
     "moved 1 %, fitted",
     "exact, unseen left out",
     "own",
@@ -49,7 +47,6 @@ Known = Literal["known", "estimated"]
 
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 ORDER: tuple[Surface, ...] = get_args(Surface)
-SURFACES = tuple(x for x in ORDER if x not in ("without bars", "solid"))
 FEW: tuple[Surface, ...] = ("exact", "exact, unseen left out", "own, cameras known")  # of captures not `whole`
 ESTIMATED: tuple[Surface, ...] = ("exact", "own, cameras known")  # with the light estimated too
 
@@ -116,7 +113,6 @@ class Bench:
         low, high = np.quantile(self.capture.splats.means.astype(np.float64), [0.002, 0.998], axis=0)
         return float(np.linalg.norm(high - low))
 
-    @cached_property
     def _moved(self) -> ProxyMesh:
         exact = self.capture.exact
         return replace(exact, vertices=(exact.vertices + 0.01 * self.size * AWAY).astype(np.float32))
@@ -127,18 +123,13 @@ class Bench:
         match surface:
             case "exact":
                 return capture.exact
-            case "without bars":
-                assert capture.without_bars is not None
-                return capture.without_bars
             case "solid":
                 return capture.solid
             case "decimated 10x":
                 return capture.simplified(len(capture.solid.faces) // 10)
-            case "moved 1 %":
-                return self._moved
             case "moved 1 %, fitted":
                 name = f"{capture.cloud}.fitted"
-                return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
+                return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved()))
             case "exact, unseen left out":
                 return seen_of(capture.exact, splats, self.size)
             case "own" | "own, cameras known":
@@ -171,9 +162,8 @@ class Bench:
             ways: its frames in all ways, where the capture is `whole`.
         """
         yield from self._kept("without light", (self.capture.exact, BEST), self._without_light)
-        bars: tuple[Surface, ...] = ("without bars",) if self.capture.without_bars is not None else ()
-        all_of_them = (*bars, "solid", *SURFACES) if self.capture.whole else FEW
-        for surface in ("exact",) if quick else all_of_them:
+        all_of_them = ORDER if self.capture.whole else FEW
+        for surface in ORDER[:1] if quick else all_of_them:
             mesh = self.mesh(surface)
             tried = WAYS if ways and surface == "exact" and self.capture.whole else (BEST,)
             yield from self._relit(surface, "known", mesh, self.capture.light, tried)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.cli import say
+from mirelight.cli.spare import files_of, spare
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def run_bake(args: argparse.Namespace) -> int:
         raise InputError("--spp", f"{args.spp} samples", "give 1 to 1048576")
     source, table = parse(args.job, args.set)
     work = build(source, table)
+    spare([out], files_of(work))
     lighting = plan(work, None, args.lighting and [args.lighting]).tasks[0].lighting
     if lighting is None:
         raise InputError(work.source, "no light", "a bake needs lights", field="lights")

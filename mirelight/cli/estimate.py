@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.cli import say
+from mirelight.cli.spare import files_of, spare
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -68,8 +69,7 @@ def run_estimate(args: argparse.Namespace) -> int:
         missing = "splats" if work.splats is None else "proxy"
         remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
         raise InputError(work.source, f"no {missing}", remedy, field=missing)
-    if out.exists() and out.samefile(work.source):
-        raise OutputError(f"{out}: it is the job itself; write the table beside it; nothing was written")
+    spare([out, *(out.with_suffix(suffix) for suffix in (".exr", ".png"))], files_of(work))
     camera = _camera(work, args.camera)
     asked = work.captured.sky if work.captured is not None else None
     lights = asked.lights if isinstance(asked, EstimatedSky) else ()

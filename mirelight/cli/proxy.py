@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.cli import say
+from mirelight.cli.spare import spare
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def run_proxy(args: argparse.Namespace) -> int:
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
     if args.cameras is not None and args.fit is not None:
         raise InputError("--cameras", "given with --fit", "leave it out; it is for a mesh that is made")
+    spare([out], [Path(path) for path in (args.splats, args.fit, args.cameras) if path is not None])
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as report:
         cloud = splats.read(args.splats)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 from mirelight.io import splats
 
-from .conftest import Run
+from .conftest import JOB, Run
 from .test_proxy import ball
 
 
@@ -25,3 +26,20 @@ def test_bad_input_is_one_line_and_writes_nothing(run: Run, tmp_path: Path) -> N
         assert said in done.stderr
         assert done.stderr.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ball.ply", "bare.toml"]
+
+
+def test_what_is_read_is_not_written_over(run: Run, assets: Path, tmp_path: Path) -> None:
+    shutil.copytree(assets, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "job.toml").write_text(JOB)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for arguments in (
+        ("estimate", "job.toml", "-o", "job.toml"),
+        ("estimate", "job.toml", "-o", "proxy.glb"),
+        ("bake", "job.toml", "-o", "splats.ply"),
+        ("proxy", "splats.ply", "--fit", "proxy.glb", "-o", "proxy.glb"),
+    ):
+        done = run(*arguments)
+        assert done.returncode == 2
+        assert "would be written over; give another name" in done.stderr
+        assert done.stderr.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

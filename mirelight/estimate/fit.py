@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -42,12 +42,19 @@ class Pairs:
 
     a: Int  # (P,)
     b: Int  # (P,)
+    nearest: NDArray[np.bool_]  # (P,) of the first band
     clipped: NDArray[np.bool_]  # (N, 3) of places, not of pairs: the picture says no more than "at least so bright"
 
     def within(self, rows: NDArray[np.bool_]) -> Pairs:
         """Those of which both places are among rows (N,)."""
-        both = rows[self.a] & rows[self.b]
-        return Pairs(self.a[both], self.b[both], self.clipped)
+        return self._taken(rows[self.a] & rows[self.b])
+
+    def farther(self) -> Pairs:
+        """Those but the nearest."""
+        return self._taken(~self.nearest)
+
+    def _taken(self, kept: NDArray[np.bool_]) -> Pairs:
+        return replace(self, a=self.a[kept], b=self.b[kept], nearest=self.nearest[kept])
 
     def apart(self, log_albedo: F64) -> F64:
         """(P, 3) how far albedos (N, 3) surely differ: a lower bound does not differ from what lies above it."""
@@ -71,23 +78,23 @@ class Pairs:
         return np.asarray(w / max(w.sum(), 1e-12))
 
 
-def pairs_of(points: F64, color: F64, rng: np.random.Generator, nearest: int = 0) -> Pairs:
-    """Each of places (N, 3) of those colours with others at all distances, `EACH` from every band of nearness but the
-    `nearest` ones: near places are of one material, but seldom one in light and one in shadow; the farther ones tell
-    light from shadow."""
+def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
+    """Each of places (N, 3) of those colours with others at all distances, `EACH` from every band of nearness: near
+    places are of one material, but seldom one in light and one in shadow; the farther ones tell light from shadow."""
     from scipy.spatial import cKDTree
 
     n = len(points)
     last = min(BANDS[-1], n)
     _, order = cKDTree(points).query(points, k=last, workers=-1)  # ties at one place are in any order, but the same one
-    own, other = [], []
-    for first, end in itertools.pairwise(min(b, n - 1) for b in BANDS[nearest:]):
+    own, other, nearest = [], [], []
+    for first, end in itertools.pairwise(min(b, n - 1) for b in BANDS):
         if end > first:
             rank = rng.integers(first, end, (n, EACH))
             own.append(np.repeat(np.arange(n), EACH))
             other.append(np.take_along_axis(order, rank, axis=1).ravel())
+            nearest.append(np.full(n * EACH, first == BANDS[0]))
     a, b = np.concatenate(own).astype(np.int64), np.concatenate(other).astype(np.int64)
-    return Pairs(a, b, color >= WHITE_OUT)
+    return Pairs(a, b, np.concatenate(nearest), color >= WHITE_OUT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +104,11 @@ class Fitted:
     sky: F64  # (PATCHES, 3)
     beams: F64  # (K, 3) strengths: of a sun the irradiance / pi of a facing surface, of a lamp candela / pi
     loss: float
+
+    def mean(self, other: Fitted) -> Fitted:
+        """Of the logarithms, which are what is fitted."""
+        sky, beams = np.sqrt(self.sky * other.sky), np.sqrt(self.beams * other.beams)
+        return Fitted(sky, beams, (self.loss + other.loss) / 2)
 
 
 def light_of(open_: F64, met: F64, seen: F64, sky: F64, beams: F64) -> F64:

@@ -28,7 +28,6 @@ LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
 ROBUST_GROUPED = 0.18  # as fit.ROBUST: means of places differ less by texture
-GROUPED = 1  # bands of nearest pairs that are left out: they share most of their groups
 LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
 _NO_LAMPS = np.zeros((0, 3))
 
@@ -84,9 +83,9 @@ def estimate(
         )
     halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
-    pairs = [fit.pairs_of(half.points, half.color, rng, GROUPED) for half in halves]
+    pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
     suns = [_searched(half, rng) for half in halves]
-    every = fit.pairs_of(places.points, places.color, rng, GROUPED)
+    every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns)
     found = [_fitted(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
@@ -210,8 +209,15 @@ def _fitted(
     firm: NDArray[np.bool_] | None = None,
 ) -> _Found:
     """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3); fitted to
-    groups of the places that are `firm` (N,), off that sun's shadow edges where none are named."""
-    beside = groups(places, _firm(places, found) if firm is None else firm)
+    places that are `firm` (N,), off that sun's shadow edges where none are named.
+
+    They are the mean of two fits. Single places err by their splats' noise and by the proxy's, which groups of them
+    average; groups err where light changes within them. So the errors differ, and their mean is less.
+    """
+    firm = _firm(places, found) if firm is None else firm
+    seen = _beams(places, found, positions)
+    single = _descended(places, pairs, found, positions, seen, firm)
+    beside = groups(places, firm)
     together = replace(
         places,
         color=beside.mean(places.even),
@@ -219,8 +225,9 @@ def _fitted(
         met=beside.mean(places.met),
         named=beside.mean(places.named),
     )
-    seen = beside.mean(_beams(places, found, positions))
-    return _descended(together, pairs, found, positions, seen, beside.sound, ROBUST_GROUPED)
+    # the nearest share most of their groups
+    means = _descended(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
+    return replace(single, light=single.light.mean(means.light))
 
 
 def _descended(

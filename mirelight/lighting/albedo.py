@@ -68,7 +68,7 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
 
     Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
     on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E). Of a fine mesh, which
-    has more vertices than there are splats, the mean around them counts for most of that (`pooling`). Vertices on an
+    has more vertices than there are splats, the mean around them counts as well (`pooling`). Vertices on an
     edge between faces that look different ways are split, so that a corner of a room keeps the colours of its walls
     apart. E holds light reflected by the proxy, so colours and light are found in turns. Where splats end at display
     white, all that lie in light as bright count only if there are no others: which of them are clipped depends on their

@@ -1,7 +1,7 @@
 """Means over few samples leaned on those of wider surroundings.
 
 A fine mesh has fewer splats than vertices, and what one splat tells of a colour is noisy, or nothing where it is
-clipped. So each vertex takes a few samples' worth of the mean in the cell of a grid around it, that cell of the one
+clipped. So each vertex takes some of the mean in the cell of a grid around it, that cell of the one
 around it, and so on to the whole mesh: where there are many samples nothing changes, where there are none the nearest
 ones speak (shrinkage: James and Stein, 1961, here up an octree).
 """
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64
 
-PRIOR = 16.0  # samples that the mean around counts as
+PRIOR = 0.25  # samples that the mean around counts as: more of it mixes a thing's colours with those behind it
 _MOST_CELLS = 1 << 18  # along an axis
 
 Int = NDArray[np.int64]
 
 
 def pooled(sums: F64, counts: F64, places: F64, ways: Int, size: float) -> F64:
-    """Sums with `PRIOR` samples of what is around added to each.
+    """Sums with `PRIOR` samples' worth of what is around added to each.
 
     Args:
         sums: (V, C) over the samples of each vertex.

@@ -205,7 +205,7 @@ def test_a_proxy_that_lets_light_in_where_there_was_a_wall_does_not_hide_the_sun
 def test_what_shows_white_is_a_lower_bound() -> None:
     """Of two places, one white: they differ only if the white one's bound lies above the other; it tells no chroma."""
     color = np.array([[1.0, 1.0, 0.4], [0.5, 0.5, 0.4], [1.0, 1.0, 1.0]])
-    pairs = Pairs(a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), clipped=color >= 0.98)
+    pairs = Pairs(a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), nearest=np.ones(3, bool), clipped=color >= 0.98)
     higher, lower = np.log([[0.8] * 3, [0.5] * 3, [0.9] * 3]), np.log([[0.2] * 3, [0.5] * 3, [0.9] * 3])
     np.testing.assert_allclose(np.exp(np.abs(pairs.apart(higher)[:2])), 1.6)
     np.testing.assert_allclose(np.exp(pairs.apart(lower)[:2]), [[1, 1, 0.4], [1, 1, 2.5]])

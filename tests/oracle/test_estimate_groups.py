@@ -94,7 +94,7 @@ def test_a_sky_that_a_rough_proxy_shows_unevenly_is_as_bright_as_it_was() -> Non
         places = shaded(seed)
         rng = np.random.default_rng(seed)
         places.open[:] *= np.exp(0.12 * rng.standard_normal((1200, 1)))
-        pairs = fit.pairs_of(places.points, places.color, rng, 1)
+        pairs = fit.pairs_of(places.points, places.color, rng).farther()
         none = np.zeros((1200, 0))
         alone = fit.fit(places.even, places.open, places.met, none, pairs, 1.0, [])
         beside = groups(places, EVERY)

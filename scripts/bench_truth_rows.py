@@ -38,6 +38,8 @@ Surface = Literal[
     "exact",
     "solid",
     "decimated 10x",
+    "decimated 50x",
+    "moved 1 %",
     "moved 1 %, fitted",
     "exact, unseen left out",
     "own",
@@ -113,6 +115,7 @@ class Bench:
         low, high = np.quantile(self.capture.splats.means.astype(np.float64), [0.002, 0.998], axis=0)
         return float(np.linalg.norm(high - low))
 
+    @cached_property
     def _moved(self) -> ProxyMesh:
         exact = self.capture.exact
         return replace(exact, vertices=(exact.vertices + 0.01 * self.size * AWAY).astype(np.float32))
@@ -127,9 +130,13 @@ class Bench:
                 return capture.solid
             case "decimated 10x":
                 return capture.simplified(len(capture.solid.faces) // 10)
+            case "decimated 50x":
+                return capture.simplified(len(capture.solid.faces) // 50)
+            case "moved 1 %":
+                return self._moved
             case "moved 1 %, fitted":
                 name = f"{capture.cloud}.fitted"
-                return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved()))
+                return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
             case "exact, unseen left out":
                 return seen_of(capture.exact, splats, self.size)
             case "own" | "own, cameras known":
@@ -247,7 +254,7 @@ class Bench:
                 share = 2 / len(lightings)  # a frame needs its new and the captured light
                 filled = fill if way.indirect == "surface" else 0.0
                 yield replace(row, trace=trace * share, clean=wash * share if denoised else 0.0, fill=filled)
-            if surface in FEW and way == BEST and light.lights:
+            if surface in ESTIMATED and known == "known" and way == BEST and light.lights:
                 soft = cost("captured lamps on splats", partial(self._softened, tracer, colored, light, clean[0]))
                 factors = self._factors(soft, clean[1:], settings, level)
                 yield self._row(BOTH, surface, known, way, True, factors, len(mesh.faces))

@@ -92,10 +92,15 @@ class Row:
 
 
 class Bench:
-    """One capture, and what its rows share."""
+    """One capture, and what its rows share.
 
-    def __init__(self, capture: Captured, store: Store, say: Callable[[str], None], pictures: Path | None) -> None:
-        self.capture, self._store, self._say, self._pictures = capture, store, say, pictures
+    `more`: with rows that no goal is set for, too.
+    """
+
+    def __init__(
+        self, capture: Captured, store: Store, say: Callable[[str], None], pictures: Path | None, more: bool
+    ) -> None:
+        self.capture, self._store, self._say, self._pictures, self._more = capture, store, say, pictures, more
 
     @cached_property
     def splats(self) -> SplatLayer:
@@ -161,18 +166,13 @@ class Bench:
         used, corner = np.unique(faces[:seen], return_inverse=True)
         return ProxyMesh(vertices=rows[1 + used], faces=corner.reshape(-1, 3).astype(np.int32))
 
-    def rows(self, quick: bool, ways: bool) -> Iterator[Row]:
-        """All rows of the capture.
-
-        Args:
-            quick: the exact proxy alone.
-            ways: its frames in all ways, where the capture is `whole`.
-        """
+    def rows(self, quick: bool) -> Iterator[Row]:
+        """All rows of the capture; `quick`: the exact proxy alone."""
         yield from self._kept("without light", (self.capture.exact, BEST), self._without_light)
-        all_of_them = ORDER if self.capture.whole else FEW
+        all_of_them = [x for x in ORDER if x != "own" or self._more] if self.capture.whole else FEW
         for surface in ORDER[:1] if quick else all_of_them:
             mesh = self.mesh(surface)
-            tried = WAYS if ways and surface == "exact" and self.capture.whole else (BEST,)
+            tried = WAYS if self._more and surface == "exact" and self.capture.whole else (BEST,)
             yield from self._relit(surface, "known", mesh, self.capture.light, tried)
             if surface in ESTIMATED and not quick:
                 yield from self._relit(surface, "estimated", mesh, self._estimated(surface, mesh), (BEST,))
@@ -181,7 +181,7 @@ class Bench:
         self, surface: Surface, known: Known, mesh: ProxyMesh, light: Lighting, ways: Sequence[Way]
     ) -> Iterator[Row]:
         made = partial(self._frames, surface, known, mesh, light, ways)
-        return self._kept(f"{surface}.{known}", (mesh, light, *ways), made)
+        return self._kept(f"{surface}.{known}", (mesh, light, self._more, *ways), made)
 
     def _kept(self, name: str, of: tuple[object, ...], make: Callable[[], Iterator[Row]]) -> Iterator[Row]:
         """Rows made unless they are kept; with pictures to write they are made in any case."""
@@ -254,7 +254,7 @@ class Bench:
                 share = 2 / len(lightings)  # a frame needs its new and the captured light
                 filled = fill if way.indirect == "surface" else 0.0
                 yield replace(row, trace=trace * share, clean=wash * share if denoised else 0.0, fill=filled)
-            if surface in ESTIMATED and known == "known" and way == BEST and light.lights:
+            if self._more and surface in ESTIMATED and known == "known" and way == BEST and light.lights:
                 soft = cost("captured lamps on splats", partial(self._softened, tracer, colored, light, clean[0]))
                 factors = self._factors(soft, clean[1:], settings, level)
                 yield self._row(BOTH, surface, known, way, True, factors, len(mesh.faces))

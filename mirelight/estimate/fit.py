@@ -105,10 +105,11 @@ class Fitted:
     beams: F64  # (K, 3) strengths: of a sun the irradiance / pi of a facing surface, of a lamp candela / pi
     loss: float
 
-    def mean(self, other: Fitted) -> Fitted:
-        """Of the logarithms, which are what is fitted."""
-        sky, beams = np.sqrt(self.sky * other.sky), np.sqrt(self.beams * other.beams)
-        return Fitted(sky, beams, (self.loss + other.loss) / 2)
+    def mixed(self, other: Fitted, share: float) -> Fitted:
+        """With that share of another."""
+        own = 1 - share
+        sky, beams = own * self.sky + share * other.sky, own * self.beams + share * other.beams
+        return Fitted(sky, beams, own * self.loss + share * other.loss)
 
 
 def light_of(open_: F64, met: F64, seen: F64, sky: F64, beams: F64) -> F64:

@@ -27,6 +27,7 @@ WIDEST_SUN = 9.0  # degrees, of its radius: what is wider is sky
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
+GROUPED = 0.4  # share of the fit to means in what is found
 ROBUST_GROUPED = 0.18  # as fit.ROBUST: means of places differ less by texture
 LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
 _NO_LAMPS = np.zeros((0, 3))
@@ -212,7 +213,7 @@ def _fitted(
     places that are `firm` (N,), off that sun's shadow edges where none are named.
 
     They are the mean of two fits. Single places err by their splats' noise and by the proxy's, which groups of them
-    average; groups err where light changes within them. So the errors differ, and their mean is less.
+    average; groups err where light changes within them. So the errors differ, and those of the mean are less.
     """
     firm = _firm(places, found) if firm is None else firm
     seen = _beams(places, found, positions)
@@ -227,7 +228,7 @@ def _fitted(
     )
     # the nearest share most of their groups
     means = _descended(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
-    return replace(single, light=single.light.mean(means.light))
+    return replace(single, light=single.light.mixed(means.light, GROUPED))
 
 
 def _descended(

@@ -35,6 +35,11 @@ def degree_of(coefficients: int) -> int:
     raise ValueError(f"{coefficients} SH coefficients; expected 1, 4, 9 or 16")
 
 
+def mean_display(coefficients: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(..., 3) display colours, the means over directions, of coefficients (..., K, 3); none is below 0."""
+    return np.asarray(np.maximum(0.5 + C0 * coefficients[..., 0, :], 0))
+
+
 def basis(directions: ArrayLike, degree: int) -> NDArray[np.float64]:
     """Basis values.
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour, conventions
+from mirelight import colour, conventions, sh
 from mirelight.model import F64, SplatCloud
-from mirelight.sh import C0
 
 NEAREST = 12  # splats that are looked at for each place
 MOST = 1 << 18  # splats among which these are looked for, evenly taken where there are more
@@ -44,7 +43,7 @@ def evened(splats: SplatCloud, color: F64, points: F64, normals: F64, spread: F6
     squared = (away * away).sum(axis=2) / max(_REACH * extent, 1e-30) ** 2
     counted &= squared <= 1
     weight = counted * splats.opacities[::step][near].astype(np.float64) * np.exp(-0.5 * squared)
-    display = np.maximum(0.5 + C0 * splats.sh[::step][near.ravel(), 0], 0)
+    display = sh.mean_display(splats.sh[::step][near.ravel()])
     shown = colour.srgb_decode(display).astype(np.float64).reshape(away.shape)
     whole = weight.sum(axis=1)
     mean = np.einsum("nk,nkj->nj", weight, shown) / np.maximum(whole, 1e-30)[:, None]

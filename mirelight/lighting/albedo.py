@@ -184,7 +184,7 @@ def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int =
         )
     extent = np.minimum(np.take_along_axis(scales, by_size, axis=1)[near, 1:], reach).prod(axis=1)
     closeness = np.maximum(1 - (distance[near] / reach) ** 2, 1e-3) ** 2
-    shown = np.maximum(0.5 + sh.C0 * splats.sh[::step][near, 0], 0)
+    shown = sh.mean_display(splats.sh[::step][near])
     return Deposits(
         splat=near * step,
         face=face[near],

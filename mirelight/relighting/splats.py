@@ -7,21 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import colour
+from mirelight import colour, sh
 from mirelight.model import F32, Frame, LightingBuffer, Provenance, RelightSettings, SplatCloud, SplatLayer
 from mirelight.relighting.frame import blended, unlit_rgba
 from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of
 from mirelight.relighting.pixels import divide
 from mirelight.relighting.resample import upsample
-from mirelight.sh import C0
 
 _MOST = np.float32(65504)  # that a splat's colour may be, as in the compositor
 
 
 def captured_color(splats: SplatCloud) -> F32:
     """(N, 3) the splats' colours averaged over directions, linear."""
-    return np.asarray(colour.srgb_decode(np.maximum(0.5 + C0 * splats.sh[:, 0], 0)), np.float32)
+    return np.asarray(colour.srgb_decode(sh.mean_display(splats.sh)), np.float32)
 
 
 def splat_relighter(

@@ -29,6 +29,7 @@ MOST_BLACK = 0.6
 LEAST_MET = 0.1  # share of the proxy's area
 MOST_HELD = 0.15  # share of the pixels on the proxy that are held at the brightest albedo
 _WHITE, _BLACK = 254.5 / 255, 8 / 255  # display values
+_ALL_BLACK = 0.98  # share of the pixels: captures of nights have lamps, or a sky
 _LEAST_SEEN = 0.002  # share of the picture
 _HARDLY = 1000  # how much darker than the capture light counts as none
 _MOST_PIXELS = 20_000  # that are looked at: shares are right to a third of a percent, and advice costs next to nothing
@@ -196,6 +197,9 @@ def _brightness(frame: Frame, display: DisplaySettings, step: int, on: Mask) -> 
     old = None if frame.unlit is None else _shown(frame.unlit, frame, replace(display, exposure=0.0), step)[on]
     white_before, black_before = (0.0, 0.0) if old is None else _shares(old)
     gain = 2.0**display.exposure
+    if min(black, black_before) > _ALL_BLACK:
+        text = f"the capture itself is black, in {black_before:.0%} of the splats' pixels"
+        return [Finding("black", text, "light multiplies what splats show: check the colours in their file")]
     light = frame.rgba[::step, ::step, :3][on] * np.float32(gain)
     if white > max(MOST_WHITE, white_before + MOST_WHITE * 2 / 3):
         by = 1 / float(np.quantile(light.max(axis=1), 0.95))

@@ -129,3 +129,15 @@ def test_bright_captures_are_not_taken_for_too_much_light(right: tuple[Scene, Fr
     white = np.concatenate([frame.unlit[..., 3:].repeat(3, axis=-1), frame.unlit[..., 3:]], axis=-1)
     shown = replace(frame, rgba=white, unlit=white)
     assert advice.of_frame(shown, DisplaySettings()) == ()
+
+
+def test_a_capture_that_is_black(right: tuple[Scene, Frame]) -> None:
+    scene, frame = right
+    assert frame.unlit is not None
+    unlit = frame.unlit * np.array([0, 0, 0, 1], np.float32)
+    (found,) = advice.of_frame(replace(frame, rgba=unlit, unlit=unlit), scene.job.display)
+    assert found.kind == "black" and "the capture itself is black" in found.text and "colours" in found.remedy
+    # one that has a lamp in the dark is a night
+    lamp = unlit.copy()
+    lamp[20:30, 60:90, :3] = frame.unlit[20:30, 60:90, :3]
+    assert advice.of_frame(replace(frame, rgba=lamp, unlit=lamp), scene.job.display) == ()

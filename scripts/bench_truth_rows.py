@@ -70,6 +70,7 @@ class Way:
 
 BOTH = "ratio, per both"
 BEST = Way("traced", 2, 16)  # by which proxies are compared
+KEPT = replace(BEST, indirect="surface")
 WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16)))
 
 
@@ -172,10 +173,14 @@ class Bench:
         all_of_them = [x for x in ORDER if x != "own" or self._more] if self.capture.whole else FEW
         for surface in ORDER[:1] if quick else all_of_them:
             mesh = self.mesh(surface)
-            tried = WAYS if self._more and surface == "exact" and self.capture.whole else (BEST,)
-            yield from self._relit(surface, "known", mesh, self.capture.light, tried)
+            yield from self._relit(surface, "known", mesh, self.capture.light, self._ways(surface))
             if surface in ESTIMATED and not quick:
                 yield from self._relit(surface, "estimated", mesh, self._estimated(surface, mesh), (BEST,))
+
+    def _ways(self, surface: Surface) -> Sequence[Way]:
+        if not (self._more and surface == "exact"):
+            return (BEST,)
+        return WAYS if self.capture.whole else (BEST, KEPT)
 
     def _relit(
         self, surface: Surface, known: Known, mesh: ProxyMesh, light: Lighting, ways: Sequence[Way]

@@ -4,7 +4,10 @@ Pictures end somewhere, and walls do not end there with them: the wall beside a 
 plane of the surface is looked at in rows along its two axes; where a row is still surface at the last place that any
 picture shows, it goes on, to the end of the box that holds the surface and the cameras. Where a picture shows that it
 ends, it does not. A row that is lost behind something, and found again in the same plane on its other side, was there
-all the way; so was one that is hidden up to the end of the box.
+all the way; so was one that is hidden up to the end of the box, where that is no farther than it was seen.
+
+A row that no picture looks through goes on to what it meets next, too, no farther than it was seen: the ceiling above a
+beam, to the wall. Planes of parts of things do no more than that. All end where they meet another plane.
 """
 
 from __future__ import annotations
@@ -16,18 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.sampling import areas_of, spread
+from mirelight.proxy.sampling import areas_of, spread, spread_on
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import lattice, turned
 
-MOST_PLANES = 12
-LEAST_AREA = 0.02  # of the surface: smaller planes are parts of things
+MOST_PLANES = 24
+LEAST_AREA = 0.02  # of the surface: smaller planes are parts of things, and end where those end
+SMALL = 0.004  # of the surface: parts of things that go on behind what stands before them
 _DIRECTIONS = 1500  # tried for normals, over the whole sphere
 _ALIKE = 0.985  # cosine between normals of one plane
 _GAP = 3  # cells between the last surface of a row and where pictures end
 _LEAST_ROW = 6  # cells of surface, that a row must have to go on
 _ENOUGH = 0.2  # of the rows: if so many are seen to end, a side does not go on
 _SPACINGS = 2.5  # of the splats, to a cell at least: its surface has no gaps then
+_ACROSS = 0.7  # cosine between normals of planes that end where they meet
+_NEAR = 0.4  # cells before the surface, where nothing counts as looked through
 _MARKS = 8  # of the surface, to an area of a cell
 _CELLS = 200  # along the box's longest side
 
@@ -44,6 +50,59 @@ class _Plane:
     area: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sheet:
+    """Square cells of a plane, over the box."""
+
+    origin: F64  # (3,) corner of the first
+    axes: F64  # (2, 3) unit, along which they are counted
+    cell: float  # their side, world units
+    inside: Bool  # (I, J) which are in the box
+
+    @staticmethod
+    def of(plane: _Plane, planes: Sequence[_Plane], low: F64, high: F64, cell: float) -> _Sheet:
+        """Along the plane's two axes."""
+        axes = np.stack(_axes(plane, planes))
+        corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+        flat = turned(corners, axes)
+        count = np.ceil((flat.max(axis=0) - flat.min(axis=0)) / cell).astype(int)
+        whole = _Sheet(plane.normal * plane.offset + flat.min(axis=0) @ axes, axes, cell, np.ones(count, bool))
+        at = whole.middles()
+        inside = ((at >= low - cell) & (at <= high + cell)).all(axis=1)
+        return _Sheet(whole.origin, axes, cell, inside.reshape(count))
+
+    def middles(self) -> F64:
+        """(I J, 3) of the cells, row by row."""
+        i, j = np.indices(self.inside.shape).reshape(2, -1) + 0.5
+        return np.asarray(
+            self.origin + (i * self.cell)[:, None] * self.axes[0] + (j * self.cell)[:, None] * self.axes[1]
+        )
+
+    def cells(self, points: F64) -> Bool:
+        """(I, J) which hold points, however far those are from the plane."""
+        out = np.zeros_like(self.inside)
+        at = np.floor(turned(points - self.origin, self.axes) / self.cell).astype(int)
+        i, j = np.clip(at, 0, np.array(out.shape) - 1).T
+        out[i, j] = True
+        return out
+
+    def rectangles(self, chosen: Bool) -> Soup:
+        """Two triangles for each run of chosen cells, equal runs of neighbouring rows as one."""
+        i, j = np.nonzero(np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1))
+        row, first, past = i[::2], j[::2], j[1::2]  # a run begins and ends
+        order = np.lexsort((row, past, first))
+        row, first, past = row[order], first[order], past[order]
+        fresh = np.ones(len(row), bool)
+        fresh[1:] = (first[1:] != first[:-1]) | (past[1:] != past[:-1]) | (row[1:] != row[:-1] + 1)
+        tall = np.bincount(np.cumsum(fresh) - 1, minlength=int(fresh.sum()))
+        low, left, right = row[fresh], first[fresh], past[fresh]
+        x, y = np.stack([low, low + tall, low + tall, low], axis=1), np.stack([left, left, right, right], axis=1)
+        u, v = self.axes
+        corners = self.origin + (x[..., None] * self.cell) * u + (y[..., None] * self.cell) * v
+        at = 4 * np.arange(len(low))[:, None]
+        return Soup(corners.reshape(-1, 3), np.concatenate([at + corner for corner in ((0, 1, 2), (0, 2, 3))]))
+
+
 def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float], Look]) -> Soup:
     """Triangles that carry on large planes of a surface where no picture shows whether they end.
 
@@ -56,17 +115,32 @@ def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float
     low = np.minimum(soup.vertices.min(axis=0), eyes.min(axis=0))
     high = np.maximum(soup.vertices.max(axis=0), eyes.max(axis=0))
     cell = max(float((high - low).max()) / _CELLS, _SPACINGS * spacing)
-    planes = _planes(soup, cell)
+    area = float(areas_of(soup.vertices, soup.faces).sum())
+    planes = _planes(soup, cell, SMALL * area)
+    marks, face = spread_on(soup.vertices, soup.faces, int(_MARKS * area / cell**2) + 1)
+    plane_of = np.full(len(soup.faces), -1)
+    for k, plane in enumerate(planes):
+        plane_of[plane.faces] = k
+    of = plane_of[face]
     vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    for plane in planes:
-        made = _carried_on(plane, soup, planes, low, high, cell, look(cell))
+    for k in sorted(range(len(planes)), key=lambda k: planes[k].area):  # what a small one closes, a larger one meets
+        plane = planes[k]
+        sheet = _Sheet.of(plane, planes, low, high, cell)
+        surface = spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1)
+        near = np.abs(turned(marks, plane.normal[None])[:, 0] - plane.offset) < cell
+        across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < _ACROSS]
+        own, met, stops = (sheet.cells(x) for x in (surface, marks[near], marks[near & np.isin(of, across)]))
+        large = plane.area >= LEAST_AREA * area
+        made = sheet.rectangles(_carried_on(sheet, own, met, stops, look(_NEAR * cell), large))
+        more = spread(made.vertices, made.faces, int(_MARKS * areas_of(made.vertices, made.faces).sum() / cell**2))
+        marks, of = np.concatenate([marks, more]), np.concatenate([of, np.full(len(more), k)])
         vertices.append(made.vertices)
         faces.append(made.faces + start)
         start += len(made.vertices)
     return Soup(np.concatenate(vertices), np.concatenate(faces))
 
 
-def _planes(soup: Soup, thick: float) -> list[_Plane]:
+def _planes(soup: Soup, thick: float, least: float) -> list[_Plane]:
     """The planes that hold most of the surface, the largest first."""
     area = areas_of(soup.vertices, soup.faces)
     a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
@@ -74,7 +148,7 @@ def _planes(soup: Soup, thick: float) -> list[_Plane]:
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     middle = (a + b + c) / 3
     found: list[_Plane] = []
-    left, least = np.arange(len(area)), LEAST_AREA * float(area.sum())
+    left = np.arange(len(area))
     tried = lattice(_DIRECTIONS)
     tried = tried[: _DIRECTIONS // 2]  # a lattice over the sphere, half of it
     while len(found) < MOST_PLANES and len(left):
@@ -116,32 +190,28 @@ def _largest(normal: F64, middle: F64, area: F64, left: Int, tried: F64, thick: 
     return best
 
 
-def _carried_on(
-    plane: _Plane, soup: Soup, planes: Sequence[_Plane], low: F64, high: F64, cell: float, look: Look
-) -> Soup:
-    """The part of a plane in the box that carries on its surface."""
-    u, v = _axes(plane, planes)
-    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
-    frame = np.stack([u, v])
-    flat = turned(corners, frame)
-    start = flat.min(axis=0)
-    count = np.ceil((flat.max(axis=0) - start) / cell).astype(int)
-    i, j = (x.ravel() for x in np.meshgrid(np.arange(count[0]), np.arange(count[1]), indexing="ij"))
-    spots = plane.normal * plane.offset + (start[0] + (i + 0.5) * cell)[:, None] * u
-    spots += (start[1] + (j + 0.5) * cell)[:, None] * v
-    inside = ((spots >= low - cell) & (spots <= high + cell)).all(axis=1).reshape(count)
-    free, shown = (x.reshape(count) for x in look(spots))
-    surface = np.zeros(count, bool)
-    own = turned(spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1), frame)
-    at = np.clip(np.floor((own - start) / cell).astype(int), 0, count - 1)
-    surface[at[:, 0], at[:, 1]] = True
-    more = np.zeros(count, bool)
+def _carried_on(sheet: _Sheet, surface: Bool, near: Bool, across: Bool, look: Look, large: bool) -> Bool:
+    """Cells of a plane in the box that carry on its surface.
+
+    Args:
+        sheet: the plane's cells.
+        surface: which hold surface of the plane.
+        near: which hold any surface.
+        across: which hold surface of planes that cross it.
+        look: what the cameras had in their pictures.
+        large: whether it is more than a part of a thing.
+    """
+    inside = sheet.inside
+    free, shown = (x.reshape(inside.shape) for x in look(sheet.middles()))
+    met, way = surface | near, ~free & (surface | ~across)
+    more = np.zeros_like(surface)
     for turn in range(4):
-        grown = _grown(*(np.rot90(x, turn) for x in (surface, shown, inside)))
-        grown |= _behind(*(np.rot90(x, turn) for x in (surface, shown & ~free, ~free, inside)))
+        grown = _met(*(np.rot90(x, turn) for x in (surface, met, free, way, inside)))
+        if large:
+            grown |= _grown(*(np.rot90(x, turn) for x in (surface, shown, inside)))
+            grown |= _behind(*(np.rot90(x, turn) for x in (surface, shown & ~free, ~free, inside)))
         more |= np.rot90(grown, -turn)
-    more &= ~surface & inside
-    return _rectangles(more, plane, u, v, start, cell)
+    return np.asarray(more & ~surface & inside)
 
 
 def _grown(surface: Bool, shown: Bool, inside: Bool) -> Bool:
@@ -150,36 +220,63 @@ def _grown(surface: Bool, shown: Bool, inside: Bool) -> Bool:
     Where many rows are seen to end, the others end no farther out.
     """
     along = np.arange(surface.shape[1])
-    enough = surface.sum(axis=1) >= _LEAST_ROW
     last = np.where(surface, along, -1).max(axis=1)
     past = along > last[:, None]
     soon = past & (along <= last[:, None] + _GAP)
-    at_the_end = last == surface.shape[1] - 1
-    goes_on = enough & ~at_the_end & ~(shown & past & ~soon).any(axis=1) & (soon & ~shown).any(axis=1)
-    ended = enough & ~at_the_end & ~goes_on
-    end = surface.shape[1]
-    if ended.sum() > _ENOUGH * enough.sum():
-        end = int(np.quantile(last[ended], 0.9)) + 1
+    goes_on = _open_ends(surface) & ~(shown & past & ~soon).any(axis=1) & (soon & ~shown).any(axis=1)
+    end = _end(surface, _open_ends(surface) & ~goes_on)
     return np.asarray(goes_on[:, None] & past & ~shown & inside & (along <= end))
+
+
+def _open_ends(surface: Bool) -> Bool:
+    """Rows that have enough surface, but none in their last cell."""
+    return np.asarray((surface.sum(axis=1) >= _LEAST_ROW) & ~surface[:, -1])
+
+
+def _end(surface: Bool, ended: Bool) -> int:
+    """Where a side ends: of rows that are seen to end, if they are many; else behind the last cell."""
+    along = np.arange(surface.shape[1])
+    if ended.sum() <= _ENOUGH * (surface.sum(axis=1) >= _LEAST_ROW).sum():
+        return len(along)
+    return int(np.quantile(np.where(surface, along, -1).max(axis=1)[ended], 0.9)) + 1
+
+
+def _met(surface: Bool, met: Bool, free: Bool, way: Bool, inside: Bool) -> Bool:
+    """Cells that no picture looks through, from surface to what a row meets first, no longer than what is seen.
+
+    Where many rows are seen to end, the others end no farther out.
+    """
+    along = np.arange(surface.shape[1])
+    length = surface.sum(axis=1)
+    next_ = np.minimum.accumulate(np.where(met, along, len(along))[:, ::-1], axis=1)[:, ::-1]
+    last = np.maximum.accumulate(np.where(surface, along, -1), axis=1)
+    short = (next_ - last - 1 <= length[:, None]) & (length >= _LEAST_ROW)[:, None]
+    outer = last[:, -1:]
+    soon = (along > outer) & (along <= outer + _GAP)
+    end = _end(surface, _open_ends(surface) & (soon & free).any(axis=1))
+    between = _reached(surface, way) & _reached(met[:, ::-1], way[:, ::-1])[:, ::-1]
+    return np.asarray(between & short & inside & (along <= end))
+
+
+def _reached(start: Bool, through: Bool) -> Bool:
+    """Cells `through` which one comes from a start, towards larger second indices."""
+    along = np.arange(start.shape[1])
+    last = np.maximum.accumulate(np.where(start, along, -1), axis=1)
+    stopped = np.maximum.accumulate(np.where(start | through, -1, along), axis=1)
+    return np.asarray(through & ~start & (last >= 0) & (last > stopped))
 
 
 def _behind(surface: Bool, hidden: Bool, unknown: Bool, inside: Bool) -> Bool:
     """Cells that no picture looks through, between surface in their row, or hidden from surface to the box's end."""
     enough = surface.sum(axis=1) >= _LEAST_ROW
 
-    def reached(start: Bool, through: Bool) -> Bool:
-        """Cells `through` which one comes from a start, towards larger second indices."""
-        along = np.arange(start.shape[1])
-        last = np.maximum.accumulate(np.where(start, along, -1), axis=1)
-        stopped = np.maximum.accumulate(np.where(start | through, -1, along), axis=1)
-        return np.asarray(through & ~start & (last >= 0) & (last > stopped))
-
     def back(start: Bool, through: Bool) -> Bool:
-        return reached(start[:, ::-1], through[:, ::-1])[:, ::-1]
+        return _reached(start[:, ::-1], through[:, ::-1])[:, ::-1]
 
-    between = reached(surface, unknown) & back(surface, unknown)
+    between = _reached(surface, unknown) & back(surface, unknown)
     past = np.pad(~inside, ((0, 0), (0, 1)), constant_values=True)
-    to_the_end = reached(surface, hidden) & back(past, np.pad(hidden, ((0, 0), (0, 1))))[:, :-1]
+    to_the_end = _reached(surface, hidden) & back(past, np.pad(hidden, ((0, 0), (0, 1))))[:, :-1]
+    to_the_end &= to_the_end.sum(axis=1, keepdims=True) <= surface.sum(axis=1, keepdims=True)
     return np.asarray(enough[:, None] & inside & (between | to_the_end))
 
 
@@ -194,20 +291,3 @@ def _axes(plane: _Plane, planes: Sequence[_Plane]) -> tuple[F64, F64]:
         u = axis - plane.normal * np.dot(axis, plane.normal)
     u = u / np.linalg.norm(u)
     return u, np.cross(plane.normal, u)
-
-
-def _rectangles(chosen: Bool, plane: _Plane, u: F64, v: F64, start: F64, cell: float) -> Soup:
-    """Two triangles for each run of chosen cells, equal runs of neighbouring rows as one."""
-    i, j = np.nonzero(np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1))
-    row, first, past = i[::2], j[::2], j[1::2]  # a run begins and ends
-    order = np.lexsort((row, past, first))
-    row, first, past = row[order], first[order], past[order]
-    fresh = np.ones(len(row), bool)
-    fresh[1:] = (first[1:] != first[:-1]) | (past[1:] != past[:-1]) | (row[1:] != row[:-1] + 1)
-    of = np.cumsum(fresh) - 1
-    tall = np.bincount(of, minlength=int(fresh.sum()))
-    low, left, right = row[fresh], first[fresh], past[fresh]
-    x, y = np.stack([low, low + tall, low + tall, low], axis=1), np.stack([left, left, right, right], axis=1)
-    corners = plane.normal * plane.offset + (start[0] + x[..., None] * cell) * u + (start[1] + y[..., None] * cell) * v
-    at = 4 * np.arange(len(low))[:, None]
-    return Soup(corners.reshape(-1, 3), np.concatenate([at + corner for corner in ((0, 1, 2), (0, 2, 3))]))

@@ -142,6 +142,47 @@ def test_a_wall_goes_on_behind_what_hides_it() -> None:
     assert closed.mean() > 0.9 > 0.1 > open_.mean()
 
 
+@cache
+def ceilings() -> tuple[MadeProxy, MadeProxy]:
+    """A ceiling that meets a wall, a beam below it, and a shelf below that which ends before the wall.
+
+    The beam hides the ceiling up to the wall, past the shelf the wall is seen, and behind the wall there is nothing.
+    """
+    wide, fine = 3.0, 0.06
+    ceiling, _ = square(wide, fine, 1, 2.0)
+    shelf = ceiling - (0, 2.0, 0)
+    shelf = shelf[shelf[:, 0] > -1.0]
+    y, z = (a.ravel() for a in np.meshgrid(np.arange(1.75, 2.0, fine), np.arange(-1.48, 1.5, fine)))
+    beam = np.stack([np.full(y.size, -1.1), y, z], axis=1)
+    y, z = (a.ravel() for a in np.meshgrid(np.arange(-1.0, 2.0, fine), np.arange(-1.48, 1.5, fine)))
+    wall = np.stack([np.full(y.size, -1.5), y, z], axis=1)
+    seen = ceiling[:, 0] > -1.1
+    up, ahead = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+    points = np.concatenate([ceiling[seen], shelf, beam, wall])
+    normals = np.concatenate([np.tile(n, (len(x), 1)) for n, x in ((up, ceiling[seen]), (up, shelf), (ahead, beam))])
+    normals = np.concatenate([normals, np.tile(ahead, (len(points) - len(normals), 1))])
+    cameras = [
+        Camera.look_at((3.0, 0.9, side), (-1.2, 0.9, 0), 200, 160, yfov=70, name=f"{side}") for side in (-1.0, 0, 1.0)
+    ]
+    cameras.append(Camera.look_at((-4.5, 0.9, 0), (-1.5, 1.5, 0), 200, 160, yfov=70, name="behind"))
+    cloud = on_surface(points, normals, 0.7 * fine, thin=0.02)
+    return make(cloud), make(cloud, cameras=cameras)
+
+
+def test_a_ceiling_goes_on_behind_a_beam_to_the_wall() -> None:
+    z = np.linspace(-1.2, 1.2, 40)
+    starts = np.stack([np.full(40, -1.3), np.full(40, 1.8), z], axis=1)
+    open_, closed = (blocked(m, starts, np.array((0.0, 1.0, 0.0))) for m in ceilings())
+    assert closed.mean() > 0.9 > 0.1 > open_.mean()
+
+
+def test_a_plane_that_is_seen_to_end_does_not_go_on_to_the_wall() -> None:
+    z = np.linspace(-1.2, 1.2, 40)
+    starts = np.stack([np.full(40, -1.25), np.full(40, -0.3), z], axis=1)
+    hit, far = Sight(ceilings()[1].mesh).first_hits(starts, np.tile((0.0, 1.0, 0.0), (40, 1)))
+    assert (far[hit >= 0] > 1).all()
+
+
 def test_cameras_of_something_else_are_refused() -> None:
     away = [Camera.look_at((0, 0, 30), (0, 0, 60), 64, 48, yfov=40, name="away")]
     with pytest.raises(InputError, match="its 1 cameras see 0% of its surface"):

@@ -142,6 +142,29 @@ def test_a_wall_goes_on_behind_what_hides_it() -> None:
     assert closed.mean() > 0.9 > 0.1 > open_.mean()
 
 
+def bars(eyes: tuple[tuple[float, float, float], ...]) -> tuple[MadeProxy, MadeProxy]:
+    """The front of an upright bar, its plane z = 0 and half as wide as 0.2, looked at from places."""
+    y, x = (a.ravel() for a in np.meshgrid(np.arange(-1.0, 1.0, 0.04), np.arange(-0.18, 0.2, 0.04)))
+    cloud = on_surface(np.stack([x, y, 0 * x], axis=1), np.tile((0.0, 0.0, 1.0), (len(x), 1)), 0.028, thin=0.02)
+    cameras = [Camera.look_at(eye, (0, 0, 0), 200, 160, yfov=50, name=f"{k}") for k, eye in enumerate(eyes)]
+    return make(cloud), make(cloud, cameras=cameras)
+
+
+FRONT = ((-0.4, 0.2, 3.0), (0.0, -0.2, 3.2), (0.4, 0.1, 3.0))
+
+
+def test_a_bar_of_which_the_front_was_seen_has_a_depth_for_light_from_the_side() -> None:
+    y = np.linspace(-0.7, 0.7, 30)
+    past_the_edge = np.stack([np.full(30, 0.26), y, np.zeros(30)], axis=1)
+    open_, closed = (blocked(m, past_the_edge, np.array((-1.4, 0.0, -1.0))) for m in bars(FRONT))
+    assert closed.mean() > 0.9 > 0.1 > open_.mean()
+
+
+def test_a_sheet_that_was_seen_from_both_sides_stays_as_thin_as_it_is() -> None:
+    behind = tuple((x, y, -z) for x, y, z in FRONT)
+    assert bars(FRONT)[1].unseen > 0 == bars(FRONT + behind)[1].unseen
+
+
 @cache
 def ceilings() -> tuple[MadeProxy, MadeProxy]:
     """A ceiling that meets a wall, a beam below it, and a shelf below that which ends before the wall.

@@ -188,7 +188,7 @@ def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int =
     return Deposits(
         splat=near * step,
         face=face[near],
-        corners=corners[near],
+        corners=np.maximum(corners[near], 0),  # rounded below nothing, they would cancel what another splat tells
         weight=splats.opacities[::step][near] * extent * closeness,
         color=colour.srgb_decode(shown).astype(np.float64),
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture, axes_of
+from mirelight.proxy.creases import MEETS, Creases, wedges_of
+from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
 from mirelight.proxy.sides import seen_sides
@@ -17,8 +20,6 @@ from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
 NEIGHBOURS = 20  # that cut a cell
-SAME_PLANE = 0.8  # cosine between normals of discs of one surface
-STEEP = 0.5  # rise over run to a neighbour, above which it lies on another sheet even if its normal is the same
 GROWN = 1.9  # radius of a cell before cutting, in local spacings
 SMALLEST, LARGEST = 2.2, 8.0  # radius, in the capture's spacing
 OVERLAP = 1.1  # how far past the bisector a cell reaches: no cracks for light to leak through
@@ -30,74 +31,66 @@ FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it t
 REACH = 1.5  # standard deviations that a cell reaches past the middle of its disc where the surface ends
 BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
 SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
+SPLIT = 1.03  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
+SLIVER = 1e-3  # of the weld's square: triangles of less area go
 _CHUNK = 200_000  # cells cut at once
+_FEW = 50_000  # cells cut in wedges at once
 
 
 def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> Soup:
     """Triangles of the cells of all discs of a capture.
 
-    A neighbour on the same plane cuts at the bisector, moved outwards by a tenth; one on another plane cuts at that
-    plane, so that edges between surfaces stay sharp. Faces turn their front to the side that was seen.
+    A neighbour on the same sheet cuts at the bisector, moved outwards by a tenth; one on another plane cuts at that
+    plane, where its own disc is, so that edges between surfaces stay sharp and no cracks stay open beside them. Faces
+    turn their front to the side that was seen.
     """
     axes, scales = axes_of(capture.splats)
-    discs, s = _Discs(capture.splats.means.astype(np.float64), axes, scales), capture.spacing
+    s = capture.spacing
+    discs = Discs(capture.splats.means.astype(np.float64), axes, scales, s)
     progress("finding neighbours", 0.0)
-    near, distance = _neighbours(discs.at, NEIGHBOURS)
+    near, distance = neighbours_of(discs.at, NEIGHBOURS)
     local = distance[:, 5] / 1.8
     radius = np.clip(GROWN * local, SMALLEST * s, LARGEST * s)
-    ends = np.concatenate(
-        [
-            _ends(discs, np.arange(k, min(k + _CHUNK, len(near))), near[k : k + _CHUNK], local[k : k + _CHUNK])
-            for k in range(0, len(near), _CHUNK)
-        ]
-    )
+    ends = np.concatenate([_ends(discs, rows, near[rows], local) for rows in _chunks(len(near), _CHUNK)])
     kept, stands_for_more = _without_flats(discs, near, distance, s)
     radius, ends = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept], ends[kept]
-    discs = _Discs(discs.at[kept], discs.axes[kept], discs.scales[kept])
-    near, distance = _neighbours(discs.at, NEIGHBOURS)
-    rods = rods_of(discs.at, discs.normal, near, distance[:, 5] / 1.8)
+    discs = discs.where(kept)
+    near, distance = neighbours_of(discs.at, NEIGHBOURS)
+    local = distance[:, 5] / 1.8
+    rods = rods_of(discs.at, discs.normal, near, local)
     bars = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
-    corners, faces, owners, start = [], [], [], 0
-    for first in range(0, len(discs.at), _CHUNK):
-        progress("cutting cells", 0.2 + 0.6 * first / len(discs.at))
-        rows = np.arange(first, min(first + _CHUNK, len(discs.at)))
-        polygons = _cut(discs, rows, near[rows], radius[rows], ends[rows], s)
-        bars = bars.beside(_bars(rods.where((rods.rows >= first) & (rods.rows <= rows[-1])), discs, first, polygons))
-        found, triangles, cell = _in_space(discs, rows, polygons)
-        corners.append(found)
-        faces.append(triangles + start)
-        owners.append(rows[cell])
-        start += len(found)
-    progress("telling the sides apart", 0.8)
-    soup = Soup(np.concatenate(corners), np.concatenate(faces))
-    sight = Sight(soup.beside(bars).mesh(), settings.variant, settings.threads)
-    front = seen_sides(capture, discs.at, discs.normal, sight) * np.sign(np.linalg.det(discs.axes))
-    behind = front[np.concatenate(owners)] < 0
+    parts, whole, creased = _Parts(), list[tuple[Int, Polygons]](), np.zeros(len(discs.at), bool)
+    for rows in _chunks(len(discs.at), _CHUNK):
+        progress("cutting cells", 0.2 + 0.5 * rows[0] / len(discs.at))
+        around = Around.of(discs, rows, near[rows])
+        cells = _on_sheets(discs, rows, around, radius[rows], ends[rows])
+        before, area = cells.where(np.arange(len(rows))), cells.area()
+        Creases.of(discs, rows, near[rows], around, local, cells).cut(cells, np.arange(len(rows)))
+        creased[rows] = cells.area() < area
+        here = rods.where((rods.rows >= rows[0]) & (rods.rows <= rows[-1]))
+        bars = bars.beside(_bars(here, discs, int(rows[0]), cells))
+        creased[here.rows] = False
+        whole.append((rows[creased[rows]], before.where(np.flatnonzero(creased[rows]))))
+        parts.add(discs, rows, cells)
+    progress("telling the sides apart", 0.7)
+    sight = Sight(parts.soup().beside(bars).mesh(), settings.variant, settings.threads)
+    front = seen_sides(capture, discs.at, discs.normal, sight)
+    parts = parts.without(creased)
+    on_rod = np.zeros(len(discs.at), bool)
+    on_rod[rods.rows] = True
+    told = np.where(on_rod[near].any(axis=1), 0.0, front)  # the sides of a bar that is no wider than its discs are not
+    for rows, cells in whole:
+        progress("cutting cells at creases", 0.8)
+        for some in _chunks(len(rows), _FEW):
+            _creased(discs, rows[some], near[rows[some]], cells.where(some), local, told, parts)
+    soup = parts.soup()
+    behind = (front * np.sign(np.linalg.det(discs.axes)))[np.concatenate(parts.owners)] < 0
     progress("welding cells", 0.95)
-    cells = welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), WELD * s)
-    return cells.beside(bars)
+    soup = welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), WELD * s)
+    return soup.beside(bars)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Discs:
-    at: F64  # (N, 3)
-    axes: F64  # (N, 3, 3) columns: normal, then along the disc
-    scales: F64  # (N, 3) thinnest first
-
-    @property
-    def normal(self) -> F64:
-        return self.axes[:, :, 0]
-
-
-def _neighbours(points: F64, count: int) -> tuple[Int, F64]:
-    """(N, count) nearest other points, nearest first, and how far they are."""
-    from scipy.spatial import cKDTree
-
-    distance, index = cKDTree(points).query(points, k=min(count + 1, len(points)), workers=-1)
-    return index[:, 1:].astype(np.int64), distance[:, 1:]
-
-
-def _without_flats(discs: _Discs, near: Int, distance: F64, s: float) -> tuple[Int, NDArray[np.bool_]]:
+def _without_flats(discs: Discs, near: Int, distance: F64, s: float) -> tuple[Int, NDArray[np.bool_]]:
     """Discs that are kept, and (N,) whether one stands for others around it.
 
     In the midst of a plane one disc in a voxel of `FLAT_CELL` spacings is enough: its cell grows over the others'.
@@ -117,88 +110,65 @@ def _without_flats(discs: _Discs, near: Int, distance: F64, s: float) -> tuple[I
     return np.flatnonzero(~flat | chosen), chosen
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Around:
-    """Neighbours (R, K) as discs (R) see them in their planes."""
-
-    step: F64  # (R, K, 3)
-    along: F64  # (R, K, 2) the step in the plane
-    run: F64  # (R, K) its length
-    same: NDArray[np.bool_]  # (R, K) normals alike
-    on_sheet: NDArray[np.bool_]  # (R, K) and on the same surface
-
-    @staticmethod
-    def of(discs: _Discs, rows: Int, near: Int) -> _Around:
-        n = discs.normal[rows]
-        step = discs.at[near] - discs.at[rows][:, None]
-        along = np.einsum("rki,rij->rkj", step, discs.axes[rows][:, :, 1:])
-        run = np.linalg.norm(along, axis=2)
-        same = np.abs(np.einsum("rki,ri->rk", discs.normal[near], n)) > SAME_PLANE
-        rise = np.abs(np.einsum("rki,ri->rk", step, n))
-        return _Around(step, along, run, same, same & (rise < STEEP * run))
-
-
-def _ends(discs: _Discs, rows: Int, near: Int, local: F64) -> F64:
+def _ends(discs: Discs, rows: Int, near: Int, local: F64) -> F64:
     """(R, 8) how far a disc's cell may reach along the eight directions of its octagon's sides.
 
-    Where no neighbour carries the surface on, and none turns it, the surface ends where the disc does.
+    Where no neighbour carries the surface on, and none turns it, the surface ends where the disc does. A neighbour of
+    another normal turns it where the way there meets its plane at its disc.
     """
-    around, plane = _Around.of(discs, rows, near), discs.axes[rows][:, :, 1:]
-    beside = around.on_sheet & (around.run < BESIDE * local[:, None])
+    around, plane, own = Around.of(discs, rows, near), discs.axes[rows][:, :, 1:], local[rows]
+    beside = around.on_sheet & (around.run < BESIDE * own[:, None])
     out = np.full((len(rows), 8), np.inf)
-    m = np.where(around.same[..., None], 0.0, discs.normal[near])
-    g = np.einsum("rki,rij->rkj", m, plane)
-    steep = np.linalg.norm(g, axis=2)
-    turns = ~around.same & (
-        np.abs(np.einsum("rki,ri->rk", around.step, discs.normal[rows])) < BESIDE * local[:, None] * steep
-    )
-    c = (m * around.step).sum(axis=2) / np.maximum(steep, 1e-30)
-    g *= (np.where(c < 0, -1.0, 1.0) / np.maximum(steep, 1e-30))[..., None]
+    row, slot = np.nonzero(~around.same)
+    other, step, along = near[row, slot], around.step[row, slot], around.along[row, slot]
+    m = discs.normal[other]
+    across = np.einsum("pi,pij->pj", m, plane[row])
+    level, squared, reach = (m * step).sum(axis=1), (step**2).sum(axis=1), (MEETS * local[other]) ** 2
     for k in range(8):
         way = np.array([np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)])
-        goes_on = beside & (np.einsum("rkj,j->rk", around.along, way) > SECTOR * around.run)
-        edge = turns & (np.einsum("rkj,j->rk", g, way) > SECTOR)
+        goes_on = (beside & (np.einsum("rkj,j->rk", around.along, way) > SECTOR * around.run)).any(axis=1)
+        slope = across @ way
+        far = level / np.where(np.abs(slope) > 1e-30, slope, 1e-30)
+        met = (far > 0) & (far < GROWN * own[row])
+        met &= np.where(met, far, 0) * (np.where(met, far, 0) - 2 * along @ way) + squared < reach
+        goes_on[row[met]] = True
         wide = np.sqrt(((discs.scales[rows, 1:] * way) ** 2).sum(axis=1))
-        out[:, k] = np.where((goes_on | edge).any(axis=1), np.inf, REACH * wide)
+        out[:, k] = np.where(goes_on, np.inf, REACH * wide)
     return out
 
 
-def _cut(discs: _Discs, rows: Int, near: Int, radius: F64, ends: F64, s: float) -> Polygons:
+def _on_sheets(discs: Discs, rows: Int, around: Around, radius: F64, ends: F64) -> Polygons:
+    """Cells that end where their sheets do, and half-way to what else lies on them."""
     cells = octagons(radius)
-    plane = discs.axes[rows][:, :, 1:]  # (R, 3, 2)
-    around = _Around.of(discs, rows, near)
-    step, along, run, same, on_sheet = around.step, around.along, around.run, around.same, around.on_sheet
-    inwards = 0.3 * (along * on_sheet[..., None]).sum(axis=1) / np.maximum(on_sheet.sum(axis=1), 1)[:, None]
-    thin = np.flatnonzero(
-        discs.scales[rows, 1] < NARROW * discs.scales[rows, 2]
-    )  # bars, twigs: no wider than they look
-    across = np.zeros((len(rows), 2))
-    for way in (1.0, -1.0):
-        across[:, 0] = way
-        cells.cut(thin, across, WIDTH * discs.scales[rows, 1])
+    # bars, twigs: no wider than they look
+    thin = np.flatnonzero(discs.scales[rows, 1] < NARROW * discs.scales[rows, 2])
+    for x in (1.0, -1.0):
+        cells.cut(thin, np.tile((x, 0.0), (len(thin), 1)), WIDTH * discs.scales[rows[thin], 1])
     for k in range(8):
-        across[:] = np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)
-        cells.cut(np.flatnonzero(np.isfinite(ends[:, k])), across, ends[:, k])
-    for k in range(near.shape[1]):
-        # the bisector
-        length = np.maximum(run[:, k], 1e-30)
-        cells.cut(np.flatnonzero(on_sheet[:, k]), along[:, k] / length[:, None], 0.5 * OVERLAP * length)
-        # another surface's plane
-        m = discs.normal[near[:, k]]
-        g = np.einsum("ri,rij->rj", m, plane)
-        steep = np.maximum(np.linalg.norm(g, axis=1), 1e-30)
-        g, c = g / steep[:, None], (m * step[:, k]).sum(axis=1) / steep
-        side = c - (g * inwards).sum(axis=1)
-        flip = side < 0
-        cells.cut(
-            np.flatnonzero(~same[:, k] & (np.abs(side) > 1e-3 * s)),
-            np.where(flip[:, None], -g, g),
-            np.where(flip, -c, c),
-        )
+        ending = np.flatnonzero(np.isfinite(ends[:, k]))
+        way = np.array([np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)])
+        cells.cut(ending, np.broadcast_to(way, (len(ending), 2)), ends[ending, k])
+    for k in range(around.run.shape[1]):
+        beside = np.flatnonzero(around.on_sheet[:, k])
+        length = np.maximum(around.run[beside, k], 1e-30)
+        cells.cut(beside, around.along[beside, k] / length[:, None], 0.5 * OVERLAP * length)
     return cells
 
 
-def _bars(rods: Rods, discs: _Discs, first: int, cells: Polygons) -> Soup:
+def _creased(discs: Discs, rows: Int, near: Int, cells: Polygons, local: F64, front: F64, parts: _Parts) -> None:
+    """Cells (R,), cut by their sheets, are cut at creases and added: in wedges where that leaves more of them."""
+    creases = Creases.of(discs, rows, near, Around.of(discs, rows, near), local, cells)
+    creases = creases.seen_from(front, rows).on(cells)
+    wedges, row = wedges_of(cells)
+    creases.cut(wedges, row)
+    creases.cut(cells, np.arange(len(rows)))
+    split = np.bincount(row, wedges.area(), len(rows)) > SPLIT * cells.area()
+    parts.add(discs, rows[~split], cells.where(np.flatnonzero(~split)))
+    some = np.flatnonzero(split[row])
+    parts.add(discs, rows[row[some]], wedges.where(some))
+
+
+def _bars(rods: Rods, discs: Discs, first: int, cells: Polygons) -> Soup:
     """Prisms in place of the cells of discs on rods, as long as those were; `first` is the disc of the first cell."""
     along = np.einsum("rij,ri->rj", discs.axes[rods.rows][:, :, 1:], rods.axis)
     low, high = cells.extent(rods.rows - first, along)
@@ -206,7 +176,7 @@ def _bars(rods: Rods, discs: _Discs, first: int, cells: Polygons) -> Soup:
     return rods.prisms(discs.at[rods.rows], low, high)
 
 
-def _in_space(discs: _Discs, rows: Int, cells: Polygons) -> tuple[F64, Int, Int]:
+def _in_space(discs: Discs, rows: Int, cells: Polygons) -> tuple[F64, Int, Int]:
     """Corners (C, 3) of all cells, one after the other, the triangles of their fans, and (T,) the cell of each."""
     plane = discs.axes[rows][:, :, 1:]
     corners = discs.at[rows][:, None] + np.einsum("rvj,rij->rvi", cells.corners, plane)
@@ -219,8 +189,41 @@ def _in_space(discs: _Discs, rows: Int, cells: Polygons) -> tuple[F64, Int, Int]
     return corners[used], faces, cell
 
 
+def _chunks(count: int, most: int) -> Iterator[Int]:
+    for first in range(0, count, most):
+        yield np.arange(first, min(first + most, count))
+
+
+@dataclass(slots=True, eq=False)
+class _Parts:
+    """Triangles of cells, chunk by chunk."""
+
+    corners: list[F64] = field(default_factory=list)  # (C, 3) each
+    faces: list[Int] = field(default_factory=list)  # (T, 3) each, of corners of all
+    owners: list[Int] = field(default_factory=list)  # (T,) each: the disc
+    start: int = 0  # corners of all
+
+    def add(self, discs: Discs, rows: Int, cells: Polygons) -> None:
+        """Cells (R,) of discs (R,)."""
+        corners, faces, cell = _in_space(discs, rows, cells)
+        self.corners.append(corners)
+        self.faces.append(faces + self.start)
+        self.owners.append(rows[cell])
+        self.start += len(corners)
+
+    def without(self, chosen: NDArray[np.bool_]) -> _Parts:
+        """Without those of discs (N,)."""
+        kept = [~chosen[owners] for owners in self.owners]
+        faces, owners = ([x[k] for x, k in zip(all_of, kept, strict=True)] for all_of in (self.faces, self.owners))
+        return _Parts(self.corners, faces, owners, self.start)
+
+    def soup(self) -> Soup:
+        """All of them."""
+        return Soup(np.concatenate(self.corners), np.concatenate(self.faces))
+
+
 def welded(soup: Soup, reach: float) -> Soup:
-    """Corners in one voxel of that size become one, twice with the voxels moved by half; flat triangles go."""
+    """Corners in one voxel of that size become one, twice with the voxels moved by half; triangles without area go."""
     vertices, faces = soup.vertices, soup.faces
     for offset in (0.0, 0.5):
         i = np.floor((vertices - vertices.min(axis=0)) / reach + offset).astype(np.int64)
@@ -229,7 +232,9 @@ def welded(soup: Soup, reach: float) -> Soup:
         count = np.bincount(index)
         vertices = np.stack([np.bincount(index, vertices[:, k]) for k in range(3)], axis=1) / count[:, None]
         faces = index[faces]
-    merged = compact(Soup(vertices, faces))
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    there = np.linalg.norm(np.cross(b - a, c - a), axis=1) > SLIVER * reach**2
+    merged = compact(Soup(vertices, faces[there]))
     order = np.sort(merged.faces, axis=1)
     _, once = np.unique(order, axis=0, return_index=True)
     return compact(Soup(merged.vertices, merged.faces[np.sort(once)]))

@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import F64
 from mirelight.proxy.types import Int
 
-MOST_CORNERS = 20  # a cut that would make more is left out: cells have five to eight
+MOST_CORNERS = 20  # of a cell: most have five to eight
 
 
 @dataclass(slots=True, eq=False)
 class Polygons:
-    """Convex polygons, counter-clockwise."""
+    """Convex polygons, counter-clockwise; a cut that would make more corners than there is room for is left out."""
 
-    corners: F64  # (N, MOST_CORNERS, 2); those past the count mean nothing
+    corners: F64  # (N, room, 2); those past the count mean nothing
     count: Int  # (N,)
 
     def cut(self, rows: Int, normal: F64, offset: F64) -> None:
@@ -24,19 +25,18 @@ class Polygons:
 
         Args:
             rows: which polygons.
-            normal: (N, 2), a row for each polygon.
-            offset: (N,).
+            normal: (R, 2).
+            offset: (R,).
         """
-        normal, offset = normal[rows], offset[rows]
-        slots = np.arange(MOST_CORNERS)
+        most = self.corners.shape[1]
+        slots = np.arange(most)
         over = np.einsum("nvj,nj->nv", self.corners[rows], normal) - offset[:, None]
         touched = ((over > 0) & (slots < self.count[rows, None])).any(axis=1)
         rows, over = rows[touched], over[touched]
         if not len(rows):
             return
-        corners, count = self.corners[rows], self.count[rows]
-        used = slots < count[:, None]
-        following = np.where(slots + 1 < count[:, None], slots + 1, 0)
+        corners = self.corners[rows]
+        used, following = self._sides(rows)
         over_next = np.take_along_axis(over, following, axis=1)
         inside, inside_next = over <= 0, over_next <= 0
         crossing = used & (inside != inside_next)
@@ -46,7 +46,7 @@ class Polygons:
         kept = np.stack([used & inside, crossing], axis=2).reshape(len(rows), -1)
         points = np.stack([corners, met], axis=2).reshape(len(rows), -1, 2)
         total = kept.sum(axis=1)
-        fits = total <= MOST_CORNERS
+        fits = total <= most
         place = np.cumsum(kept, axis=1) - 1
         row, slot = np.nonzero(kept & fits[:, None])
         fresh = np.zeros_like(corners)
@@ -54,11 +54,52 @@ class Polygons:
         self.corners[rows[fits]] = fresh[fits]
         self.count[rows[fits]] = total[fits]
 
+    def chord(self, rows: Int, normal: F64, offset: F64, along: F64) -> tuple[F64, F64]:
+        """Where lines x·normal = offset enter and leave polygons; where they miss, the first is the larger.
+
+        Args:
+            rows: (R,) which polygons.
+            normal: (R, 2).
+            offset: (R,).
+            along: (R, 2) the direction along which that is told.
+
+        Returns:
+            (R,) and (R,).
+        """
+        corners, used, following = self.corners[rows], *self._sides(rows)
+        over = np.einsum("nvj,nj->nv", corners, normal) - offset[:, None]
+        at = np.einsum("nvj,nj->nv", corners, along)
+        over_next, at_next = (np.take_along_axis(x, following, axis=1) for x in (over, at))
+        crossing = used & ((over <= 0) != (over_next <= 0))
+        met = at + (at_next - at) * (over / np.where(crossing, over - over_next, 1))
+        return np.where(crossing, met, np.inf).min(axis=1), np.where(crossing, met, -np.inf).max(axis=1)
+
+    def radius(self) -> F64:
+        """(N,) how far the farthest corner is from the origin."""
+        used, _ = self._sides(np.arange(len(self.count)))
+        return np.asarray(np.sqrt(np.where(used, (self.corners**2).sum(axis=2), 0).max(axis=1)))
+
+    def area(self) -> F64:
+        """(N,)."""
+        used, following = self._sides(np.arange(len(self.count)))
+        x, y = self.corners[..., 0], self.corners[..., 1]
+        x_next, y_next = (np.take_along_axis(v, following, axis=1) for v in (x, y))
+        return np.asarray(0.5 * np.where(used, x * y_next - y * x_next, 0).sum(axis=1))
+
     def extent(self, rows: Int, way: F64) -> tuple[F64, F64]:
         """(R,) where polygons begin and where they end along directions (R, 2)."""
         along = np.einsum("rvj,rj->rv", self.corners[rows], way)
-        used = np.arange(MOST_CORNERS) < self.count[rows, None]
+        used, _ = self._sides(rows)
         return np.where(used, along, np.inf).min(axis=1), np.where(used, along, -np.inf).max(axis=1)
+
+    def where(self, chosen: Int) -> Polygons:
+        """Copies of some of them."""
+        return Polygons(self.corners[chosen], self.count[chosen])
+
+    def _sides(self, rows: Int) -> tuple[NDArray[np.bool_], Int]:
+        """(R, room) which corners count, and which one follows each."""
+        slots, count = np.arange(self.corners.shape[1]), self.count[rows, None]
+        return slots < count, np.where(slots + 1 < count, slots + 1, 0)
 
 
 def octagons(radius: F64) -> Polygons:

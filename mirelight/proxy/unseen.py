@@ -16,14 +16,15 @@ import numpy as np
 
 from mirelight.errors import InputError
 from mirelight.lighting.sight import Sight
-from mirelight.model import Camera
+from mirelight.model import F64, Camera
 from mirelight.proxy.beyond import Look, beyond_pictures
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.sampling import spread
 from mirelight.proxy.tidy import compact
-from mirelight.proxy.types import Progress, ProxySettings, Soup
+from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
 DEEP = 3.0  # spacings of the splats: how far behind the surface its second sheet stands
+CRUMB = 5.0  # squares of spacings: less of a second sheet is hidden by chance, as behind the bars of a lantern's cage
 BEHIND = 0.25  # spacings behind the surface that still count as seen
 LEAST_SEEN = 0.5  # of the surface, that a capture's cameras have seen
 _SAMPLE = 20_000
@@ -83,4 +84,21 @@ def _backs(soup: Soup, pictures: Pictures, spacing: float) -> Soup:
     at = soup.vertices[soup.faces.ravel()[first]] - DEEP * spacing * normal[first // 3]
     free, shown = pictures.states(at.astype(np.float32), BEHIND * spacing)
     faces = corner.reshape(-1, 3)
-    return compact(Soup(at, faces[(shown & ~free)[faces].all(axis=1)]))
+    hidden = np.flatnonzero((shown & ~free)[faces].all(axis=1))
+    hidden = hidden[connected_area(soup, hidden) > CRUMB * spacing**2]
+    return compact(Soup(at, faces[hidden]))
+
+
+def connected_area(soup: Soup, chosen: Int) -> F64:
+    """(C,) area of what each of those faces is connected with among them."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    faces = soup.faces[chosen]
+    a, b, c = (soup.vertices[faces[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
+    size = len(soup.vertices)
+    graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (size, size))
+    part = connected_components(graph, directed=False)[1][faces[:, 0]]
+    return np.asarray(np.bincount(part, area)[part])

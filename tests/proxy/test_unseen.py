@@ -13,6 +13,8 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import MadeProxy, make
 from mirelight.proxy.capture import take
+from mirelight.proxy.types import Soup
+from mirelight.proxy.unseen import connected_area
 
 from .clouds import box_shell, on_surface, square
 
@@ -163,6 +165,15 @@ def test_a_bar_of_which_the_front_was_seen_has_a_depth_for_light_from_the_side()
 def test_a_sheet_that_was_seen_from_both_sides_stays_as_thin_as_it_is() -> None:
     behind = tuple((x, y, -z) for x, y, z in FRONT)
     assert bars(FRONT)[1].unseen > 0 == bars(FRONT + behind)[1].unseen
+
+
+def test_pieces_of_a_second_sheet_are_as_large_as_what_they_are_connected_with() -> None:
+    """Two triangles with a common side, one that is left out between them and a third, and one alone."""
+    x = np.array([(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (3, 1), (2, 4), (9, 9), (9, 7), (7, 9)], np.float64)
+    faces = np.array([(0, 1, 2), (1, 3, 2), (1, 4, 3), (4, 5, 6), (7, 8, 9)])
+    soup = Soup(np.column_stack([x, 0 * x[:, 0]]), faces)
+    np.testing.assert_allclose(connected_area(soup, np.array([0, 1, 3, 4])), [1, 1, 1.5, 2])
+    np.testing.assert_allclose(connected_area(soup, np.arange(5)), [3, 3, 3, 3, 2])
 
 
 @cache

@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.estimate.sky import PATCHES, RING_OF, RINGS
+from mirelight.estimate.sky import ABOVE, PATCHES, RING_OF, RINGS
 from mirelight.model import F64
 
 Int: TypeAlias = NDArray[np.int64]
@@ -29,6 +29,7 @@ ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different
 WHITE = 0.3  # weight of light from sun and sky that is white in the mean
 DARK, BRIGHT, BOUNDS = 0.035, 0.85, 0.2  # albedos, and the weight of those beyond
 SMOOTH = 0.2  # weight of patches that differ from their ring's mean
+STEADY = 0.01  # weight of rings above the horizon that differ from the next: a proxy's errors pass for such skies
 FLOOR = 0.005  # of the mean irradiance, added: nothing is black
 STEPS = 150
 _RATE = 0.06
@@ -134,6 +135,7 @@ def fit(
     beams: Sequence[float],
     firm: NDArray[np.bool_] | None = None,
     robust: float = ROBUST,
+    steady: float = 0.0,
 ) -> Fitted:
     """Descent (Adam, Kingma and Ba 2015) from an even sky.
 
@@ -146,6 +148,7 @@ def fit(
         beams: their strengths to start from.
         firm: (N,) places that are fitted to; None: all.
         robust: of the logarithm of albedo, as `ROBUST`: less where colours are means.
+        steady: weight of squared logarithms of quotients of neighbouring rings above the horizon.
     """
     if firm is None:
         firm = np.ones(len(color), bool)
@@ -183,6 +186,9 @@ def fit(
         apart = theta[len(RINGS) : _BEAMS]
         gradient = np.zeros_like(theta)
         np.add.at(gradient, RING_OF, by_sky)
+        step_up = 2 * steady * np.diff(theta[:ABOVE], axis=0)
+        gradient[1:ABOVE] += step_up
+        gradient[: ABOVE - 1] -= step_up
         gradient[len(RINGS) : _BEAMS] = by_sky + (2 * SMOOTH / PATCHES) * apart
         gradient[len(RINGS) : _BEAMS][lone] = 0
         gradient[_BEAMS:] = np.einsum("nk,nc->kc", seen, by_light) * beams_now

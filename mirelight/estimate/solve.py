@@ -29,6 +29,8 @@ SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
 GROUPED = 0.4  # share of the fit to means in what is found
 ROBUST_GROUPED = 0.18  # as fit.ROBUST: means of places differ less by texture
+UNEVEN = 0.03  # of the loss: a sky that explains places by so much better than a steady one is uneven in truth
+EVEN = (MEAN_ALBEDO, 0.45)  # albedo and the sun's share of the direct light, that a steady sky's fit starts from
 LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
 _NO_LAMPS = np.zeros((0, 3))
 
@@ -209,16 +211,18 @@ def _fitted(
     positions: F64 = _NO_LAMPS,
     firm: NDArray[np.bool_] | None = None,
 ) -> _Found:
-    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3); fitted to
-    places that are `firm` (N,), off that sun's shadow edges where none are named.
+    """Radiances with that sun, started from what it was found with, and with lamps at positions (L, 3).
+
+    Fitted to those of the places `firm` (N,), off that sun's shadow edges where none are named, that see about what is
+    seen beside them.
 
     They are the mean of two fits. Single places err by their splats' noise and by the proxy's, which groups of them
     average; groups err where light changes within them. So the errors differ, and those of the mean are less.
     """
     firm = _firm(places, found) if firm is None else firm
     seen = _beams(places, found, positions)
-    single = _descended(places, pairs, found, positions, seen, firm)
     beside = groups(places, firm)
+    single = _steadied(places, pairs, found, positions, seen, beside.sound)
     together = replace(
         places,
         color=beside.mean(places.even),
@@ -227,8 +231,28 @@ def _fitted(
         named=beside.mean(places.named),
     )
     # the nearest share most of their groups
-    means = _descended(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
+    means = _steadied(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
     return replace(single, light=single.light.mixed(means.light, GROUPED))
+
+
+def _steadied(
+    places: Places,
+    pairs: Pairs,
+    found: Sun | None,
+    positions: F64,
+    seen: F64,
+    firm: NDArray[np.bool_],
+    robust: float = fit.ROBUST,
+) -> _Found:
+    """The fit with a sky that changes little with height, unless one that may change explains places far better.
+
+    What a proxy gets wrong lets a free sky drift, as dark above or as bright as it takes; a soft box over a yard is
+    as uneven in truth. How much of the differences either explains tells them apart.
+    """
+    even = None if found is None else replace(found, start=EVEN)
+    steady = _descended(places, pairs, even, positions, seen, firm, robust, fit.STEADY)
+    free = _descended(places, pairs, found, positions, seen, firm, robust)
+    return free if free.light.loss < steady.light.loss - UNEVEN else replace(steady, sun=found)
 
 
 def _descended(
@@ -239,6 +263,7 @@ def _descended(
     seen: F64,
     firm: NDArray[np.bool_],
     robust: float = fit.ROBUST,
+    steady: float = 0.0,
 ) -> _Found:
     """The fit to places that are `firm`, where the sun, lights that are known and lamps bring what is `seen` (N, K)."""
     albedo, share = (MEAN_ALBEDO, 0.0) if found is None else found.start
@@ -248,7 +273,7 @@ def _descended(
     sky = direct * (1 - share) / max(opening, 1e-6) if opening >= LEAST_OPEN else 0.0
     shares = [share] * (found is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(positions))
     start = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, seen.mean(axis=0), strict=True)]
-    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm, robust)
+    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm, robust, steady)
     return _Found(found, positions, light)
 
 

@@ -73,7 +73,10 @@ def closing(
 
 
 def _backs(soup: Soup, pictures: Pictures, spacing: float) -> Soup:
-    """The faces once more, moved back, where all their corners are hidden there from all cameras."""
+    """The faces once more, moved back and turned over, where all their corners are hidden there from all cameras.
+
+    Fronts look out of what both sheets enclose, so a ray that meets a back first started inside.
+    """
     a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -86,7 +89,7 @@ def _backs(soup: Soup, pictures: Pictures, spacing: float) -> Soup:
     faces = corner.reshape(-1, 3)
     hidden = np.flatnonzero((shown & ~free)[faces].all(axis=1))
     hidden = hidden[connected_area(soup, hidden) > CRUMB * spacing**2]
-    return compact(Soup(at, faces[hidden]))
+    return compact(Soup(at, faces[hidden][:, ::-1]))
 
 
 def connected_area(soup: Soup, chosen: Int) -> F64:

@@ -50,6 +50,7 @@ Known = Literal["known", "estimated"]
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 ORDER: tuple[Surface, ...] = get_args(Surface)
 FEW: tuple[Surface, ...] = ("exact", "exact, unseen left out", "own, cameras known")  # of captures not `whole`
+MORE: tuple[Surface, ...] = ("exact, unseen left out", "own")  # proxies that no goal is set for
 ESTIMATED: tuple[Surface, ...] = ("exact", "own, cameras known")  # with the light estimated too
 
 
@@ -170,7 +171,7 @@ class Bench:
     def rows(self, quick: bool) -> Iterator[Row]:
         """All rows of the capture; `quick`: the exact proxy alone."""
         yield from self._kept("without light", (self.capture.exact, BEST), self._without_light)
-        all_of_them = [x for x in ORDER if x != "own" or self._more] if self.capture.whole else FEW
+        all_of_them = [x for x in (ORDER if self.capture.whole else FEW) if x not in MORE or self._more]
         for surface in ORDER[:1] if quick else all_of_them:
             mesh = self.mesh(surface)
             yield from self._relit(surface, "known", mesh, self.capture.light, self._ways(surface))

@@ -15,10 +15,10 @@ Int: TypeAlias = NDArray[np.int64]
 # walls, one where it is all the same.
 RINGS = (1, 6, 8, 12, 8, 1)
 _HEIGHTS = (22.5, 22.5, 22.5, 22.5, 22.5, 67.5)  # degrees
-ABOVE = 4  # rings above the horizon
 PATCHES = sum(RINGS)
 ROWS = 48  # of the map: rings and patches end where its pixels end
 _EDGES = np.concatenate([[0.0], np.cumsum(_HEIGHTS)])  # degrees from the zenith
+ABOVE = int((_EDGES[1:] <= 90).sum())  # rings above the horizon
 _FIRST = np.concatenate([[0], np.cumsum(RINGS)])
 RING_OF = np.repeat(np.arange(len(RINGS)), RINGS)  # (PATCHES,)
 

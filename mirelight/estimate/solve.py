@@ -222,7 +222,7 @@ def _fitted(
     firm = _firm(places, found) if firm is None else firm
     seen = _beams(places, found, positions)
     beside = groups(places, firm)
-    single = _steadied(places, pairs, found, positions, seen, beside.sound)
+    single = _steadied(_Task(places, pairs, found, positions, seen, beside.sound))
     together = replace(
         places,
         color=beside.mean(places.even),
@@ -231,50 +231,48 @@ def _fitted(
         named=beside.mean(places.named),
     )
     # the nearest share most of their groups
-    means = _steadied(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
+    grouped = _Task(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
+    means = _steadied(grouped)
     return replace(single, light=single.light.mixed(means.light, GROUPED))
 
 
-def _steadied(
-    places: Places,
-    pairs: Pairs,
-    found: Sun | None,
-    positions: F64,
-    seen: F64,
-    firm: NDArray[np.bool_],
-    robust: float = fit.ROBUST,
-) -> _Found:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """What light is fitted to."""
+
+    places: Places
+    pairs: Pairs
+    sun: Sun | None
+    lamps: F64  # (L, 3) positions
+    seen: F64  # (N, K) what the sun, lights that are known and lamps bring
+    firm: NDArray[np.bool_]  # (N,) places that count
+    robust: float = fit.ROBUST
+
+
+def _steadied(task: _Task) -> _Found:
     """The fit with a sky that changes little with height, unless one that may change explains places far better.
 
     What a proxy gets wrong lets a free sky drift, as dark above or as bright as it takes; a soft box over a yard is
     as uneven in truth. How much of the differences either explains tells them apart.
     """
-    even = None if found is None else replace(found, start=EVEN)
-    steady = _descended(places, pairs, even, positions, seen, firm, robust, fit.STEADY)
-    free = _descended(places, pairs, found, positions, seen, firm, robust)
-    return free if free.light.loss < steady.light.loss - UNEVEN else replace(steady, sun=found)
+    steady, free = _descended(task, EVEN, fit.STEADY), _descended(task)
+    return free if free.light.loss < steady.light.loss - UNEVEN else steady
 
 
-def _descended(
-    places: Places,
-    pairs: Pairs,
-    found: Sun | None,
-    positions: F64,
-    seen: F64,
-    firm: NDArray[np.bool_],
-    robust: float = fit.ROBUST,
-    steady: float = 0.0,
-) -> _Found:
-    """The fit to places that are `firm`, where the sun, lights that are known and lamps bring what is `seen` (N, K)."""
-    albedo, share = (MEAN_ALBEDO, 0.0) if found is None else found.start
+def _descended(task: _Task, start: tuple[float, float] | None = None, steady: float = 0.0) -> _Found:
+    """The fit from an even sky, and a sun of that mean albedo and share, or of those that it was found with."""
+    places = task.places
+    albedo, share = (MEAN_ALBEDO, 0.0) if task.sun is None else start or task.sun.start
     level = places.color.mean() / albedo
     direct = max(level - places.met.mean(), 0.1 * level)
     opening = float(places.open.sum(axis=1).mean())
     sky = direct * (1 - share) / max(opening, 1e-6) if opening >= LEAST_OPEN else 0.0
-    shares = [share] * (found is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(positions))
-    start = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, seen.mean(axis=0), strict=True)]
-    light = fit.fit(places.color, places.open, places.met, seen, pairs, sky, start, firm, robust, steady)
-    return _Found(found, positions, light)
+    shares = [share] * (task.sun is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(task.lamps))
+    beams = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, task.seen.mean(axis=0), strict=True)]
+    light = fit.fit(
+        places.color, places.open, places.met, task.seen, task.pairs, sky, beams, task.firm, task.robust, steady
+    )
+    return _Found(task.sun, task.lamps, light)
 
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
@@ -296,7 +294,7 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found,
 def _each(places: Places, pairs: Pairs, found: Sun | None) -> _Found:
     """The fit to every place by itself: edges of shadows tell the sun's direction."""
     seen = _beams(places, found, _NO_LAMPS)
-    return _descended(places, pairs, found, _NO_LAMPS, seen, np.ones(len(places), bool))
+    return _descended(_Task(places, pairs, found, _NO_LAMPS, seen, np.ones(len(places), bool)))
 
 
 def _scaled(found: _Found, scale: float) -> _Found:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.sampling import areas_of, spread, spread_on
+from mirelight.proxy.sampling import areas_of, face_normals_of, spread, spread_on
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import lattice, turned
 
@@ -143,9 +143,8 @@ def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float
 def _planes(soup: Soup, thick: float, least: float) -> list[_Plane]:
     """The planes that hold most of the surface, the largest first."""
     area = areas_of(soup.vertices, soup.faces)
+    normal = face_normals_of(soup.vertices, soup.faces)
     a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     middle = (a + b + c) / 3
     found: list[_Plane] = []
     left = np.arange(len(area))

@@ -15,6 +15,7 @@ from mirelight.proxy.creases import MEETS, Creases, wedges_of
 from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
+from mirelight.proxy.sampling import areas_of
 from mirelight.proxy.sides import seen_sides
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
@@ -32,7 +33,7 @@ REACH = 1.5  # standard deviations that a cell reaches past the middle of its di
 BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
 SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
 SPLIT = 1.03  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
-SLIVER = 1e-3  # of the weld's square: triangles of less area go
+SLIVER = 5e-4  # of the weld's square: triangles of less area go
 _CHUNK = 200_000  # cells cut at once
 _FEW = 50_000  # cells cut in wedges at once
 
@@ -232,8 +233,7 @@ def welded(soup: Soup, reach: float) -> Soup:
         count = np.bincount(index)
         vertices = np.stack([np.bincount(index, vertices[:, k]) for k in range(3)], axis=1) / count[:, None]
         faces = index[faces]
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    there = np.linalg.norm(np.cross(b - a, c - a), axis=1) > SLIVER * reach**2
+    there = areas_of(vertices, faces) > SLIVER * reach**2
     merged = compact(Soup(vertices, faces[there]))
     order = np.sort(merged.faces, axis=1)
     _, once = np.unique(order, axis=0, return_index=True)

@@ -1,4 +1,4 @@
-"""Points spread over a mesh."""
+"""Triangles of a mesh: their areas and normals, and points spread over them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,13 @@ def areas_of(vertices: F64, faces: Int) -> F64:
     """(F,) areas of triangles."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def face_normals_of(vertices: F64, faces: Int) -> F64:
+    """(F, 3) unit normals of triangles; of those without area they have length 0."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
 
 
 def spread(vertices: F64, faces: Int, count: int) -> F64:

@@ -13,20 +13,24 @@ ROUNDS = 8  # of smoothing
 _SHRINK, _GROW = 0.5, -0.53  # Taubin's two factors: what one takes from large shapes, the other gives back
 
 
-def without_crumbs(soup: Soup, fewest: int = FEWEST_FACES) -> Soup:
-    """Connected parts of fewer faces dropped; where all are that small, the largest is kept."""
+def without_crumbs(soup: Soup) -> Soup:
+    """Connected parts of fewer than `FEWEST_FACES` faces dropped; where all are that small, the largest is kept."""
+    if not len(soup.faces):
+        return soup
+    part = parts_of(soup.faces)
+    count = np.bincount(part)
+    return compact(Soup(soup.vertices, soup.faces[count[part] >= min(FEWEST_FACES, int(count.max()))]))
+
+
+def parts_of(faces: Int) -> Int:
+    """(F,) which part each face belongs to: faces that share a vertex are connected."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    f = soup.faces
-    if not len(f):
-        return soup
-    edges = np.concatenate([f[:, [0, 1]], f[:, [1, 2]]])
-    n = len(soup.vertices)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    n = int(faces.max(initial=-1)) + 1
     graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    part = connected_components(graph, directed=False)[1][f[:, 0]]
-    count = np.bincount(part)
-    return compact(Soup(soup.vertices, f[count[part] >= min(fewest, int(count.max()))]))
+    return np.asarray(connected_components(graph, directed=False)[1][faces[:, 0]], np.int64)
 
 
 def compact(soup: Soup) -> Soup:
@@ -72,7 +76,7 @@ def _rims(faces: Int) -> dict[int, int]:
     return dict(zip(once[:, 0].tolist(), once[:, 1].tolist(), strict=True))
 
 
-def smoothed(soup: Soup, rounds: int = ROUNDS) -> Soup:
+def smoothed(soup: Soup) -> Soup:
     """Taubin smoothing (1995): a step towards the neighbours' mean and one away, so that the shape does not shrink.
 
     Vertices on a rim stay.
@@ -89,7 +93,7 @@ def smoothed(soup: Soup, rounds: int = ROUNDS) -> Soup:
     graph.data[:] = 1.0
     mean = diags(1 / np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)) @ graph
     v: F64 = soup.vertices
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for factor in (_SHRINK, _GROW):
             step = mean @ v - v
             step[rim] = 0

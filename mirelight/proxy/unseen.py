@@ -19,8 +19,8 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera
 from mirelight.proxy.beyond import Look, beyond_pictures
 from mirelight.proxy.pictures import Pictures
-from mirelight.proxy.sampling import spread
-from mirelight.proxy.tidy import compact
+from mirelight.proxy.sampling import areas_of, face_normals_of, spread
+from mirelight.proxy.tidy import compact, parts_of
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
 DEEP = 3.0  # spacings of the splats: how far behind the surface its second sheet stands
@@ -55,9 +55,8 @@ def closing(
     progress("looking for what no camera saw", 0.0)
     sight = Sight(soup.mesh(), settings.variant, settings.threads)
     pictures = Pictures.of(soup, cameras, sight)
-    seen = float(
-        pictures.states(spread(soup.vertices, soup.faces, _SAMPLE).astype(np.float32), DEEP * spacing)[0].mean()
-    )
+    some = spread(soup.vertices, soup.faces, _SAMPLE).astype(np.float32)
+    seen = float(pictures.states(some, DEEP * spacing)[0].mean())
     if seen < LEAST_SEEN:
         found = f"its {len(cameras):,} cameras see {seen:.0%} of its surface"
         raise InputError(source, found, "give the cameras of this capture, in its own axes; or none")
@@ -77,9 +76,7 @@ def _backs(soup: Soup, pictures: Pictures, spacing: float) -> Soup:
 
     Fronts look out of what both sheets enclose, so a ray that meets a back first started inside.
     """
-    a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal = face_normals_of(soup.vertices, soup.faces)
     step = np.round((normal + 1) * _ALIKE).astype(np.int64)
     way = (step[:, 0] << 20) | (step[:, 1] << 10) | step[:, 2]
     key = (soup.faces << 30) | way[:, None]  # a corner of faces of one plane is moved once
@@ -94,14 +91,6 @@ def _backs(soup: Soup, pictures: Pictures, spacing: float) -> Soup:
 
 def connected_area(soup: Soup, chosen: Int) -> F64:
     """(C,) area of what each of those faces is connected with among them."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     faces = soup.faces[chosen]
-    a, b, c = (soup.vertices[faces[:, k]] for k in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
-    size = len(soup.vertices)
-    graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (size, size))
-    part = connected_components(graph, directed=False)[1][faces[:, 0]]
-    return np.asarray(np.bincount(part, area)[part])
+    part = parts_of(faces)
+    return np.asarray(np.bincount(part, areas_of(soup.vertices, faces))[part])

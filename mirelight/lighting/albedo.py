@@ -51,7 +51,32 @@ class Deposits:
     def on(self, mesh: ProxyMesh) -> tuple[F64, F64]:
         """(N, 3) places in world space, (N, 3) unit normals of their faces."""
         v = mesh.vertices[mesh.faces[self.face]].astype(np.float64)
-        return (v * self.corners[:, :, None]).sum(axis=1), face_normals(mesh)[self.face]
+        return (v * self.corners[:, :, None]).sum(axis=1), _unit(_crossed(v))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shape:
+    """A mesh whose vertices each look one way, and which of them splats lie at: M of its V."""
+
+    mesh: ProxyMesh
+    area: F64  # (F,) twice the areas of faces
+    met: Int  # (M,) vertices at the corners of faces with splats
+    corner: Int  # (N, 3) of the splats' faces: rows of `met`
+    way: Int  # (M,) 0 to 5: which of the six main directions a vertex looks along
+
+    @staticmethod
+    def of(mesh: ProxyMesh, way: Int, deposits: Deposits) -> _Shape:
+        """Of a mesh whose vertices look along `way` (V,)."""
+        met, corner = np.unique(mesh.faces[deposits.face].astype(np.int64), return_inverse=True)
+        area = np.linalg.norm(_crossed(mesh.vertices[mesh.faces].astype(np.float64)), axis=1)
+        return _Shape(mesh, np.asarray(area), met, corner.reshape(-1, 3), way[met])
+
+    @property
+    def met_share(self) -> float:
+        """Share of the area whose faces have a splat at a corner."""
+        there = np.zeros(len(self.mesh.vertices), bool)
+        there[self.met] = True
+        return float(self.area[there[self.mesh.faces].any(axis=1)].sum() / max(self.area.sum(), 1e-300))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,44 +109,46 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
         RenderError: no splat lies on the proxy.
         BackendError: the variant `scalar_rgb`.
     """
-    return with_vertex_colors(proxy, vertex_colors(splats, proxy, captured, settings).values)
+    if not len(proxy.faces):
+        return proxy
+    mesh, way = _split_by_orientation(proxy)
+    return replace(mesh, vertex_colors=_colors(splats, mesh, way, captured, settings).values)
 
 
 def with_vertex_colors(proxy: ProxyMesh, colors: F32) -> ProxyMesh:
     """The proxy with the values that :func:`vertex_colors` found for it."""
-    return replace(_split_by_orientation(proxy), vertex_colors=colors) if len(proxy.faces) else proxy
+    return replace(_split_by_orientation(proxy)[0], vertex_colors=colors) if len(proxy.faces) else proxy
 
 
 def vertex_colors(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> VertexColors:
     """The colours of :func:`colored_by` alone."""
     if not len(proxy.faces):
         return VertexColors(np.zeros((0, 3), np.float32), 1.0, True)
-    mesh = _split_by_orientation(proxy)
+    return _colors(splats, *_split_by_orientation(proxy), captured, settings)
+
+
+def _colors(
+    splats: SplatCloud, mesh: ProxyMesh, way: Int, captured: Lighting, settings: RenderSettings
+) -> VertexColors:
+    """Of a mesh whose vertices look along `way` (V,)."""
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     deposits = deposits_of(splats, mesh, tracer)
+    shape = _Shape.of(mesh, way, deposits)
     outwards = _outwards(mesh, deposits)
     colors = np.asarray(mesh.vertex_colors)
     lit = True
     for done, spp in enumerate(SPP):
         light = irradiance_at(deposits, mesh, tracer, captured, spp)
         lit = bool(light.any())
-        found = _albedo(mesh, deposits, light, outwards)
+        found = _albedo(shape, deposits, light, outwards)
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
         tracer.recolor(colors)
-    return VertexColors(colors, _met(mesh, deposits), lit)
+    return VertexColors(colors, shape.met_share, lit)
 
 
-def _met(mesh: ProxyMesh, deposits: Deposits) -> float:
-    """Share of the area whose faces have a splat at a corner."""
-    corner_met = np.zeros(len(mesh.vertices), bool)
-    corner_met[mesh.faces[deposits.face]] = True
-    area = _areas(mesh)
-    return float(area[corner_met[mesh.faces].any(axis=1)].sum() / max(area.sum(), 1e-300))
-
-
-def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
-    """The mesh in plain gray, a vertex for each of the six main directions that its faces look along."""
+def _split_by_orientation(proxy: ProxyMesh) -> tuple[ProxyMesh, Int]:
+    """The mesh in plain gray, a vertex for each of the six main directions that its faces look along; (V,) which."""
     faces = proxy.faces.astype(np.int64)
     kept, corner = np.unique(faces * 6 + _ways(proxy)[:, None], return_inverse=True)
     old = kept // 6
@@ -129,7 +156,7 @@ def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
     def of_old(values: F32 | None) -> F32 | None:
         return None if values is None else values[old]
 
-    return replace(
+    split = replace(
         proxy,
         vertices=proxy.vertices[old],
         faces=corner.reshape(faces.shape).astype(np.int32),
@@ -139,6 +166,7 @@ def _split_by_orientation(proxy: ProxyMesh) -> ProxyMesh:
         materials=tuple(replace(m, base_color=np.ones(3), base_color_texture=None) for m in proxy.materials),
         albedo=None,
     )
+    return split, kept % 6
 
 
 def _ways(mesh: ProxyMesh) -> Int:
@@ -150,9 +178,17 @@ def _ways(mesh: ProxyMesh) -> Int:
 
 def face_normals(mesh: ProxyMesh) -> F64:
     """(F, 3) unit normals of the faces; degenerate ones have length 0."""
-    v = mesh.vertices[mesh.faces].astype(np.float64)
-    n = np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0])
-    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300))
+    return _unit(_crossed(mesh.vertices[mesh.faces].astype(np.float64)))
+
+
+def _crossed(corners: F64) -> F64:
+    """(F, 3) normals of triangles (F, 3, 3), as long as twice their areas."""
+    (ax, ay, az), (bx, by, bz) = (np.moveaxis(corners[:, k] - corners[:, 0], 1, 0) for k in (1, 2))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def _unit(normals: F64) -> F64:
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
 
 
 def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int = MOST_SPLATS) -> Deposits:
@@ -206,18 +242,18 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
     return light
 
 
-def _albedo(mesh: ProxyMesh, deposits: Deposits, light: F64, outwards: Sequence[Int]) -> F32:
+def _albedo(shape: _Shape, deposits: Deposits, light: F64, outwards: Sequence[Int]) -> F32:
     """(V, 3) sums of the splats' colours over sums of their light."""
-    count = np.where(_overexposed(mesh, deposits, light), _OVEREXPOSED, 1)
+    count = np.where(_overexposed(shape, deposits, light), _OVEREXPOSED, 1)
     values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1)
-    sums = _around(mesh, deposits, values * (deposits.weight * count)[:, None], count)
-    c, e, w = np.split(_filled(sums, outwards), [3, 6], axis=1)
+    sums = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
+    c, e, w = np.split(_filled(shape, sums, outwards), [3, 6], axis=1)
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
 
 
-def _overexposed(mesh: ProxyMesh, deposits: Deposits, light: F64) -> NDArray[np.bool_]:
+def _overexposed(shape: _Shape, deposits: Deposits, light: F64) -> NDArray[np.bool_]:
     """(N,) splats in light that brings a white surface to display white, near a vertex where many such are clipped."""
     bright = light.max(axis=1) * BRIGHTEST > np.pi
     brightest = deposits.color.max(axis=1)
@@ -225,44 +261,46 @@ def _overexposed(mesh: ProxyMesh, deposits: Deposits, light: F64) -> NDArray[np.
     if white.sum() <= (brightest >= 1 + CLIPPED).sum():  # brightness goes on past white: nothing is clipped there
         return np.zeros(len(bright), bool)
     values = np.stack([bright, bright & white], axis=1) * deposits.weight[:, None]
-    sums = _around(mesh, deposits, values, np.ones(len(bright)))
-    clipped = (sums[:, 1] > _MANY * sums[:, 0])[mesh.faces[deposits.face]].any(axis=1)
+    sums = _around(shape, deposits, values, np.ones(len(bright)))
+    clipped = (sums[:, 1] > _MANY * sums[:, 0])[shape.corner].any(axis=1)
     return np.asarray(bright & clipped)
 
 
-def _around(mesh: ProxyMesh, deposits: Deposits, values: F64, count: F64) -> F64:
-    """(V, C) sums of values (N, C) that count as so many samples (N,) at the vertices, pooled with those around.
+def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64) -> F64:
+    """(M, C) sums of values (N, C) that count as so many samples (N,) at the vertices met, pooled with those around.
 
-    Vertices without a splat have 0.
+    Vertices at which no splat has weight have 0.
     """
-    sums = np.zeros((len(mesh.vertices), values.shape[1] + 1))
+    sums = np.zeros((len(shape.met), values.shape[1] + 1))
     shared = np.concatenate([values, count[:, None]], axis=1)
-    ways = np.zeros(len(sums), np.int64)
-    ways[mesh.faces] = _ways(mesh)[:, None]
     for k in range(3):
-        _add(sums, mesh.faces[deposits.face, k], shared * deposits.corners[:, k, None])
-    area = float(_areas(mesh).sum()) / 2
+        _add(sums, shape.corner[:, k], shared * deposits.corners[:, k, None])
     known = sums[:, -1] > 0
-    at = mesh.vertices[known].astype(np.float64)
+    at = shape.mesh.vertices[shape.met[known]].astype(np.float64)
     out = np.zeros((len(sums), values.shape[1]))
-    size = _POOL * float(np.sqrt(area / len(values)))
-    out[known] = pooled(sums[known, :-1], sums[known, -1], at, ways[known], size)
+    size = _POOL * float(np.sqrt(shape.area.sum() / 2 / len(values)))
+    out[known] = pooled(sums[known, :-1], sums[known, -1], at, shape.way[known], size)
     return out
-
-
-def _areas(mesh: ProxyMesh) -> F64:
-    """(F,) twice the areas of faces."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(np.float64), 1, 0)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def _neighbours(mesh: ProxyMesh) -> Int:
     """(E, 2) pairs of vertices that share an edge or a place, both ways round."""
     f = mesh.faces.astype(np.int64)
-    _, first, place = np.unique(mesh.vertices + np.float32(0), axis=0, return_index=True, return_inverse=True)
-    same = np.stack([np.arange(len(mesh.vertices)), first[place.ravel()]], axis=1)
+    same = np.stack([np.arange(len(mesh.vertices)), _first_there(mesh.vertices)], axis=1)
     pairs = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]], same])
     return np.concatenate([pairs, pairs[:, ::-1]])
+
+
+def _first_there(vertices: F32) -> Int:
+    """(V,) the first vertex in the same place as each."""
+    x, y, z = (vertices + np.float32(0)).T.copy().view(np.uint32).astype(np.uint64)  # + 0: -0 becomes 0
+    across = x << np.uint64(32) | y
+    order = np.lexsort((z, across))
+    across, z = across[order], z[order]
+    new = np.concatenate([[True], (across[1:] != across[:-1]) | (z[1:] != z[:-1])])
+    out = np.empty(len(order), np.int64)
+    out[order] = order[new][np.cumsum(new) - 1]
+    return out
 
 
 def _outwards(mesh: ProxyMesh, deposits: Deposits) -> list[Int]:
@@ -286,17 +324,17 @@ def _outwards(mesh: ProxyMesh, deposits: Deposits) -> list[Int]:
     return steps
 
 
-def _filled(sums: F64, outwards: Sequence[Int]) -> F64:
-    """Means from sums; vertices without a splat take the mean of their neighbours', from the known ones outwards."""
-    out = sums / np.maximum(sums[:, 6:], 1e-300)
+def _filled(shape: _Shape, sums: F64, outwards: Sequence[Int]) -> F64:
+    """(V, C) means from sums (M, C) of the vertices met; the others take the mean of their neighbours', from the known
+    ones outwards."""
+    out = np.tile(sums.sum(axis=0) / sums[:, 6].sum(), (len(shape.mesh.vertices), 1))
     known = sums[:, 6] > 0
+    out[shape.met[known]] = sums[known] / sums[known, 6:]
     for reached in outwards:
         new, row = np.unique(reached[:, 0], return_inverse=True)
         found = np.zeros((len(new), sums.shape[1]))
         _add(found, row, out[reached[:, 1]])
         out[new] = found / found[:, 6:]
-        known[new] = True
-    out[~known] = sums.sum(axis=0) / sums[:, 6].sum()
     return out
 
 

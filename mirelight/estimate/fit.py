@@ -9,9 +9,9 @@ sun (not what surfaces send, which has their colour) is drawn to white in the me
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,9 +46,11 @@ class Pairs:
     nearest: NDArray[np.bool_]  # (P,) of the first band
     clipped: NDArray[np.bool_]  # (N, 3) of places, not of pairs: the picture says no more than "at least so bright"
 
-    def within(self, rows: NDArray[np.bool_]) -> Pairs:
-        """Those of which both places are among rows (N,)."""
-        return self._taken(rows[self.a] & rows[self.b])
+    def of_rows(self, rows: NDArray[np.bool_]) -> Pairs:
+        """Those of which both places are among rows (N,), which are counted anew."""
+        kept = self._taken(rows[self.a] & rows[self.b])
+        new = np.cumsum(rows) - 1
+        return replace(kept, a=new[kept.a], b=new[kept.b], clipped=self.clipped[rows])
 
     def farther(self) -> Pairs:
         """Those but the nearest."""
@@ -150,56 +152,124 @@ def fit(
         robust: of the logarithm of albedo, as `ROBUST`: less where colours are means.
         steady: weight of squared logarithms of quotients of neighbouring rings above the horizon.
     """
-    if firm is None:
-        firm = np.ones(len(color), bool)
-    pairs = pairs.within(firm)
+    task = _Compared.of(color, open_, met, seen, pairs, np.ones(len(color), bool) if firm is None else firm, robust)
     # ring means, each patch's departure from its ring's, the beams
     theta = np.zeros((_BEAMS + seen.shape[1], 3))
     theta[: len(RINGS)] = np.log(max(sky, 1e-6))
     theta[_BEAMS:] = np.log(np.maximum(beams, 1e-6))[:, None]
     lone = np.asarray(RINGS)[RING_OF] == 1
-    log_color = np.log(color)
     first, second = np.zeros_like(theta), np.zeros_like(theta)
     weights = np.zeros(0)
-    rows = np.concatenate([pairs.a, pairs.b])
-    loss = 0.0
     for step in range(STEPS):
-        sky_now, beams_now = _radiances(theta)
-        light = light_of(open_, met, seen, sky_now, beams_now)
-        soft = light + FLOOR * light.mean()
-        a = log_color - np.log(soft)
+        sources = _radiances(theta)
+        a, soft = task.albedo(sources)
         if step % _AGAIN == 0:
-            weights = pairs.weights(a)
-        d = pairs.apart(a)
-        below = d * d + robust**2
-        loss = float((weights * (d * d / below).mean(axis=1)).sum())
-        g = weights[:, None] * (2 * robust**2 / 3) * d / (below * below)
-        by_a = np.stack([np.bincount(rows, np.concatenate([g[:, k], -g[:, k]]), minlength=len(a)) for k in range(3)], 1)
-        over, under = np.maximum(a - np.log(BRIGHT), 0), np.maximum(np.log(DARK) - a, 0)
-        by_a += (BOUNDS * 2 / (3 * firm.sum())) * (over - under) * firm[:, None]
-        by_light = -by_a / soft
-        by_light += FLOOR * by_light.sum() / light.size
-        direct = np.maximum((light - met).mean(axis=0), 1e-12)
-        level = np.log(direct)
-        by_light += WHITE * 2 * (level - level.mean()) / (direct * len(light))
-        by_sky = np.einsum("np,nc->pc", open_, by_light) * sky_now
+            weights = task.pairs.weights(a.T)
+        by_source = task.gradient(sources, a, soft, weights) * sources
         apart = theta[len(RINGS) : _BEAMS]
         gradient = np.zeros_like(theta)
-        np.add.at(gradient, RING_OF, by_sky)
+        np.add.at(gradient, RING_OF, by_source[:PATCHES])
         step_up = 2 * steady * np.diff(theta[:ABOVE], axis=0)
         gradient[1:ABOVE] += step_up
         gradient[: ABOVE - 1] -= step_up
-        gradient[len(RINGS) : _BEAMS] = by_sky + (2 * SMOOTH / PATCHES) * apart
+        gradient[len(RINGS) : _BEAMS] = by_source[:PATCHES] + (2 * SMOOTH / PATCHES) * apart
         gradient[len(RINGS) : _BEAMS][lone] = 0
-        gradient[_BEAMS:] = np.einsum("nk,nc->kc", seen, by_light) * beams_now
+        gradient[_BEAMS:] = by_source[PATCHES:]
         first = 0.9 * first + 0.1 * gradient
         second = 0.99 * second + 0.01 * gradient**2
         rate = _RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS))
         theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
-    sky_now, beams_now = _radiances(theta)
-    return Fitted(sky_now, beams_now, loss)
+    sources = _radiances(theta)
+    return Fitted(sources[:PATCHES], sources[PATCHES:], task.loss(sources, weights))
 
 
-def _radiances(theta: F64) -> tuple[F64, F64]:
-    sky = np.exp(np.clip(theta[: len(RINGS)][RING_OF] + theta[len(RINGS) : _BEAMS], -16, 16))
-    return sky, np.exp(np.clip(theta[_BEAMS:], -16, 16))
+def _radiances(theta: F64) -> F64:
+    """(PATCHES + K, 3) of the sky's patches, and the beams' strengths."""
+    sky = theta[: len(RINGS)][RING_OF] + theta[len(RINGS) : _BEAMS]
+    return np.asarray(np.exp(np.clip(np.concatenate([sky, theta[_BEAMS:]]), -16, 16)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Compared:
+    """What a descent asks at every step, laid out for speed: channels first, and only the F places that it is fitted
+    to. Of the N-F others their mean alone is needed, which is linear in the light."""
+
+    log_color: F64  # (3, F)
+    parts: F64  # (PATCHES + K, F) what each source brings at strength 1
+    met: F64  # (3, F)
+    mean_parts: F64  # (PATCHES + K,) over all places
+    mean_met: F64  # (3,)
+    pairs: Pairs  # of the F places
+    robust: float
+    bounded: tuple[tuple[Int, Int], ...]  # by channel, pairs whose first, and second, place shows white
+    spread: Any  # (F, P) sparse: adds what pairs ask for to their first place, and takes it from the second
+
+    @staticmethod
+    def of(
+        color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, firm: NDArray[np.bool_], robust: float
+    ) -> _Compared:
+        """Of all N places."""
+        from scipy.sparse import csr_array
+
+        pairs = pairs.of_rows(firm)
+        count, places = len(pairs.a), int(firm.sum())
+        rows, columns = np.concatenate([pairs.a, pairs.b]), np.tile(np.arange(count), 2)
+        sign = np.repeat([1.0, -1.0], count)
+        parts = np.concatenate([open_, seen], axis=1)
+        return _Compared(
+            log_color=np.ascontiguousarray(np.log(color[firm]).T),
+            parts=np.ascontiguousarray(parts[firm].T),
+            met=np.ascontiguousarray(met[firm].T),
+            mean_parts=parts.mean(axis=0),
+            mean_met=met.mean(axis=0),
+            pairs=pairs,
+            robust=robust,
+            bounded=tuple(
+                (np.flatnonzero(white[pairs.a]), np.flatnonzero(white[pairs.b])) for white in pairs.clipped.T
+            ),
+            spread=csr_array((sign, (rows, columns)), shape=(places, count)),
+        )
+
+    def albedo(self, sources: F64) -> tuple[F64, F64]:
+        """(3, F) logarithms of albedos under sources (PATCHES + K, 3), and (3, F) that light, with what is added."""
+        soft = np.einsum("pc,pn->cn", sources, self.parts)
+        soft += self.met
+        soft += FLOOR * self._mean(sources).mean()
+        return self.log_color - np.log(soft), soft
+
+    def gradient(self, sources: F64, a: F64, soft: F64, weights: F64) -> F64:
+        """(PATCHES + K, 3) of the loss and all that is asked of light, by sources."""
+        by_light = np.empty_like(a)
+        for k, d in enumerate(self._apart(a)):
+            below = d * d
+            below += self.robust**2
+            d *= weights
+            d /= below
+            d /= below
+            by_light[k] = self.spread @ d
+        by_light *= 2 * self.robust**2 / 3
+        over = np.maximum(a - np.log(BRIGHT), 0) - np.maximum(np.log(DARK) - a, 0)
+        by_light += (BOUNDS * 2 / (3 * a.shape[1])) * over
+        by_light /= -soft
+        direct = np.maximum(self._mean(sources) - self.mean_met, 1e-12)
+        level = np.log(direct)
+        by_mean = FLOOR * by_light.sum() / 3 + WHITE * 2 * (level - level.mean()) / direct
+        return np.asarray(np.einsum("pn,cn->pc", self.parts, by_light) + self.mean_parts[:, None] * by_mean)
+
+    def loss(self, sources: F64, weights: F64) -> float:
+        """The robust mean difference over pairs, 0..1."""
+        a, _ = self.albedo(sources)
+        return float(sum((weights * (d * d / (d * d + self.robust**2))).sum() for d in self._apart(a)) / 3)
+
+    def _mean(self, sources: F64) -> F64:
+        """(3,) mean light over all places."""
+        return np.asarray(np.einsum("p,pc->c", self.mean_parts, sources) + self.mean_met)
+
+    def _apart(self, a: F64) -> Iterator[F64]:
+        """As `Pairs.apart`, (P,) of each channel."""
+        for of_channel, (first, second) in zip(a, self.bounded, strict=True):
+            d = of_channel[self.pairs.a]
+            d -= of_channel[self.pairs.b]
+            d[first] = np.maximum(d[first], 0)
+            d[second] = np.minimum(d[second], 0)
+            yield d

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mirelight import colour, sh
 from mirelight.errors import RenderError
 from mirelight.lighting import Tracer
-from mirelight.lighting.albedo import colored_by, vertex_colors
+from mirelight.lighting.albedo import colored_by, deposits_of, vertex_colors
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -305,6 +305,21 @@ def test_dark_capture_tells_no_colour_but_stays_finite() -> None:
     found = colored_by(splats, gray, Lighting(), SETTINGS)
     assert found.vertex_colors is not None
     np.testing.assert_allclose(found.vertex_colors, BRIGHTEST)
+
+
+def test_splats_on_edges_count_for_no_less_than_nothing_at_the_corner_across() -> None:
+    """Weights of corners that are rounded below nothing cancelled what other splats told, and left colours undefined."""
+    along, across = np.array([2.3, 0.1, 0.7]), np.array([0.31, 0.2, -2])
+    floor = joined(quad((1.7, 0.3, 9), along, across, parts=24))
+    edge = np.repeat(floor.faces[:, [1, 2]], 16, axis=0)
+    share = np.random.default_rng(2).dirichlet([1, 1], len(edge))
+    at = np.einsum("nk,nki->ni", share, floor.vertices[edge].astype(np.float64))
+    up = np.tile(np.cross(along, across) / np.linalg.norm(np.cross(along, across)), (len(at), 1))
+    splats = splats_on(at, up, np.tile(RED / np.pi, (len(at), 1)), 0.02)
+    tracer = Tracer(floor, SETTINGS, layers=False, aovs=False)
+    face, corners, _ = tracer.nearest_along(at, up, 0.01)
+    assert corners[face >= 0].min() < 0  # so the case is there
+    assert deposits_of(splats, floor, tracer).corners.min() >= 0
 
 
 def test_what_the_colours_are_known_by() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from mirelight import colour, stages
 from mirelight.errors import InputError
-from mirelight.matching.solve import Column, fitted
+from mirelight.matching.solve import Column, closest
 from mirelight.matching.target import Target, resized
 from mirelight.model import F32, F64, Camera, LayerFactor, Light, Lighting, LightingBuffer, SplatLayer
 from mirelight.model.lights import SKY, SUN
@@ -28,7 +28,6 @@ _CLAMPED = 1e-3  # relative: where the ratio's upper clamp takes that much, ligh
 _CLAMP_ROUNDS = 3
 _NO_CLAMP = 1e30
 _COARSE, _FINE = 15.0, 1.0  # degrees: steps of the search for a rotation
-_SHADOW = 0.02  # display-linear light added where the slope of the transfer curve is taken: black is no better known
 
 Report = Callable[[str, float], None]  # what is being done, how much of it
 
@@ -149,20 +148,18 @@ class _Fit:
         self._target = summed_up / np.maximum(share, 1e-12)
         self._dark = self._small(self._relit({name: np.zeros(3) for name in self._before}, clamped=False))
         self._columns = {name: self._small(self._alone(name)) - self._dark for name in self._before}
-        gain = 2.0**scene.job.display.exposure
-        shown = np.maximum(self._target, 0) * gain + _SHADOW
-        self._slope = gain * 1.055 / 2.4 * shown ** (1 / 2.4 - 1)  # of the sRGB curve
+        self._gain = 2.0**scene.job.display.exposure
 
     def solved(self) -> tuple[LayerMatch, ...]:
         """The layers with their weights."""
         free = [name for name in self._before if self._free is None or name in self._free]
         fixed = [name for name in self._before if name not in free]
-        rest = self._target - self._dark - sum(self._columns[n] * self._before[n] for n in fixed)
+        held_fast: F64 = np.sum([self._dark, *(self._columns[n] * self._before[n] for n in fixed)], axis=0)
         columns = [Column(self._columns[name], k) for name in free for k in range(3)]
         after, determined = dict(self._before), dict.fromkeys(self._before, True)
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
-            found, seen = fitted(columns, rest, self._slope * np.sqrt(counts))
+            found, seen = closest(columns, self._target, held_fast, counts, self._gain)
             for i, name in enumerate(free):
                 determined[name] = bool(seen[3 * i : 3 * i + 3].any())
                 after[name] = found[3 * i : 3 * i + 3] if determined[name] else self._before[name]
@@ -184,8 +181,7 @@ class _Fit:
         return float(-10 * np.log10(max(error, 1e-12)))
 
     def _error(self, picture: F64, counts: F64) -> float:
-        gain = 2.0**self._scene.job.display.exposure
-        a, b = (np.clip(colour.srgb_encode(x * gain), 0, 1).astype(np.float64) for x in (picture, self._target))
+        a, b = (np.clip(colour.srgb_encode(x * self._gain), 0, 1).astype(np.float64) for x in (picture, self._target))
         return float((counts * (a - b) ** 2).sum() / counts.sum())
 
     def _alone(self, name: str) -> F32:

@@ -1,13 +1,26 @@
-"""Tone curves turned back: scene-linear light from display-linear light."""
+"""Tone curves turned back, scene-linear light from display-linear light, and what a difference of light looks like."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, ToneCurve
+from mirelight.model import F32, F64, ToneCurve
 
 CURVES: tuple[ToneCurve, ...] = ("none", "aces", "neutral")  # AgX mixes channels at both ends, and clips between
+
+
+_SHADOW = 0.02  # display-linear light added to all: black is no better known
+
+
+def seen_value(light: F64, gain: float) -> F64:
+    """Display values of light times `gain`: the sRGB curve without its straight piece, and even in the shadows."""
+    return np.asarray(1.055 * (np.maximum(light, 0) * gain + _SHADOW) ** (1 / 2.4))
+
+
+def seen_slope(light: F64, gain: float) -> F64:
+    """What a small difference of light is in values of :func:`seen_value`."""
+    return np.asarray(gain * 1.055 / 2.4 * (np.maximum(light, 0) * gain + _SHADOW) ** (1 / 2.4 - 1))
 
 
 def inverse(shown: F32, curve: ToneCurve) -> tuple[F32, NDArray[np.bool_]]:

@@ -308,7 +308,7 @@ def test_dark_capture_tells_no_colour_but_stays_finite() -> None:
 
 
 def test_splats_on_edges_count_for_no_less_than_nothing_at_the_corner_across() -> None:
-    """Weights of corners that are rounded below nothing cancelled what other splats told, and left colours undefined."""
+    """Weights of corners that are rounded below nothing cancelled what others told, and left colours undefined."""
     along, across = np.array([2.3, 0.1, 0.7]), np.array([0.31, 0.2, -2])
     floor = joined(quad((1.7, 0.3, 9), along, across, parts=24))
     edge = np.repeat(floor.faces[:, [1, 2]], 16, axis=0)

@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from mirelight import colour
 from mirelight.errors import InputError
 from mirelight.io.png import encode_display, write_png
-from mirelight.matching.solve import Column, fitted, nonnegative
+from mirelight.matching.solve import Column, closest, fitted, nonnegative
 from mirelight.matching.target import read_target, resized
 from mirelight.matching.tone import CURVES, inverse
 from mirelight.model import DisplaySettings, ToneCurve
@@ -104,6 +104,19 @@ def test_pictures_of_another_shape_or_curve_are_refused(tmp_path: Path) -> None:
         target.light(np.ones((20, 20), np.float32), DisplaySettings())
     with pytest.raises(InputError, match="agx"):
         read_target(tmp_path / "a.png", None, "agx")
+
+
+def test_errors_that_all_columns_share_do_not_make_lights_weaker() -> None:
+    """A quarter up and down from pixel to pixel, as splats are off: in light every weight would lose its variance."""
+    rng = np.random.default_rng(5)
+    true, pictures = np.array([1.0, 0.5]), rng.uniform(0.05, 0.6, (2, 20_000, 3))
+    target = np.einsum("n,npk->pk", true, pictures)
+    off = np.exp(rng.normal(-(0.25**2) / 2, 0.25, (20_000, 1)))  # right in the mean
+    columns = [Column(picture * off, k) for picture in pictures for k in range(3)]
+    found, _ = closest(columns, target, np.zeros_like(target), np.ones_like(target), 1.0)
+    np.testing.assert_allclose(found, np.repeat(true, 3), rtol=0.02)
+    in_light, _ = fitted(columns, target, np.ones_like(target))
+    assert (in_light < 0.97 * np.repeat(true, 3)).all()
 
 
 def test_areas_keep_their_mean() -> None:

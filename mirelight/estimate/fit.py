@@ -122,9 +122,14 @@ def light_of(open_: F64, met: F64, seen: F64, sky: F64, beams: F64) -> F64:
 
 def judged(color: F64, light: F64, pairs: Pairs) -> float:
     """The robust mean difference of log albedos over pairs, 0..1: what the fit makes small."""
+    return float(compared(color, light, pairs).sum())
+
+
+def compared(color: F64, light: F64, pairs: Pairs) -> F64:
+    """(P,) what each pair adds to that."""
     a = np.log(color) - np.log(light + FLOOR * light.mean())
     d = pairs.apart(a)
-    return float((pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1)).sum())
+    return np.asarray(pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1))
 
 
 def fit(

@@ -32,6 +32,7 @@ ROBUST_GROUPED = 0.18  # as fit.ROBUST: means of places differ less by texture
 UNEVEN = 0.03  # of the loss: a sky that explains places by so much better than a steady one is uneven in truth
 EVEN = (MEAN_ALBEDO, 0.45)  # albedo and the sun's share of the direct light, that a steady sky's fit starts from
 LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
+_LEAST_DISC = 0.53  # degrees, the sun's own
 _NO_LAMPS = np.zeros((0, 3))
 
 
@@ -110,6 +111,7 @@ def estimate(
         scale_known=known,
         sun_gain=gain,
         sun_apart=_apart(suns),
+        sun_disc=(_LEAST_DISC, _LEAST_DISC) if best.sun is None else _discs(best.sun),
         halves_apart=_differ(*both),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
         lamps_gain=tuple(lamp_gains),
@@ -119,12 +121,18 @@ def estimate(
     return Estimate(
         to_sun=np.array([0.0, 1.0, 0.0]) if best.sun is None else best.sun.to_sun,
         sun=np.zeros(3) if best.sun is None else np.pi * best.light.beams[0] * strength,
-        sun_diameter=0.53 if best.sun is None else max(2 * best.sun.radius, 0.53),
+        sun_diameter=_LEAST_DISC if best.sun is None else max(2 * best.sun.radius, _LEAST_DISC),
         named=tuple(_shining(*pair) for pair in zip(lights, strength * _named(best, places), strict=True)),
         lamps=np.concatenate([best.lamps, np.pi * strength * _strengths(best)], axis=1),
         radiance=as_map(best.light.sky * strength).astype(np.float64),
         confidence=confidence,
     )
+
+
+def _discs(found: Sun) -> tuple[float, float]:
+    """Degrees: the narrowest and the widest disc that may be the sun's."""
+    low, high = (max(2 * radius, _LEAST_DISC) for radius in found.radii)
+    return low, high
 
 
 def _differ(one: F64, other: F64) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
-from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, judged, light_of
+from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of
 from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
@@ -20,7 +20,10 @@ STARTS = 5  # of these, that are refined
 ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
 SHARES = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)  # of the sun in the direct light that are tried
 LEAST_LIT = 0.01  # share of the places that a sun must reach
-RADII = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
+RADII = (0.0, 0.5, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
+_NEAR = 3  # radii to either side of the one that a sun was found with, that are compared closely
+_BLOCKS = 5  # halvings of the places, to blocks whose losses are taken for independent of each other
+_SURELY = 2.0  # standard errors, beyond which a radius explains less in truth
 _THINNED = 2  # of so many places one is asked what promise directions have
 _AT_ONCE = 500  # directions
 _WIDE = 1.0  # of the logarithm of albedo: differences that count in full before light is found
@@ -119,6 +122,7 @@ class Sun:
     seen: F64  # (N,) cosine times the visible share of the disc
     loss: float
     start: tuple[float, float]  # mean albedo and share of the sun that it was found with
+    radii: tuple[float, float] = (0.0, RADII[-1])  # degrees: none of these surely explains less, as far as was asked
 
 
 def search(of: Search) -> Sun | None:
@@ -211,24 +215,65 @@ def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
 
 
 def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
-    """The sun at the direction, and with the disc, that explain the colours best with the radiances held."""
+    """The sun at the direction, and with the disc, that explain the colours best with the radiances held.
+
+    The disc is the mean of those tried, each as likely as by how many standard errors it explains less than the best:
+    where the proxy misfits, shadows' edges tell little, and the least loss is by chance that of a far too sharp one.
+    """
     others = light.beams[1 : 1 + places.named.shape[1]]
     sky = light_of(places.open, places.met, places.named, light.sky, others)
 
-    def loss(way: F64, radius: float, points: int) -> float:
-        return judged(places.color, sky + disc(places, way, radius, points)[:, None] * light.beams[0], pairs)
+    def losses(way: F64, radius: float, points: int) -> F64:
+        shown = disc(places, way, radius, points)[:, None] * light.beams[0]
+        return compared(places.color, sky + shown, pairs)
 
     way, turn = found.to_sun, np.arange(8) * np.pi / 4
-    least = loss(way, found.radius, _FEW)
+    least = losses(way, found.radius, _FEW).sum()
     for step in _STEPS[1:]:
         for _ in range(3):
             s = np.sin(np.radians(step))
             local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(step)))], axis=-1)
             near = np.einsum("dk,kj->dj", local, frame_around(way))
-            losses = [loss(one, found.radius, _FEW) for one in near]
-            if min(losses) >= least:
+            tried = [losses(one, found.radius, _FEW).sum() for one in near]
+            if min(tried) >= least:
                 break
-            way, least = near[int(np.argmin(losses))], min(losses)
-    near_radii = [r for r in RADII if abs(RADII.index(r) - RADII.index(found.radius)) <= 2]
-    radius = min(near_radii, key=lambda r: loss(way, r, _DISC))
-    return replace(found, to_sun=way, radius=radius)
+            way, least = near[int(np.argmin(tried))], min(tried)
+    middle = RADII.index(found.radius)
+    radii = np.array(RADII[max(middle - _NEAR, 0) : middle + _NEAR + 1])
+    more, error = _compared_to_best(np.stack([losses(way, r, _DISC) for r in radii]), _blocks(places.points)[pairs.a])
+    off = more / np.maximum(error, 1e-12)
+    likely, maybe = np.exp(-0.5 * off**2), radii[off <= _SURELY]
+    radius = float(np.average(radii, weights=likely))
+    return replace(found, to_sun=way, radius=radius, radii=(float(maybe.min()), float(maybe.max())))
+
+
+def _compared_to_best(losses: F64, block: NDArray[np.int64]) -> tuple[F64, F64]:
+    """Of losses (R, P) in R ways, by how much each sum exceeds the least, and that difference's standard error.
+
+    As of blocks of pairs (P,), which differ as places elsewhere would (the grouped jackknife of a sum): pairs that
+    share a place or a surface err alike.
+    """
+    more = losses - losses[int(losses.sum(axis=1).argmin())]
+    count = int(block.max()) + 1
+    parts = np.stack([np.bincount(block, one, count) for one in more])
+    error = np.sqrt(count / max(count - 1, 1) * ((parts - parts.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
+    return np.asarray(parts.sum(axis=1)), np.asarray(error)
+
+
+def _blocks(points: F64) -> NDArray[np.int64]:
+    """(N,) which of 32 blocks of about as many points each of points (N, 3) is in: halves across the longest side,
+    halved again."""
+    parts = [np.arange(len(points))]
+    for _ in range(_BLOCKS):
+        parts = [half for rows in parts for half in _halves(points, rows)]
+    out = np.zeros(len(points), np.int64)
+    for k, rows in enumerate(parts):
+        out[rows] = k
+    return out
+
+
+def _halves(points: F64, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    if len(rows) < 2:
+        return [rows]
+    axis = int(np.argmax(np.ptp(points[rows], axis=0)))
+    return np.array_split(rows[np.argsort(points[rows, axis], kind="stable")], 2)

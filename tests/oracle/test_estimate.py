@@ -294,6 +294,54 @@ def test_a_sun_is_as_strong_as_it_was_though_the_proxys_shadows_miss() -> None:
     assert abs(without - 1) < 0.03
 
 
+def test_the_suns_disc_is_the_mean_of_those_that_explain_as_much() -> None:
+    """Under the roof's edge a disc of 4 degrees: no far sharper one can be where the proxy fits. Where parts of
+    the edge are elsewhere than the proxy has them one can, and the one that is taken is still about as wide."""
+    mesh, splats = slabs(0.2)
+    places = transport.places_of(splats, mesh, SETTINGS)
+    floor = (places.points[:, 1] < 0.5) & (np.abs(places.points[:, [0, 2]]) < 1.8).all(axis=1)
+    floor &= np.abs(places.points[:, 0]) < 0.5
+    places = places.taken(np.flatnonzero(floor))
+    pairs = fit.pairs_of(places.points, np.full((len(places), 3), 0.3), np.random.default_rng(0))
+    up, sky = np.array([0.0, 1.0, 0.0]), np.full((PATCHES, 3), 0.3)
+    given = sun.Sun(up, 4.0, np.zeros(0), 0.0, (0.35, 0.45))
+    bent = replace(places, points=places.points + 0.09 * np.sin(9 * places.points[:, 2:]) * [1, 0, 0])
+    found = []
+    for true in (places, bent):
+        beam = sun.disc(true, up, 2.0)[:, None]
+        light = fit.light_of(places.open, places.met, beam, sky, np.ones((1, 3)))
+        shown = replace(places, color=0.4 * light)
+        found.append(sun.moved(shown, pairs, given, fit.Fitted(sky, np.ones((1, 3)), 0.0)))
+    fits, misfits = found
+    assert 1 < fits.radius <= 4
+    assert fits.radii[0] >= 1
+    assert 1 < misfits.radius <= 4
+    assert misfits.radii[0] < 1 and misfits.radii[1] >= 2
+
+
+def test_a_differences_error_is_what_other_places_would_give() -> None:
+    """Losses that err alike within 32 blocks: the error told from one draw is the spread over 400 draws."""
+    rng = np.random.default_rng(2)
+    block = np.repeat(np.arange(32), 30)
+    apart = np.array([0.0, 0.2, 0.4])[:, None] / len(block)  # far more than the noise, so the first is the best
+
+    def draw() -> tuple[F64, F64]:
+        noise = rng.standard_normal((3, 32))[:, block] + rng.standard_normal((3, len(block)))
+        return sun._compared_to_best(1 + apart + 1e-4 * noise, block)
+
+    more, error = (np.array(x) for x in zip(*(draw() for _ in range(400)), strict=True))
+    np.testing.assert_allclose(more.mean(axis=0), [0, 0.2, 0.4], atol=0.005)
+    np.testing.assert_allclose(np.sqrt((error**2).mean(axis=0))[1:], more.std(axis=0)[1:], rtol=0.12)
+
+
+def test_blocks_are_compact_and_alike_in_size() -> None:
+    points = np.random.default_rng(0).uniform(0, 1, (3200, 3)) * (4, 1, 2)
+    block = sun._blocks(points)
+    assert set(np.bincount(block)) == {100}
+    assert max(np.ptp(points[block == k], axis=0).max() for k in range(32)) < 1.2
+    assert set(sun._blocks(points[:3])) <= set(range(32))
+
+
 def test_light_from_a_wide_patch_is_sky_and_no_sun() -> None:
     """A soft box of 40 degrees across: as a sun it would be taken for a disc, and the rest of the sky for too dark."""
     ways = sphere_map(32)

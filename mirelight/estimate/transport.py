@@ -21,6 +21,7 @@ from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import Deposits, deposits_of, face_normals
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Light, Lighting, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model.scene import SOLID
 
 PLACES = 6000  # splats that tell the light
 RAYS = 384  # from each, to what it faces: the noise of what few rays meet looks smaller under more light
@@ -28,7 +29,6 @@ GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more r
 MOST_RAYS = 1024
 SHOWN = 20000  # splats that tell what colour a ray meets
 FEWEST = 200  # splats on the proxy, below which nothing is known
-SOLID = 0.02  # opacity below which a splat does not show
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
 MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
 LIGHT_SPP = 32  # samples of a light that is known, at each splat: its shadows may be soft
@@ -160,7 +160,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
     color, points, normals = few.color[sound], points[sound], normals[sound]
     low, high = mesh.bounds
     lift = LIFT * float(np.linalg.norm(high.astype(np.float64) - low))
-    sight = Sight(mesh, settings.variant, settings.threads)
+    sight = tracer.sight()
     rng = np.random.default_rng(settings.seed)
     facing = face_normals(mesh)
     shown = _Shown.of(deposits_of(splats, mesh, tracer, SHOWN), mesh, sight, lift, rng)
@@ -203,6 +203,8 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
 
 def _from_lights(mesh: ProxyMesh, lights: Sequence[Light], points: F64, normals: F64, settings: RenderSettings) -> F64:
     """(N, L) irradiance / pi at points of a black mesh by each of the lights, white and of intensity 1."""
+    if not lights:
+        return np.zeros((len(points), 0))
     tracer = Tracer(mesh, replace(settings, max_depth=1), aovs=False)
     columns = np.zeros((len(points), len(lights)))
     for k, light in enumerate(lights):

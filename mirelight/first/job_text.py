@@ -110,7 +110,8 @@ def _refuse_far(capture: Path, cloud: SplatCloud) -> None:
 
 def _refuse_few(capture: Path, cloud: SplatCloud) -> None:
     """No mesh can be made of a few splats, and a job without one renders nothing."""
-    from mirelight.proxy.capture import FEWEST, SOLID
+    from mirelight.model.scene import SOLID
+    from mirelight.proxy.capture import FEWEST
 
     showing = int((cloud.opacities >= SOLID).sum())
     if showing < FEWEST:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from mirelight import backend
 from mirelight.errors import BackendError
 from mirelight.model import F64, I32, ProxyMesh, Variant
+
+if TYPE_CHECKING:
+    from mirelight.lighting.kernel.proxy import DeviceProxy
 
 Bool = NDArray[np.bool_]
 
@@ -30,11 +33,18 @@ class Sight:
         if variant == "scalar_rgb":
             raise BackendError("rays into a mesh need the variant llvm_ad_rgb or cuda_ad_rgb")
         backend.mitsuba(variant, threads)
-        self._surface: Any = None
+        self._surface: DeviceProxy | None = None
         if len(mesh.faces):
             from mirelight.lighting.kernel.proxy import DeviceProxy
 
             self._surface = DeviceProxy(mesh)
+
+    @classmethod
+    def over(cls, surface: DeviceProxy) -> Sight:
+        """Into a mesh that is on the device already: large ones take seconds to be made ready."""
+        out = cls.__new__(cls)
+        out._surface = surface
+        return out
 
     def first_hits(self, origins: F64, directions: F64) -> tuple[I32, F64]:
         """The nearest point of the mesh along each ray.

@@ -14,6 +14,7 @@ from mirelight.lighting.frame import FrameInProgress
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
 from mirelight.lighting.sampling import Progress, sample_all, with_pilot
+from mirelight.lighting.sight import Sight
 from mirelight.lighting.sunsky import plain
 from mirelight.model import (
     F32,
@@ -344,6 +345,10 @@ class Tracer:
         from mirelight.lighting.kernel.probes import nearest_along
 
         return nearest_along(self._on_device(), origins, directions, reach)
+
+    def sight(self) -> Sight:
+        """The same mesh for rays without light; BackendError with the variant `scalar_rgb`."""
+        return Sight.over(self._on_device())
 
     def tuned(self, settings: RenderSettings, *, layers: bool, aovs: bool) -> Tracer:
         """A tracer of the same proxy by other settings, variant and threads alike; both share what is on the device."""

@@ -11,6 +11,8 @@ import numpy as np
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 
+SOLID = 0.02  # opacity below which a splat shows too little to be part of a surface
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SplatCloud(ArrayHolder):

@@ -10,9 +10,9 @@ import numpy as np
 from mirelight import conventions
 from mirelight.errors import InputError
 from mirelight.model import F64, SplatCloud
+from mirelight.model.scene import SOLID
 from mirelight.proxy.types import Int
 
-SOLID = 0.02  # opacity below which splats show too little to be part of a surface
 FEWEST = 50  # splats that a surface takes
 SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08, captures 0.2-0.4)
 FLAT = 0.5  # smallest over middle axis, below which a splat has a normal of its own

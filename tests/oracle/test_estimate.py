@@ -246,6 +246,24 @@ def test_black_splats_are_met_as_black() -> None:
     np.testing.assert_allclose(brighter.met[under], np.repeat(0.2 * seen[:, None], 3, axis=1), atol=2e-3)
 
 
+def test_the_proxy_is_made_ready_for_rays_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a million triangles it takes seconds."""
+    mesh, splats = slabs(0.2)
+    Tracer(mesh, SETTINGS)  # the variant that the next module is imported with
+    from mirelight.lighting.kernel import proxy as kernel
+
+    made = []
+
+    class Counted(kernel.DeviceProxy):
+        def __init__(self, mesh: ProxyMesh) -> None:
+            made.append(len(mesh.faces))
+            super().__init__(mesh)
+
+    monkeypatch.setattr(kernel, "DeviceProxy", Counted)
+    assert len(transport.places_of(splats, mesh, SETTINGS)) > 200
+    assert made == [len(mesh.faces)]
+
+
 def test_a_splat_on_a_shadows_edge_is_partly_lit() -> None:
     """The roof's edge is at x = 0: light straight down reaches the part of each splat that lies on the other side."""
     mesh, splats = slabs(0.2)

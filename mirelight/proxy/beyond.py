@@ -13,21 +13,17 @@ beam, to the wall. Planes of parts of things do no more than that. All end where
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.sampling import areas_of, face_normals_of, spread, spread_on
-from mirelight.proxy.types import Int, Soup
-from mirelight.proxy.views import lattice, turned
+from mirelight.proxy.planes import Bool, Plane, Sheet
+from mirelight.proxy.sampling import areas_of, spread, spread_on
+from mirelight.proxy.types import Soup
+from mirelight.proxy.views import turned
 
-MOST_PLANES = 24
 LEAST_AREA = 0.02  # of the surface: smaller planes are parts of things, and end where those end
 SMALL = 0.004  # of the surface: parts of things that go on behind what stands before them
-_DIRECTIONS = 1500  # tried for normals, over the whole sphere
-_ALIKE = 0.985  # cosine between normals of one plane
 _GAP = 3  # cells between the last surface of a row and where pictures end
 _LEAST_ROW = 6  # cells of surface, that a row must have to go on
 _ENOUGH = 0.2  # of the rows: if so many are seen to end, a side does not go on
@@ -37,86 +33,37 @@ _NEAR = 0.4  # cells before the surface, where nothing counts as looked through
 _MARKS = 8  # of the surface, to an area of a cell
 _CELLS = 200  # along the box's longest side
 
-Bool = NDArray[np.bool_]
 # (M, 3) points: whether a camera looked through them, and whether one has them in its picture, seen or hidden
 Look = Callable[[F64], tuple[Bool, Bool]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Plane:
-    normal: F64  # (3,) unit, to the side of most of its fronts
-    offset: float
-    faces: Int
-    area: float
+def box_of(soup: Soup, eyes: F64) -> tuple[F64, F64]:
+    """(3,) and (3,): the corners of the box that holds a surface and the eyes (C, 3) that saw it."""
+    return (
+        np.minimum(soup.vertices.min(axis=0), eyes.min(axis=0)),
+        np.maximum(soup.vertices.max(axis=0), eyes.max(axis=0)),
+    )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sheet:
-    """Square cells of a plane, over the box."""
-
-    origin: F64  # (3,) corner of the first
-    axes: F64  # (2, 3) unit, along which they are counted
-    cell: float  # their side, world units
-    inside: Bool  # (I, J) which are in the box
-
-    @staticmethod
-    def of(plane: _Plane, planes: Sequence[_Plane], low: F64, high: F64, cell: float) -> _Sheet:
-        """Along the plane's two axes."""
-        axes = np.stack(_axes(plane, planes))
-        corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
-        flat = turned(corners, axes)
-        count = np.ceil((flat.max(axis=0) - flat.min(axis=0)) / cell).astype(int)
-        whole = _Sheet(plane.normal * plane.offset + flat.min(axis=0) @ axes, axes, cell, np.ones(count, bool))
-        at = whole.middles()
-        inside = ((at >= low - cell) & (at <= high + cell)).all(axis=1)
-        return _Sheet(whole.origin, axes, cell, inside.reshape(count))
-
-    def middles(self) -> F64:
-        """(I J, 3) of the cells, row by row."""
-        i, j = np.indices(self.inside.shape).reshape(2, -1) + 0.5
-        return np.asarray(
-            self.origin + (i * self.cell)[:, None] * self.axes[0] + (j * self.cell)[:, None] * self.axes[1]
-        )
-
-    def cells(self, points: F64) -> Bool:
-        """(I, J) which hold points, however far those are from the plane."""
-        out = np.zeros_like(self.inside)
-        at = np.floor(turned(points - self.origin, self.axes) / self.cell).astype(int)
-        i, j = np.clip(at, 0, np.array(out.shape) - 1).T
-        out[i, j] = True
-        return out
-
-    def rectangles(self, chosen: Bool) -> Soup:
-        """Two triangles for each run of chosen cells, equal runs of neighbouring rows as one."""
-        i, j = np.nonzero(np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1))
-        row, first, past = i[::2], j[::2], j[1::2]  # a run begins and ends
-        order = np.lexsort((row, past, first))
-        row, first, past = row[order], first[order], past[order]
-        fresh = np.ones(len(row), bool)
-        fresh[1:] = (first[1:] != first[:-1]) | (past[1:] != past[:-1]) | (row[1:] != row[:-1] + 1)
-        tall = np.bincount(np.cumsum(fresh) - 1, minlength=int(fresh.sum()))
-        low, left, right = row[fresh], first[fresh], past[fresh]
-        x, y = np.stack([low, low + tall, low + tall, low], axis=1), np.stack([left, left, right, right], axis=1)
-        u, v = self.axes
-        corners = self.origin + (x[..., None] * self.cell) * u + (y[..., None] * self.cell) * v
-        at = 4 * np.arange(len(low))[:, None]
-        return Soup(corners.reshape(-1, 3), np.concatenate([at + corner for corner in ((0, 1, 2), (0, 2, 3))]))
+def cell_of(low: F64, high: F64, spacing: float) -> float:
+    """Side of the cells in which planes are looked at, in a box; `spacing` is that of the capture's splats."""
+    return max(float((high - low).max()) / _CELLS, _SPACINGS * spacing)
 
 
-def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float], Look]) -> Soup:
+def beyond_pictures(
+    soup: Soup, planes: Sequence[Plane], low: F64, high: F64, cell: float, look: Callable[[float], Look]
+) -> Soup:
     """Triangles that carry on large planes of a surface where no picture shows whether they end.
 
     Args:
         soup: the surface.
-        eyes: (C, 3) where its cameras were.
-        spacing: of the capture's splats.
-        look: tells what they had in their pictures; of points nearer to the surface than so much, not looked through.
+        planes: its planes, the largest first.
+        low: (3,) a corner of the box that holds the surface and the eyes of its cameras.
+        high: (3,) the other.
+        cell: side of the cells in which planes are looked at.
+        look: tells what was in pictures; of points nearer to the surface than so much, not looked through.
     """
-    low = np.minimum(soup.vertices.min(axis=0), eyes.min(axis=0))
-    high = np.maximum(soup.vertices.max(axis=0), eyes.max(axis=0))
-    cell = max(float((high - low).max()) / _CELLS, _SPACINGS * spacing)
     area = float(areas_of(soup.vertices, soup.faces).sum())
-    planes = _planes(soup, cell, SMALL * area)
     marks, face = spread_on(soup.vertices, soup.faces, int(_MARKS * area / cell**2) + 1)
     plane_of = np.full(len(soup.faces), -1)
     for k, plane in enumerate(planes):
@@ -125,7 +72,7 @@ def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float
     vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for k in sorted(range(len(planes)), key=lambda k: planes[k].area):  # what a small one closes, a larger one meets
         plane = planes[k]
-        sheet = _Sheet.of(plane, planes, low, high, cell)
+        sheet = Sheet.of(plane, planes, low, high, cell)
         surface = spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1)
         near = np.abs(turned(marks, plane.normal[None])[:, 0] - plane.offset) < cell
         across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < _ACROSS]
@@ -140,56 +87,7 @@ def beyond_pictures(soup: Soup, eyes: F64, spacing: float, look: Callable[[float
     return Soup(np.concatenate(vertices), np.concatenate(faces))
 
 
-def _planes(soup: Soup, thick: float, least: float) -> list[_Plane]:
-    """The planes that hold most of the surface, the largest first."""
-    area = areas_of(soup.vertices, soup.faces)
-    normal = face_normals_of(soup.vertices, soup.faces)
-    a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
-    middle = (a + b + c) / 3
-    found: list[_Plane] = []
-    left = np.arange(len(area))
-    tried = lattice(_DIRECTIONS)
-    tried = tried[: _DIRECTIONS // 2]  # a lattice over the sphere, half of it
-    while len(found) < MOST_PLANES and len(left):
-        plane = _largest(normal, middle, area, left, tried, thick)
-        if plane is None or plane.area < least:
-            break
-        found.append(plane)
-        left = np.setdiff1d(left, plane.faces, assume_unique=True)
-    return found
-
-
-def _largest(normal: F64, middle: F64, area: F64, left: Int, tried: F64, thick: float) -> _Plane | None:
-    some = left[:: max(len(left) // 20_000, 1)]
-    alike = np.abs(np.einsum("fi,di->df", normal[some], tried)) > _ALIKE
-    best: _Plane | None = None
-    for k in np.argsort(-(alike * area[some]).sum(axis=1), kind="stable")[:4]:
-        way = tried[k]
-        for _ in range(3):  # towards the mean of those alike
-            cosine = turned(normal[left], way[None])[:, 0]
-            near = np.abs(cosine) > _ALIKE
-            mean = (normal[left[near]] * (area[left[near]] * np.sign(cosine[near]))[:, None]).sum(axis=0)
-            if not np.linalg.norm(mean) > 0:
-                break
-            way = mean / np.linalg.norm(mean)
-        rows = left[np.abs(turned(normal[left], way[None])[:, 0]) > _ALIKE]
-        if not len(rows):
-            continue
-        at = turned(middle[rows], way[None])[:, 0]
-        bin_of = np.floor((at - at.min()) / thick).astype(np.int64)
-        heavy = np.bincount(bin_of, area[rows])
-        peak = int(np.argmax(heavy[:-1] + heavy[1:])) if len(heavy) > 1 else 0
-        on = (bin_of == peak) | (bin_of == peak + 1)
-        on_plane, total = rows[on], float(area[rows[on]].sum())
-        if best is None or total > best.area:
-            offset = float((at[on] * area[on_plane]).sum() / max(total, 1e-300))
-            fronts = float((np.sign(turned(normal[on_plane], way[None])[:, 0]) * area[on_plane]).sum())
-            side = -1.0 if fronts < 0 else 1.0
-            best = _Plane(side * way, side * offset, on_plane, total)
-    return best
-
-
-def _carried_on(sheet: _Sheet, surface: Bool, near: Bool, across: Bool, look: Look, large: bool) -> Bool:
+def _carried_on(sheet: Sheet, surface: Bool, near: Bool, across: Bool, look: Look, large: bool) -> Bool:
     """Cells of a plane in the box that carry on its surface.
 
     Args:
@@ -277,16 +175,3 @@ def _behind(surface: Bool, hidden: Bool, unknown: Bool, inside: Bool) -> Bool:
     to_the_end = _reached(surface, hidden) & back(past, np.pad(hidden, ((0, 0), (0, 1))))[:, :-1]
     to_the_end &= to_the_end.sum(axis=1, keepdims=True) <= surface.sum(axis=1, keepdims=True)
     return np.asarray(enough[:, None] & inside & (between | to_the_end))
-
-
-def _axes(plane: _Plane, planes: Sequence[_Plane]) -> tuple[F64, F64]:
-    """Two unit vectors in the plane: along the largest other plane that stands on it, and across."""
-    for other in planes:
-        if abs(float(np.dot(other.normal, plane.normal))) < 0.3:
-            u = other.normal - plane.normal * np.dot(other.normal, plane.normal)
-            break
-    else:
-        axis = np.eye(3)[int(np.abs(plane.normal).argmin())]
-        u = axis - plane.normal * np.dot(axis, plane.normal)
-    u = u / np.linalg.norm(u)
-    return u, np.cross(plane.normal, u)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture, axes_of
-from mirelight.proxy.creases import MEETS, Creases, wedges_of
+from mirelight.proxy.creases import LAP, MEETS, Creases, wedges_of
 from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
@@ -33,6 +33,7 @@ REACH = 1.5  # standard deviations that a cell reaches past the middle of its di
 BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
 SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
 SPLIT = 1.03  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
+_LAPPED = 1 + 2 * LAP  # times its own area that of a wedge which reaches over the next on either side
 SLIVER = 5e-4  # of the weld's square: triangles of less area go
 _CHUNK = 200_000  # cells cut at once
 _FEW = 50_000  # cells cut in wedges at once
@@ -163,7 +164,7 @@ def _creased(discs: Discs, rows: Int, near: Int, cells: Polygons, local: F64, fr
     wedges, row = wedges_of(cells)
     creases.cut(wedges, row)
     creases.cut(cells, np.arange(len(rows)))
-    split = np.bincount(row, wedges.area(), len(rows)) > SPLIT * cells.area()
+    split = np.bincount(row, wedges.area(), len(rows)) > SPLIT * _LAPPED * cells.area()
     parts.add(discs, rows[~split], cells.where(np.flatnonzero(~split)))
     some = np.flatnonzero(split[row])
     parts.add(discs, rows[row[some]], wedges.where(some))

@@ -12,9 +12,9 @@ from mirelight.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import MadeProxy, make
+from mirelight.proxy.backs import connected_area
 from mirelight.proxy.capture import take
 from mirelight.proxy.types import Soup
-from mirelight.proxy.unseen import connected_area
 
 from .clouds import box_shell, on_surface, square
 

@@ -26,8 +26,8 @@ CRUMB = 5.0  # squares of spacings: less of a second sheet is hidden by chance, 
 BEHIND = 0.25  # spacings behind the surface that still count as seen
 LEVEL = 3.0  # spacings: faces of one plane that lie within so much have one second sheet
 LEAST = 100.0  # squares of spacings: smaller pieces of planes have theirs as things do
-CELL = 1.0  # spacings: side of the cells behind planes
-VOXEL = 2.5  # spacings: corners behind things that share one become one
+CELL = 0.75  # spacings: side of the cells behind planes
+VOXEL = 1.5  # spacings: corners behind things that share one become one
 _ALIKE = 511  # steps to a normal's component: vertices of faces that are nearer to parallel stay one
 _CORNERS = np.array([[0, 0, 0], [0, 1, 1], [0, 1, 1]], bool)  # from a cell to its four corners
 

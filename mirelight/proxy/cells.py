@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture, axes_of
-from mirelight.proxy.creases import LAP, MEETS, Creases, wedges_of
+from mirelight.proxy.creases import MEETS, Creases, wedges_of
 from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
 from mirelight.proxy.sampling import areas_of
 from mirelight.proxy.sides import seen_sides
+from mirelight.proxy.stars import stars_of
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
@@ -32,8 +33,8 @@ FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it t
 REACH = 1.5  # standard deviations that a cell reaches past the middle of its disc where the surface ends
 BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
 SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
-SPLIT = 1.03  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
-_LAPPED = 1 + 2 * LAP  # times its own area that of a wedge which reaches over the next on either side
+SPLIT = 1.003  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
+STRAIGHT = 0.05  # spacings: corners of cells that near to the line between those beside them go
 SLIVER = 5e-4  # of the weld's square: triangles of less area go
 _CHUNK = 200_000  # cells cut at once
 _FEW = 50_000  # cells cut in wedges at once
@@ -73,7 +74,7 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
         bars = bars.beside(_bars(here, discs, int(rows[0]), cells))
         creased[here.rows] = False
         whole.append((rows[creased[rows]], before.where(np.flatnonzero(creased[rows]))))
-        parts.add(discs, rows, cells)
+        parts.add(discs, rows, cells.simplified(STRAIGHT * s))
     progress("telling the sides apart", 0.7)
     sight = Sight(parts.soup().beside(bars).mesh(), settings.variant, settings.threads)
     front = seen_sides(capture, discs.at, discs.normal, sight)
@@ -164,9 +165,12 @@ def _creased(discs: Discs, rows: Int, near: Int, cells: Polygons, local: F64, fr
     wedges, row = wedges_of(cells)
     creases.cut(wedges, row)
     creases.cut(cells, np.arange(len(rows)))
-    split = np.bincount(row, wedges.area(), len(rows)) > SPLIT * _LAPPED * cells.area()
-    parts.add(discs, rows[~split], cells.where(np.flatnonzero(~split)))
+    split = np.bincount(row, wedges.area(), len(rows)) > SPLIT * cells.area()
+    parts.add(discs, rows[~split], cells.where(np.flatnonzero(~split)).simplified(STRAIGHT * discs.spacing))
     some = np.flatnonzero(split[row])
+    stars, whole = stars_of(wedges.where(some), row[some], len(rows), STRAIGHT * discs.spacing)
+    parts.add(discs, rows[whole], stars)
+    some = np.flatnonzero((split & ~whole)[row])
     parts.add(discs, rows[row[some]], wedges.where(some))
 
 

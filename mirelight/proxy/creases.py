@@ -21,7 +21,6 @@ MEETS = 1.2  # local spacings: how far around its middle a disc ends cells of ot
 CONVEX = 1.5  # times as far, where the crease is an edge: a cell that goes on past it casts shadows
 BEHIND = 0.3  # local spacings that a cell goes on behind the other where the crease is a corner: nobody sees that
 INWARDS = 0.3  # of the way to the mean of a disc's sheet: where it is asked which side of a line is the disc's own
-LAP = 0.03  # of its side: how far a wedge reaches over the next
 ON_LINE = 1e-3  # of the spacing: discs that near a neighbour's plane have no side
 WEDGE_CORNERS = 10  # at most
 _PAIRS = 200_000  # of cells and lines looked at at once
@@ -114,5 +113,5 @@ def wedges_of(cells: Polygons) -> tuple[Polygons, Int]:
     row, k = np.nonzero(np.arange(cells.corners.shape[1]) < cells.count[:, None])
     first, second = cells.corners[row, k], cells.corners[row, np.where(k + 1 < cells.count[row], k + 1, 0)]
     corners = np.zeros((len(row), WEDGE_CORNERS, 2))
-    corners[:, 1], corners[:, 2] = first + LAP * (first - second), second + LAP * (second - first)
+    corners[:, 1], corners[:, 2] = first, second
     return Polygons(corners, np.full(len(row), 3, np.int64)), row

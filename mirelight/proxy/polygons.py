@@ -15,7 +15,10 @@ MOST_CORNERS = 20  # of a cell: most have five to eight
 
 @dataclass(slots=True, eq=False)
 class Polygons:
-    """Convex polygons, counter-clockwise; a cut that would make more corners than there is room for is left out."""
+    """Polygons, counter-clockwise, convex where they are cut.
+
+    A cut that would make more corners than there is room for is left out.
+    """
 
     corners: F64  # (N, room, 2); those past the count mean nothing
     count: Int  # (N,)
@@ -95,6 +98,37 @@ class Polygons:
     def where(self, chosen: Int) -> Polygons:
         """Copies of some of them."""
         return Polygons(self.corners[chosen], self.count[chosen])
+
+    def simplified(self, near: float) -> Polygons:
+        """Without corners so near to the one before them, or to the line between those beside them."""
+        slots, rows = np.arange(self.corners.shape[1]), np.arange(len(self.count))
+        last = np.maximum(self.count - 1, 0)
+        before = np.concatenate([self.corners[rows, last][:, None], self.corners[:, :-1]], axis=1)
+        apart = (slots < self.count[:, None]) & (((self.corners - before) ** 2).sum(axis=2) >= near**2)
+        few = self._with(apart)
+        kept = np.zeros_like(apart)
+        last_of = few.corners[rows, np.maximum(few.count - 1, 0)]
+        first = few.corners[:, 0].copy()
+        for k in range(int(few.count.max(initial=0))):
+            at, ends = few.corners[:, k], (k + 1 >= few.count)[:, None]
+            after = np.where(ends, first, few.corners[:, min(k + 1, few.corners.shape[1] - 1)])
+            way, step = after - last_of, at - last_of
+            along, squared = (way * step).sum(axis=1), (way**2).sum(axis=1)
+            off = np.abs(way[:, 0] * step[:, 1] - way[:, 1] * step[:, 0])
+            straight = (along > 0) & (along < squared) & (off < near * np.sqrt(squared))
+            stays = (k < few.count) & ~straight
+            first = np.where((stays & ~kept.any(axis=1))[:, None], at, first)
+            kept[:, k] = stays
+            last_of = np.where(stays[:, None], at, last_of)
+        return few._with(kept)
+
+    def _with(self, kept: NDArray[np.bool_]) -> Polygons:
+        """With those corners (N, room) alone."""
+        place = np.cumsum(kept, axis=1) - 1
+        row, slot = np.nonzero(kept)
+        corners = np.zeros_like(self.corners)
+        corners[row, place[row, slot]] = self.corners[row, slot]
+        return Polygons(corners, kept.sum(axis=1))
 
     def _sides(self, rows: Int) -> tuple[NDArray[np.bool_], Int]:
         """(R, room) which corners count, and which one follows each."""

@@ -217,6 +217,29 @@ def test_a_plane_that_is_seen_to_end_does_not_go_on_to_the_wall() -> None:
     assert (far[hit >= 0] > 1).all()
 
 
+def test_what_closes_planes_is_of_few_triangles() -> None:
+    """Behind the wall with its window and its slit there is all of it once more, but not in as many pieces."""
+    open_, closed = screen()
+    assert 0 < closed.unseen < 0.15 * len(open_.mesh.faces)
+    area = (
+        np.linalg.norm(np.cross(*np.diff(closed.mesh.vertices[closed.mesh.faces], axis=1).swapaxes(0, 1)), axis=1) / 2
+    )
+    assert area[-closed.unseen :].sum() > 0.8 * (16 - 1.2)
+
+
+def test_a_second_sheet_is_coarse_behind_round_things_too() -> None:
+    """Of a half of a ball that was seen from one side: what is moved back has fewer and larger triangles."""
+    k = np.arange(2500) + 0.5
+    z, turn = 1 - k / len(k), k * np.pi * (3 - np.sqrt(5))
+    ways = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
+    cameras = [Camera.look_at((x, 0.2, 6), (0, 0, 0), 160, 128, yfov=30, name=f"{x}") for x in (-0.3, 0.0, 0.3)]
+    made = make(on_surface(ways, ways, 0.04, thin=0.02), cameras=cameras)
+    seen = len(made.mesh.faces) - made.unseen
+    assert 0 < made.unseen < 0.6 * seen
+    back = made.mesh.vertices[np.unique(made.mesh.faces[seen:])]
+    assert (np.linalg.norm(back, axis=1) < 0.95).all()
+
+
 def test_cameras_of_something_else_are_refused() -> None:
     away = [Camera.look_at((0, 0, 30), (0, 0, 60), 64, 48, yfov=40, name="away")]
     with pytest.raises(InputError, match="its 1 cameras see 0% of its surface"):

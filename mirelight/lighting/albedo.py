@@ -7,7 +7,6 @@ vertex counts and fine texture does not, and vertices are enough to hold it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight import colour, conventions, sh
 from mirelight.errors import RenderError
+from mirelight.lighting.filling import Filling, add_rows
 from mirelight.lighting.points import shown
 from mirelight.lighting.pooling import pooled
 from mirelight.lighting.trace import Tracer
@@ -32,7 +32,6 @@ CLIPPED = 0.03  # of display white: splats that near it may have been brighter
 _MANY = 0.1  # share of clipped splats in bright light from which a vertex's colour is told by the others
 _OVEREXPOSED = 1e-4  # what a splat in such light counts then
 _START = 0.5  # albedo that the first round's light is traced with
-_FILL_STEPS = 256  # edges from a vertex with splats to the farthest without that takes its colour
 _POOL = 2.0  # times the splats' distance: the finest cells over which colours of fine meshes are pooled
 
 Int = NDArray[np.int64]
@@ -60,16 +59,16 @@ class _Shape:
 
     mesh: ProxyMesh
     area: F64  # (F,) twice the areas of faces
+    way: Int  # (V,) 0 to 5: which of the six main directions a vertex looks along
     met: Int  # (M,) vertices at the corners of faces with splats
     corner: Int  # (N, 3) of the splats' faces: rows of `met`
-    way: Int  # (M,) 0 to 5: which of the six main directions a vertex looks along
 
     @staticmethod
     def of(mesh: ProxyMesh, way: Int, deposits: Deposits) -> _Shape:
         """Of a mesh whose vertices look along `way` (V,)."""
         met, corner = np.unique(mesh.faces[deposits.face].astype(np.int64), return_inverse=True)
         area = np.linalg.norm(_crossed(mesh.vertices[mesh.faces].astype(np.float64)), axis=1)
-        return _Shape(mesh, np.asarray(area), met, corner.reshape(-1, 3), way[met])
+        return _Shape(mesh, np.asarray(area), way, met, corner.reshape(-1, 3))
 
     @property
     def met_share(self) -> float:
@@ -134,13 +133,16 @@ def _colors(
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     deposits = deposits_of(splats, mesh, tracer)
     shape = _Shape.of(mesh, way, deposits)
-    outwards = _outwards(mesh, deposits)
+    told = np.zeros(len(way), bool)
+    for k in range(3):
+        told[mesh.faces[deposits.face, k][deposits.weight * deposits.corners[:, k] > 0]] = True
+    filling = Filling.of(mesh, way, told)
     colors = np.asarray(mesh.vertex_colors)
     lit = True
     for done, spp in enumerate(SPP):
         light = irradiance_at(deposits, mesh, tracer, captured, spp)
         lit = bool(light.any())
-        found = _albedo(shape, deposits, light, outwards)
+        found = _albedo(shape, deposits, light, filling)
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
         tracer.recolor(colors)
@@ -242,15 +244,24 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
     return light
 
 
-def _albedo(shape: _Shape, deposits: Deposits, light: F64, outwards: Sequence[Int]) -> F32:
+def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> F32:
     """(V, 3) sums of the splats' colours over sums of their light."""
     count = np.where(_overexposed(shape, deposits, light), _OVEREXPOSED, 1)
     values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1)
     sums = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
-    c, e, w = np.split(_filled(shape, sums, outwards), [3, 6], axis=1)
+    c, e, w = np.split(_means(shape, sums, filling), [3, 6], axis=1)
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
+
+
+def _means(shape: _Shape, sums: F64, filling: Filling) -> F64:
+    """(V, C) means from sums (M, C) of the vertices met; the others take those around them."""
+    out = np.tile(sums.sum(axis=0) / sums[:, 6].sum(), (len(shape.mesh.vertices), 1))
+    known = sums[:, 6] > 0
+    out[shape.met[known]] = sums[known] / sums[known, 6:]
+    filling.fill(out)
+    return out
 
 
 def _overexposed(shape: _Shape, deposits: Deposits, light: F64) -> NDArray[np.bool_]:
@@ -274,71 +285,10 @@ def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64) -> F64:
     sums = np.zeros((len(shape.met), values.shape[1] + 1))
     shared = np.concatenate([values, count[:, None]], axis=1)
     for k in range(3):
-        _add(sums, shape.corner[:, k], shared * deposits.corners[:, k, None])
+        add_rows(sums, shape.corner[:, k], shared * deposits.corners[:, k, None])
     known = sums[:, -1] > 0
     at = shape.mesh.vertices[shape.met[known]].astype(np.float64)
     out = np.zeros((len(sums), values.shape[1]))
     size = _POOL * float(np.sqrt(shape.area.sum() / 2 / len(values)))
-    out[known] = pooled(sums[known, :-1], sums[known, -1], at, shape.way[known], size)
+    out[known] = pooled(sums[known, :-1], sums[known, -1], at, shape.way[shape.met[known]], size)
     return out
-
-
-def _neighbours(mesh: ProxyMesh) -> Int:
-    """(E, 2) pairs of vertices that share an edge or a place, both ways round."""
-    f = mesh.faces.astype(np.int64)
-    same = np.stack([np.arange(len(mesh.vertices)), _first_there(mesh.vertices)], axis=1)
-    pairs = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]], same])
-    return np.concatenate([pairs, pairs[:, ::-1]])
-
-
-def _first_there(vertices: F32) -> Int:
-    """(V,) the first vertex in the same place as each."""
-    x, y, z = (vertices + np.float32(0)).T.copy().view(np.uint32).astype(np.uint64)  # + 0: -0 becomes 0
-    across = x << np.uint64(32) | y
-    order = np.lexsort((z, across))
-    across, z = across[order], z[order]
-    new = np.concatenate([[True], (across[1:] != across[:-1]) | (z[1:] != z[:-1])])
-    out = np.empty(len(order), np.int64)
-    out[order] = order[new][np.cumsum(new) - 1]
-    return out
-
-
-def _outwards(mesh: ProxyMesh, deposits: Deposits) -> list[Int]:
-    """From vertices with splats outwards, step by step: (E, 2) a vertex that is reached, a neighbour that is known."""
-    neighbours, known = _neighbours(mesh), np.zeros(len(mesh.vertices), bool)
-    for k in range(3):
-        known[mesh.faces[deposits.face, k][deposits.weight * deposits.corners[:, k] > 0]] = True
-    by_source = np.argsort(neighbours[:, 1], kind="stable")
-    ends = np.searchsorted(neighbours[by_source, 1], np.arange(len(known) + 1))
-    steps, front = list[Int](), np.flatnonzero(known)
-    for _ in range(_FILL_STEPS):
-        count = ends[front + 1] - ends[front]
-        own = np.arange(count.sum()) + np.repeat(ends[front] - np.cumsum(count) + count, count)
-        reached = neighbours[np.sort(by_source[own])]
-        reached = reached[~known[reached[:, 0]]]
-        if not len(reached):
-            break
-        steps.append(reached)
-        front = np.unique(reached[:, 0])
-        known[front] = True
-    return steps
-
-
-def _filled(shape: _Shape, sums: F64, outwards: Sequence[Int]) -> F64:
-    """(V, C) means from sums (M, C) of the vertices met; the others take the mean of their neighbours', from the known
-    ones outwards."""
-    out = np.tile(sums.sum(axis=0) / sums[:, 6].sum(), (len(shape.mesh.vertices), 1))
-    known = sums[:, 6] > 0
-    out[shape.met[known]] = sums[known] / sums[known, 6:]
-    for reached in outwards:
-        new, row = np.unique(reached[:, 0], return_inverse=True)
-        found = np.zeros((len(new), sums.shape[1]))
-        _add(found, row, out[reached[:, 1]])
-        out[new] = found / found[:, 6:]
-    return out
-
-
-def _add(sums: F64, rows: NDArray[np.integer], values: F64) -> None:
-    """Adds values (N, C) to rows, those that meet in one row too."""
-    for k in range(sums.shape[1]):
-        sums[:, k] += np.bincount(rows, values[:, k], minlength=len(sums))

@@ -298,6 +298,22 @@ def test_vertices_without_splats_take_their_neighbours_colour() -> None:
     np.testing.assert_allclose(found.vertex_colors, np.tile(RED / 1.01, (len(found.vertices), 1)), rtol=0.01)
 
 
+def test_what_no_edge_joins_to_splats_looks_like_the_nearest_that_faces_the_same_way() -> None:
+    """A red floor and a green one, and beside the green one an island that no splat lies on."""
+    pieces = [quad((x, 0, 0.5), (1, 0, 0), (0, 0, -1), parts=4) for x in (-3, 1)]
+    floors = joined(*pieces, quad((2.2, 0, 0.5), (0.2, 0, 0), (0, 0, -1)))
+    at = np.random.default_rng(4).uniform(-0.5, 0.5, (6000, 3)) * [1, 0, 1] + np.repeat(
+        [[-2.5, 0, 0], [1.5, 0, 0]], 3000, 0
+    )
+    color = np.repeat([RED, GREEN], 3000, axis=0) / np.pi
+    found = colored_by(
+        splats_on(at, np.tile([0.0, 1, 0], (6000, 1)), color, 0.01), floors, lit((0, -1, 0), 1), SETTINGS
+    )
+    assert found.vertex_colors is not None
+    island = found.vertices[:, 0] > 2.1
+    np.testing.assert_allclose(found.vertex_colors[island], np.tile(GREEN / 1.01, (island.sum(), 1)), rtol=0.01)
+
+
 def test_dark_capture_tells_no_colour_but_stays_finite() -> None:
     gray = joined(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)))
     at = np.zeros((10, 3))

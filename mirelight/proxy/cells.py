@@ -57,10 +57,11 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     ends = np.concatenate([_ends(discs, rows, near[rows], local) for rows in _chunks(len(near), _CHUNK)])
     kept, stands_for_more = _without_flats(discs, near, distance, s)
     radius, ends = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept], ends[kept]
+    flats = discs.at[np.isin(np.arange(len(discs.at)), kept, invert=True) | stands_for_more]
     discs = discs.where(kept)
     near, distance = neighbours_of(discs.at, NEIGHBOURS)
     local = distance[:, 5] / 1.8
-    rods = rods_of(discs.at, discs.normal, near, local)
+    rods = rods_of(discs.at, discs.normal, near, local, flats)
     bars = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     parts, whole, creased = _Parts(), list[tuple[Int, Polygons]](), np.zeros(len(discs.at), bool)
     for rows in _chunks(len(discs.at), _CHUNK):

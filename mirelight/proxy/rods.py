@@ -2,7 +2,8 @@
 
 Normals of the discs around a bar lie across its axis and turn about it, and their middles lie close to it. So the axis
 is known from them, and how far out the bar's sides are from their planes. Cells of such discs would stick out past the
-bar, and leave gaps where no camera saw it; a square prism about the axis does neither.
+bar, and leave gaps where no camera saw it; a prism about the axis does neither. It is square, or has eight sides where
+a rod is so slender that few discs tell of it (`slender`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
+from mirelight.proxy.slender import WIDE, Slender, beside, flattened, frame_of, slender_of
 from mirelight.proxy.types import Int, Soup
 
 NEAR = 0.6  # local spacings: standard deviation of the weights by which neighbours tell the axis
@@ -27,6 +29,10 @@ BESIDE = 1.5  # local spacings: a disc of the same side that near across the axi
 AGREED = 0.6  # of what is around a disc on a rod: how much must be on one, too
 ONE_SIDED = 0.2  # of a rod's width: it is no flatter, but was seen from one side alone, and is as deep as wide
 STRAY = 3.0  # times the discs' distance from the axis: neighbours farther off lie on something else
+SIDES = 8  # of a slender rod
+FACES = 0.6  # cosine, from which a plane tells how far out a corner of it is
+SHARP = 8  # power of that cosine that planes weigh by
+AHEAD = 0.25  # local spacings: a disc that much farther along carries the rod on
 _CHUNK = 100_000  # discs looked at at once
 
 
@@ -35,39 +41,48 @@ class Rods:
     """Discs that lie on rods, and what they tell of them."""
 
     rows: Int  # (M,) which discs
-    axis: F64  # (M, 3) unit, in the disc's plane
+    axis: F64  # (M, 3) unit
     across: F64  # (M, 3) unit, in the disc's plane
-    normal: F64  # (M, 3) across x axis, along the disc's normal
+    normal: F64  # (M, 3) axis x across, about along the disc's normal
     middle: F64  # (M, 3) from the disc's middle straight to the axis
-    half: F64  # (M, 2) half the rod's width across and along the normal
+    ring: F64  # (M, SIDES, 2) corners around the axis, across and along the normal, turning from the one to the other
+    ahead: F64  # (M, 2) either way along the axis from the disc's middle, how far others carry the rod on; 0: none does
 
     def where(self, chosen: NDArray[np.bool_]) -> Rods:
         """Some of them (M,)."""
         return Rods(*(getattr(self, x)[chosen] for x in Rods.__slots__))
 
+    def beside(self, other: Rods) -> Rods:
+        """Both, the discs in their order."""
+        both = Rods(*(np.concatenate([getattr(self, x), getattr(other, x)]) for x in Rods.__slots__))
+        order = np.argsort(both.rows, kind="stable")
+        return Rods(*(getattr(both, x)[order] for x in Rods.__slots__))
+
     def prisms(self, at: F64, low: F64, high: F64) -> Soup:
-        """Four sides about each axis, fronts outwards, open at both ends.
+        """Sides about each axis, fronts outwards, open at both ends.
 
         Args:
             at: (M, 3) middles of the discs.
-            low: (M,) where the prism begins along the axis, from the disc's middle.
+            low: (M,) where the prism begins along the axis, from the disc's middle, if no other carries the rod on.
             high: (M,) and where it ends.
         """
-        there = np.flatnonzero(high > low)
+        behind, ahead = self.ahead.T
+        low, high = np.where(behind > 0, -behind, low), np.where(ahead > 0, ahead, high)
+        there = np.flatnonzero(np.isfinite(low) & np.isfinite(high) & (high > low))
+        plane = np.stack([self.across[there], self.normal[there]], axis=1)
+        ring = np.einsum("mkj,mji->mki", self.ring[there], plane) + (at + self.middle)[there][:, None]
         ends = np.stack([low, high], axis=1)[there]
-        side = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[None, None] * self.half[there][:, None, None]
-        ring = side[..., :1] * self.across[there][:, None, None] + side[..., 1:] * self.normal[there][:, None, None]
-        corners = (
-            (at + self.middle)[there][:, None, None] + ring + (ends[..., None] * self.axis[there][:, None])[:, :, None]
+        corners = ring[:, None] + (ends[..., None] * self.axis[there][:, None])[:, :, None]
+        k = np.arange(SIDES)
+        after = (k + 1) % SIDES
+        own = np.concatenate(
+            [np.stack([k, after, after + SIDES], axis=1), np.stack([k, after + SIDES, k + SIDES], axis=1)]
         )
-        k = np.arange(4)
-        after = (k + 1) % 4
-        own = np.concatenate([np.stack([k, after + 4, after], axis=1), np.stack([k, k + 4, after + 4], axis=1)])
-        faces = 8 * np.arange(len(there))[:, None, None] + own
+        faces = 2 * SIDES * np.arange(len(there))[:, None, None] + own
         return Soup(corners.reshape(-1, 3), faces.reshape(-1, 3))
 
 
-def rods_of(at: F64, normals: F64, near: Int, local: F64) -> Rods:
+def rods_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Rods:
     """Which discs lie on rods: those that look so, where most of what is around them does.
 
     Args:
@@ -75,6 +90,7 @@ def rods_of(at: F64, normals: F64, near: Int, local: F64) -> Rods:
         normals: (N, 3) unit, of either sign.
         near: (N, K) their neighbours.
         local: (N,) their distance from each other there.
+        flats: (F, 3) middles of discs in the midst of planes, where others may stand for them.
     """
     parts = [
         _looking_so(at, normals, np.arange(k, min(k + _CHUNK, len(at))), near, local) for k in range(0, len(at), _CHUNK)
@@ -85,7 +101,9 @@ def rods_of(at: F64, normals: F64, near: Int, local: F64) -> Rods:
     some = near[found.rows]
     weight = _weights(at[some] - at[found.rows][:, None], local[found.rows])
     agreed = (weight * looks[some]).sum(axis=1) >= AGREED * weight.sum(axis=1)
-    return found.where(agreed)
+    slender = slender_of(at, normals, near, local, flats)
+    bars = found.where(agreed & ~slender.there[found.rows])
+    return bars.beside(_shaped(slender, at, normals, near, local))
 
 
 def _weights(step: F64, local: F64) -> F64:
@@ -132,4 +150,41 @@ def _looking_so(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Rods
         now = (middle[both] * way[both]).sum(axis=1)
         middle[both] += ((high + low) / 2 - now)[:, None] * way[both]
     half = np.where(half > ONE_SIDED * half[:, ::-1], half, half[:, ::-1])
-    return Rods(rows, axis, across, n, middle, half).where(there & (half > 0).all(axis=1))
+    turn = np.arange(SIDES) * (2 * np.pi / SIDES)
+    ring = half[:, None] * np.round(np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    return Rods(rows, -axis, across, n, middle, ring, np.zeros_like(half)).where(there & (half > 0).all(axis=1))
+
+
+def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rods:
+    """Slender rods as wide as the planes of the discs on them say together."""
+    rows = np.flatnonzero(found.there)
+    some = np.concatenate([rows[:, None], near[rows]], axis=1)
+    n, s, r = normals[rows], local[rows], found.radius[rows]
+    frame = frame_of(found.axis[rows], n)
+    step = at[some] - at[rows][:, None]
+    own = np.einsum("ri,rij->rj", found.middle[rows], frame)[:, :2]
+    theirs = np.einsum("rki,rij->rkj", step + found.middle[some], frame)[..., :2]
+    mate = found.there[some] & (np.linalg.norm(theirs - own[:, None], axis=2) < r[:, None])
+    weight = mate * np.exp(-0.5 * (step**2).sum(axis=2) / (WIDE * s[:, None]) ** 2)
+    weight /= weight.sum(axis=1, keepdims=True)
+    middle = (weight[..., None] * theirs).sum(axis=1)
+    m, _ = flattened(normals[some], frame)
+    q = np.einsum("rki,rij->rkj", step, frame)
+    _, out = beside(q[..., :2] - middle[:, None], m)
+    m, out = m * np.where(out < 0, -1.0, 1.0)[..., None], np.abs(out)
+    mean = (weight * out).sum(axis=1)
+    far, turn = np.empty((len(rows), SIDES)), np.arange(SIDES) * (2 * np.pi / SIDES)
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    for k in range(SIDES):
+        facing = m @ way[k]
+        share = weight * np.where(facing > FACES, facing, 0.0) ** SHARP
+        total = share.sum(axis=1)
+        plane = (share * out / np.maximum(facing, FACES)).sum(axis=1) / np.maximum(total, 1e-30)
+        far[:, k] = np.where(total > 1e-9, plane, np.nan)
+    far = np.where(np.isnan(far), np.roll(far, SIDES // 2, axis=1), far)  # seen from one side alone
+    far = np.where(np.isnan(far), mean[:, None], far)
+    along = np.where(mate, q[..., 2], 0.0)
+    ahead = np.stack([-along.min(axis=1), along.max(axis=1)], axis=1)
+    ahead = np.where(ahead > AHEAD * s[:, None], np.minimum(ahead, s[:, None]), 0.0)
+    across = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
+    return Rods(rows, frame[:, :, 2], frame[:, :, 0], frame[:, :, 1], across, far[..., None] * way, ahead)

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from mirelight.lighting.sight import Sight
 from mirelight.model import ProxyMesh
 from mirelight.proxy import make
-from mirelight.proxy.rods import rods_of
+from mirelight.proxy.discs import neighbours_of
+from mirelight.proxy.rods import Rods, rods_of
+from mirelight.proxy.slender import slender_of
 
 from .clouds import ball, on_surface, square
 
@@ -65,10 +67,14 @@ def test_bars_turn_their_fronts_outwards() -> None:
     assert (outwards > 0).mean() > 0.9
 
 
+def found(at: F64, normals: F64) -> Rods:
+    """Rods on which discs lie that have no plane around them."""
+    near, distance = neighbours_of(at, 20)
+    return rods_of(at, normals, near, distance[:, 5] / 1.8, np.zeros((0, 3)))
+
+
 @pytest.mark.parametrize("surface", ["plane", "edge", "ball"])
 def test_what_is_no_bar_has_none(surface: str) -> None:
-    from scipy.spatial import cKDTree
-
     if surface == "ball":
         cloud = ball(2000)
         at = cloud.means.astype(np.float64)
@@ -78,19 +84,78 @@ def test_what_is_no_bar_has_none(surface: str) -> None:
         if surface == "edge":
             wall = square(2, STEP, 0, 1.0)
             at, normals = np.concatenate([at, wall[0]]), np.concatenate([normals, wall[1]])
-    distance, near = cKDTree(at).query(at, k=21)
-    rods = rods_of(at, normals, near[:, 1:], distance[:, 6] / 1.8)
-    assert not len(rods.rows)
+    assert not len(found(at, normals).rows)
+
+
+def test_a_groove_in_a_plane_is_no_slender_rod() -> None:
+    """Its sides face each other, and lines along their normals meet, but planes are beside it."""
+    at, normals = square(2, STEP, 1, 0.0)
+    flats = at[np.abs(at[:, 0]) > 3 * STEP]
+    inside = np.abs(at[:, 0]) < STEP
+    at[inside, :2] = np.stack([np.sign(at[inside, 0]) * 0.2 * STEP, np.full(inside.sum(), -0.1 * STEP)], axis=1)
+    normals[inside, 0] = -np.sign(at[inside, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    near, distance = neighbours_of(at, 20)
+    assert not slender_of(at, normals, near, distance[:, 5] / 1.8, flats).there.any()
 
 
 def test_a_bar_is_found_by_its_discs() -> None:
-    from scipy.spatial import cKDTree
-
     at, normals = bar(4)
-    distance, near = cKDTree(at).query(at, k=21)
-    rods = rods_of(at, normals, near[:, 1:], distance[:, 6] / 1.8)
+    rods = found(at, normals)
     assert len(rods.rows) > 0.8 * len(at)
     np.testing.assert_allclose(np.abs(rods.axis[:, 1]), 1, atol=0.02)
-    assert np.median(np.abs(rods.half / HALF - 1)) < 0.2
+    out = np.linalg.norm(rods.ring, axis=2)
+    assert np.median(out.min(axis=1)) > HALF * 0.8 and np.median(out.max(axis=1)) < HALF * np.sqrt(2) * 1.2
     off = np.linalg.norm((at[rods.rows] + rods.middle)[:, [0, 2]], axis=1)
     assert np.median(off) < 0.3 * HALF
+
+
+def few(count: int, radius: float, tall: float, seed: int) -> tuple[F64, F64]:
+    """So many discs anywhere around an upright round post."""
+    rng = np.random.default_rng(seed)
+    turn, up = rng.uniform(0, 2 * np.pi, count), (np.arange(count) + rng.uniform(0.2, 0.8, count)) / count * tall
+    out = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1)
+    return radius * out + up[:, None] * (0, 1, 0), out * rng.choice([-1.0, 1.0], count)[:, None]
+
+
+@pytest.mark.parametrize("radius", [0.006, 0.012])
+def test_posts_of_few_discs_hide_of_a_lamp_what_they_should(radius: float) -> None:
+    """Around a lamp stand six posts: of a circle around it they hide six times twice the arc sine of radius by way."""
+    away, tall = 0.1, 0.3
+    turn = np.arange(6) * (np.pi / 3)
+    foot = away * np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1)
+    posts = [few(12, radius, tall, seed) for seed in range(6)]
+    at = np.concatenate([post[0] + place for post, place in zip(posts, foot, strict=True)])
+    rods = found(at, np.concatenate([post[1] for post in posts]))
+    assert len(rods.rows) > 0.9 * len(at)
+    nothing = np.zeros(len(rods.rows))
+    sight = Sight(rods.prisms(at[rods.rows], nothing, nothing).mesh())
+    around = np.linspace(0, 2 * np.pi, 3600, endpoint=False)
+    way = np.stack([np.cos(around), 0 * around, np.sin(around)], axis=1)
+    hidden = [(sight.first_hits(np.tile((0, tall * up, 0), (3600, 1)), way)[0] >= 0).mean() for up in (0.35, 0.5, 0.65)]
+    np.testing.assert_allclose(hidden, 6 * np.arcsin(radius / away) / np.pi, rtol=0.2)
+
+
+def test_a_post_goes_on_to_where_it_ends() -> None:
+    """On a plate, but for the lowest disc: by what is found where it is free, as beside its lower end it is not."""
+    at, normals = few(14, HALF, 0.4, 1)
+    plate = square(0.12, 0.02, 1, 0.0)
+    rods = found(np.concatenate([at, plate[0]]), np.concatenate([normals, plate[1]]))
+    assert set(range(1, 14)) <= set(rods.rows.tolist())
+    assert rods.rows.max() < 14
+
+
+def test_a_ring_is_as_thick_as_its_tube() -> None:
+    """A disc every 8 mm, anywhere around a tube of 5 mm radius that is bent to a ring of 120."""
+    rng = np.random.default_rng(3)
+    around, turn = np.arange(90) * (2 * np.pi / 90), rng.uniform(0, 2 * np.pi, 90)
+    out = np.stack([np.cos(around), 0 * around, np.sin(around)], axis=1)
+    normals = np.cos(turn)[:, None] * out + np.sin(turn)[:, None] * (0, 1, 0)
+    at = 0.12 * out + 0.005 * normals
+    rods = found(at, normals)
+    assert len(rods.rows) > 0.8 * len(at)
+    axis = at[rods.rows] + rods.middle
+    assert np.median(np.abs(np.linalg.norm(axis[:, [0, 2]], axis=1) / 0.12 - 1)) < 0.03
+    assert abs(np.median(np.linalg.norm(rods.ring, axis=2)) / 0.005 - 1) < 0.2
+    along = np.cross(out[rods.rows], (0, 1, 0))
+    assert np.median(np.abs((along * rods.axis).sum(axis=1))) > 0.97

@@ -1,0 +1,211 @@
+"""Slender rods: posts, rails and rings that stand free, with so few discs on them that no place shows all their sides.
+
+Lines along the normals of a round rod's discs meet in its axis, however few they are, so a few of them tell it. What
+tells a rod from an edge, a groove or a leaf is that nothing is beside it; where a rod ends or meets another it goes on
+by the discs that lie on what was found where it is free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F64
+from mirelight.proxy.types import Int
+
+Bool = NDArray[np.bool_]
+
+WIDE = 1.2  # local spacings: standard deviation of the weights of neighbours
+SHEET = 0.8  # cosine between normals of discs of one side
+LEVEL = 0.15  # local spacings: so much may discs of one side lie over each other
+FEW = 3  # discs of one side that a slender rod may have around each
+AROUND = 1.5  # local spacings around a disc in which those count
+UPRIGHT = 0.3  # cosine between a normal and the axis, above which a disc does not lie on the rod's sides
+TUBE = 0.4  # local spacings: radius about a line in which the discs of a rod lie, and of the thickest rods
+APART = 0.25  # local spacings: discs nearer than that do not tell a direction
+FEWEST = 5  # discs that tell a rod
+TURNED = 0.2  # share of the normals' squares that must lie across on either side, or the discs are those of a sheet
+LONG = 5.0  # radii that a rod goes on at least among a disc's neighbours
+ROUNDS = 4  # in which the axis is found, each with less weight on what lies off it
+OFF = 0.5  # of the radius: how far beside the axis a normal's line halves what its disc weighs
+ASTRAY = 0.75  # of the radius: lines farther beside the axis, or planes that much farther out, lie on something else
+SLACK = 0.1  # local spacings that are granted besides
+FREE = 1.0, 0.8  # local spacings from the axis, and along it either way: only discs of the rod lie there
+OTHERS = 0.15  # share of the weight there that may be others
+OPEN = 6.0  # local spacings around a disc, in which no plane is that tells of a free rod
+MATES = 2  # discs that tell of the same rod, by which a further one is found to lie on it
+_CHUNK = 50_000  # discs looked at at once
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slender:
+    """Discs on slender rods, as each tells of them."""
+
+    there: Bool  # (N,)
+    axis: F64  # (N, 3) unit
+    middle: F64  # (N, 3) from the disc's middle straight to the axis
+    radius: F64  # (N,)
+
+    def _take(self, rows: Int, axis: F64, middle: F64, radius: F64) -> None:
+        self.there[rows] = True
+        self.axis[rows], self.middle[rows], self.radius[rows] = axis, middle, radius
+
+
+def slender_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Slender:
+    """Discs that lie on slender rods.
+
+    Args:
+        at: (N, 3) middles of discs.
+        normals: (N, 3) unit, of either sign.
+        near: (N, K) their neighbours.
+        local: (N,) their distance from each other there.
+        flats: (F, 3) middles of discs in the midst of planes, where others may stand for them.
+    """
+    n = len(at)
+    free, found = (Slender(np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)) for _ in range(2))
+    asked = [_with_few_beside(at, normals, rows, near, local) for rows in _chunks(_far_from(flats, at, local))]
+    for rows in _chunks(np.concatenate(asked)):
+        _fit(free, at, normals, rows, near, local)
+    for rows in _chunks(np.flatnonzero(free.there | free.there[near].any(axis=1))):
+        _follow(found, free, at, normals, rows, near, local)
+    return found
+
+
+def _chunks(rows: Int) -> list[Int]:
+    return [rows[k : k + _CHUNK] for k in range(0, max(len(rows), 1), _CHUNK)]
+
+
+def _far_from(flats: F64, at: F64, local: F64) -> Int:
+    """Discs with no plane around them: an edge or a groove lies in one."""
+    from scipy.spatial import cKDTree
+
+    if not len(flats):
+        return np.arange(len(at))
+    far, _ = cKDTree(flats).query(at, workers=-1)
+    return np.flatnonzero(far > OPEN * local)
+
+
+def _weights(step: F64, local: F64) -> F64:
+    return np.asarray(np.exp(-0.5 * (step**2).sum(axis=2) / (WIDE * local[:, None]) ** 2))
+
+
+def _with_few_beside(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Int:
+    """Those of the discs that have few of their own side around them."""
+    step, n, s = at[near[rows]] - at[rows][:, None], normals[rows], local[rows]
+    rise = np.abs(np.einsum("rki,ri->rk", step, n)) < LEVEL * s[:, None]
+    alike = np.abs(np.einsum("rki,ri->rk", normals[near[rows]], n)) > SHEET
+    close = (step**2).sum(axis=2) < (AROUND * s[:, None]) ** 2
+    return np.asarray(rows[(rise & alike & close).sum(axis=1) <= FEW])
+
+
+def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
+    """Find rods along the lines from discs to their neighbours; those that stand free are put in."""
+    step, m, n, s = at[near[rows]] - at[rows][:, None], normals[near[rows]], normals[rows], local[rows]
+    weight = _weights(step, s)
+    axis, score = _best_way(step, m, n, s, weight)
+    there = np.flatnonzero(score > 0)
+    rows, n, s, axis = rows[there], n[there], s[there], axis[there]
+    step = np.concatenate([np.zeros((len(rows), 1, 3)), step[there]], axis=1)
+    m = np.concatenate([n[:, None], m[there]], axis=1)
+    weight = np.concatenate([np.ones((len(rows), 1)), weight[there]], axis=1)
+    along = np.einsum("rki,ri->rk", step, axis)
+    own = weight * ((step**2).sum(axis=2) - along**2 < (TUBE * s[:, None]) ** 2)
+    own *= np.abs(np.einsum("rki,ri->rk", m, axis)) < UPRIGHT
+    off = step - ((own[..., None] * step).sum(axis=1) / own.sum(axis=1, keepdims=True))[:, None]
+    axis = np.linalg.eigh(np.einsum("rk,rki,rkj->rij", own, off, off))[1][:, :, 2]
+    frame = frame_of(axis, n)
+    flat, across = flattened(m, frame)
+    q = np.einsum("rki,rij->rkj", step, frame[:, :, :2])
+    middle, radius = _middle(q, flat, own * across)
+    aside, out = beside(q - middle[:, None], flat)
+    lax = ASTRAY * (radius + SLACK * s)[:, None]
+    on = across & (aside < lax) & (np.abs(np.abs(out) - radius[:, None]) < lax)
+    along = np.einsum("rki,ri->rk", step, axis)
+    good = on[:, 0] & (on.sum(axis=1) >= FEWEST) & (radius < TUBE * s)
+    reach = np.where(on, along, 0.0)
+    good &= reach.max(axis=1) - reach.min(axis=1) > LONG * radius
+    total = np.maximum((weight * on).sum(axis=1), 1e-30)
+    squares = np.einsum("rk,rki,rkj->rij", weight * on, flat, flat) / total[:, None, None]
+    good &= np.linalg.eigvalsh(squares)[:, 0] > TURNED
+    close = np.linalg.norm(q - middle[:, None], axis=2) < FREE[0] * s[:, None]
+    close &= np.abs(along) < FREE[1] * s[:, None]
+    good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
+    found._take(rows[good], axis[good], np.einsum("rij,rj->ri", frame[:, :, :2], middle)[good], radius[good])
+
+
+def _best_way(step: F64, m: F64, n: F64, local: F64, weight: F64) -> tuple[F64, F64]:
+    """(R, 3) which way to a neighbour most others lie on the sides of one rod, and (R,) how many more than others."""
+    length = np.linalg.norm(step, axis=2)
+    way = step / np.maximum(length, 1e-30)[..., None]
+    tried = (np.abs(np.einsum("rki,ri->rk", way, n)) < UPRIGHT) & (np.abs((way * m).sum(axis=2)) < UPRIGHT)
+    tried &= length > APART * local[:, None]
+    best, axis, tube = np.zeros(len(n)), np.zeros((len(n), 3)), (TUBE * local[:, None]) ** 2
+    for k in range(step.shape[1]):
+        within = weight * (length**2 - np.einsum("rki,ri->rk", step, way[:, k]) ** 2 < tube)
+        score = (within * np.where(np.abs(np.einsum("rki,ri->rk", m, way[:, k])) < UPRIGHT, 1.0, -1.0)).sum(axis=1)
+        better = np.flatnonzero(tried[:, k] & (score > best))
+        best[better], axis[better] = score[better], way[better, k]
+    return axis, best
+
+
+def _follow(found: Slender, free: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
+    """Discs that lie on rods which others around them tell of, with the mean of what those tell."""
+    some = np.concatenate([rows[:, None], near[rows]], axis=1)
+    step, s, n = at[some] - at[rows][:, None], local[rows], normals[rows]
+    axis, r = free.axis[some], free.radius[some]
+    off = step + free.middle[some]  # from the disc to their axes
+    off -= (off * axis).sum(axis=2, keepdims=True) * axis
+    far = np.linalg.norm(off, axis=2)
+    aside = np.linalg.norm(np.cross(off, n[:, None]), axis=2)
+    lax = ASTRAY * (r + SLACK * s[:, None])
+    mine = free.there[some] & (np.abs(far - r) < lax) & (aside < lax)
+    mine &= np.abs((axis * n[:, None]).sum(axis=2)) < UPRIGHT
+    weight = mine * _weights(step, s)
+    lead = axis[np.arange(len(rows)), weight.argmax(axis=1)]
+    sign = np.where(np.einsum("rki,ri->rk", axis, lead) < 0, -1.0, 1.0)
+    way = np.einsum("rk,rki->ri", weight * sign, axis)
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-30)
+    total = np.maximum(weight.sum(axis=1), 1e-30)
+    middle, radius = (weight[..., None] * off).sum(axis=1) / total[:, None], (weight * r).sum(axis=1) / total
+    middle -= (middle * way).sum(axis=1, keepdims=True) * way
+    good = mine.sum(axis=1) >= MATES
+    found._take(rows[good], way[good], middle[good], radius[good])
+
+
+def frame_of(axis: F64, n: F64) -> F64:
+    """(R, 3, 3) columns: across, about along a disc's normal, and the axis."""
+    across = np.cross(axis, n)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+    return np.stack([across, np.cross(axis, across), axis], axis=2)
+
+
+def flattened(m: F64, frame: F64) -> tuple[F64, Bool]:
+    """Normals (R, K, 3) as (R, K, 2) unit across the axes of frames, and whether they lie across them."""
+    flat = np.einsum("rki,rij->rkj", m, frame[:, :, :2])
+    size = np.linalg.norm(flat, axis=2)
+    return flat / np.maximum(size, 1e-30)[..., None], size > np.sqrt(1 - UPRIGHT**2)
+
+
+def beside(off: F64, m: F64) -> tuple[F64, F64]:
+    """(R, K) how far beside an axis lines through points (R, K, 2) along (R, K, 2) pass, and how far out those lie."""
+    return np.abs(off[..., 0] * m[..., 1] - off[..., 1] * m[..., 0]), (off * m).sum(axis=2)
+
+
+def _middle(q: F64, m: F64, weight: F64) -> tuple[F64, F64]:
+    """(R, 2) where lines through points (R, K, 2) along (R, K, 2) meet best, and (R,) how far off the points lie.
+
+    Weighted least squares, in rounds: what lies off counts less (Geman and McClure's weights).
+    """
+    t = np.stack([-m[..., 1], m[..., 0]], axis=2)
+    own, middle, radius = weight, np.zeros((len(q), 2)), np.zeros(len(q))
+    for _ in range(ROUNDS):
+        square = np.einsum("rk,rki,rkj->rij", own, t, t)
+        square += 1e-6 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(2) + 1e-30 * np.eye(2)
+        middle = np.linalg.solve(square, np.einsum("rk,rki,rk->ri", own, t, (t * q).sum(axis=2))[..., None])[..., 0]
+        aside, out = beside(q - middle[:, None], m)
+        radius = (own * np.abs(out)).sum(axis=1) / np.maximum(own.sum(axis=1), 1e-30)
+        off = (aside**2 + (np.abs(out) - radius[:, None]) ** 2) / np.maximum(OFF * radius[:, None], 1e-30) ** 2
+        own = weight / (1 + off) ** 2
+    return middle, radius

@@ -16,7 +16,7 @@ from mirelight.proxy.views import lattice, turned
 MOST_PLANES = 24
 _DIRECTIONS = 1500  # tried for normals, over the whole sphere
 _ALIKE = 0.985  # cosine between normals of one plane
-_SAMPLE = 20_000  # faces by which directions are chosen
+_SAMPLE = 5_000  # faces by which directions are chosen
 _LOOKED_AT = 100_000  # faces by which planes are
 
 Bool = NDArray[np.bool_]

@@ -217,7 +217,7 @@ def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
 def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
     """The sun at the direction, and with the disc, that explain the colours best with the radiances held.
 
-    The disc is the mean of those tried, each as likely as by how many standard errors it explains less than the best:
+    The disc is the median of those tried, each as likely as by how many standard errors it explains less than the best:
     where the proxy misfits, shadows' edges tell little, and the least loss is by chance that of a far too sharp one.
     """
     others = light.beams[1 : 1 + places.named.shape[1]]
@@ -242,8 +242,8 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
     radii = np.array(RADII[max(middle - _NEAR, 0) : middle + _NEAR + 1])
     more, error = _compared_to_best(np.stack([losses(way, r, _DISC) for r in radii]), _blocks(places.points)[pairs.a])
     off = more / np.maximum(error, 1e-12)
-    likely, maybe = np.exp(-0.5 * off**2), radii[off <= _SURELY]
-    radius = float(np.average(radii, weights=likely))
+    likely, maybe = np.cumsum(np.exp(-0.5 * off**2)), radii[off <= _SURELY]
+    radius = float(radii[np.searchsorted(likely, 0.5 * likely[-1])])
     return replace(found, to_sun=way, radius=radius, radii=(float(maybe.min()), float(maybe.max())))
 
 

@@ -312,9 +312,9 @@ def test_a_sun_is_as_strong_as_it_was_though_the_proxys_shadows_miss() -> None:
     assert abs(without - 1) < 0.03
 
 
-def test_the_suns_disc_is_the_mean_of_those_that_explain_as_much() -> None:
+def test_the_suns_disc_is_the_median_of_those_that_explain_as_much() -> None:
     """Under the roof's edge a disc of 4 degrees: no far sharper one can be where the proxy fits. Where parts of
-    the edge are elsewhere than the proxy has them one can, and the one that is taken is still about as wide."""
+    the edge are elsewhere than the proxy has them one can, and the one that is taken is a tried one beside it."""
     mesh, splats = slabs(0.2)
     places = transport.places_of(splats, mesh, SETTINGS)
     floor = (places.points[:, 1] < 0.5) & (np.abs(places.points[:, [0, 2]]) < 1.8).all(axis=1)
@@ -333,7 +333,7 @@ def test_the_suns_disc_is_the_mean_of_those_that_explain_as_much() -> None:
     fits, misfits = found
     assert 1 < fits.radius <= 4
     assert fits.radii[0] >= 1
-    assert 1 < misfits.radius <= 4
+    assert 1 <= misfits.radius <= 4
     assert misfits.radii[0] < 1 and misfits.radii[1] >= 2
 
 

@@ -70,7 +70,8 @@ def beyond_pictures(
         plane_of[plane.faces] = k
     of = plane_of[face]
     vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    for k in sorted(range(len(planes)), key=lambda k: planes[k].area):  # what a small one closes, a larger one meets
+    done: dict[int, Bool] = {}
+    for k in 2 * sorted(range(len(planes)), key=lambda k: planes[k].area):  # what each closes, the others meet
         plane = planes[k]
         sheet = Sheet.of(plane, planes, low, high, cell)
         surface = spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1)
@@ -78,7 +79,9 @@ def beyond_pictures(
         across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < _ACROSS]
         own, met, stops = (sheet.cells(x) for x in (surface, marks[near], marks[near & np.isin(of, across)]))
         large = plane.area >= LEAST_AREA * area
-        made = sheet.rectangles(_carried_on(sheet, own, met, stops, look(_NEAR * cell), large))
+        cells = _carried_on(sheet, own, met, stops, look(_NEAR * cell), large)
+        made = sheet.rectangles(cells & ~done.get(k, own))
+        done[k] = cells
         more = spread(made.vertices, made.faces, int(_MARKS * areas_of(made.vertices, made.faces).sum() / cell**2))
         marks, of = np.concatenate([marks, more]), np.concatenate([of, np.full(len(more), k)])
         vertices.append(made.vertices)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -215,6 +216,32 @@ def test_a_plane_that_is_seen_to_end_does_not_go_on_to_the_wall() -> None:
     starts = np.stack([np.full(40, -1.25), np.full(40, -0.3), z], axis=1)
     hit, far = Sight(ceilings()[1].mesh).first_hits(starts, np.tile((0.0, 1.0, 0.0), (40, 1)))
     assert (far[hit >= 0] > 1).all()
+
+
+@cache
+def alcove() -> MadeProxy:
+    """A wall, and a smaller ceiling, seen up to where a deep beam hides how they meet; a panel far behind."""
+    fine = 0.06
+    z = np.arange(-1.48, 1.5, fine)
+
+    def sheet(first: F64, second: F64, place: Callable[[F64, F64], tuple[F64, F64]]) -> F64:
+        a, along = (x.ravel() for x in np.meshgrid(first, z))
+        return np.stack([*place(a, second), along], axis=1)
+
+    ceiling = sheet(np.arange(-1.1, 0.5, fine), np.array(2.0), lambda x, y: (x, np.full_like(x, y)))
+    upright = [(-1.1, 1.2, 2.0), (-1.5, -1.0, 1.2), (-6.0, 0.0, 0.5)]  # beam, wall, panel
+    parts = [ceiling] + [
+        sheet(np.arange(a, b, fine), np.array(x), lambda y, x: (np.full_like(y, x), y)) for x, a, b in upright
+    ]
+    normals = [np.tile(n, (len(p), 1)) for p, n in zip(parts, [(0.0, 1.0, 0.0)] + 3 * [(1.0, 0.0, 0.0)], strict=True)]
+    cameras = [Camera.look_at((3.0, 0.9, k), (-1.2, 0.9, 0), 200, 160, yfov=70, name=f"{k}") for k in (-1.0, 0.0, 1.0)]
+    return make(on_surface(np.concatenate(parts), np.concatenate(normals), 0.7 * fine, thin=0.02), cameras=cameras)
+
+
+def test_a_ceiling_meets_a_wall_that_nobody_saw_there_either() -> None:
+    starts = np.stack([np.full(40, -1.3), np.full(40, 1.6), np.linspace(-1.2, 1.2, 40)], axis=1)
+    for way in ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)):
+        assert blocked(alcove(), starts, np.array(way)).mean() > 0.9
 
 
 def test_what_closes_planes_is_of_few_triangles() -> None:

@@ -54,15 +54,7 @@ class Slender:
 
 
 def slender_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Slender:
-    """Discs that lie on slender rods.
-
-    Args:
-        at: (N, 3) middles of discs.
-        normals: (N, 3) unit, of either sign.
-        near: (N, K) their neighbours.
-        local: (N,) their distance from each other there.
-        flats: (F, 3) middles of discs in the midst of planes, where others may stand for them.
-    """
+    """Discs that lie on slender rods; of arguments as of :func:`mirelight.proxy.rods.rods_of`."""
     n = len(at)
     free, found = (Slender(np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)) for _ in range(2))
     asked = [_with_few_beside(at, normals, rows, near, local) for rows in _chunks(_far_from(flats, at, local))]

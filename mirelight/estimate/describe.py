@@ -69,8 +69,8 @@ def unknown(found: Estimate) -> Iterator[str]:
         )
     if found.sun.any() and not c.sun_apart <= SUNS_AGREE:
         yield "where the sun stood: the two halves of the splats disagree, so its direction is a guess"
-    if found.sun.any() and _disc_unknown(found):
-        low, high = c.sun_disc
+    low, high = c.sun_disc
+    if found.sun.any() and high - low > DISC_KNOWN:
         yield f"how wide the sun's disc is: anything from {low:.2g}° to {high:.2g}° explains about as much"
     if not c.halves_apart <= HALVES_AGREE:
         yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
@@ -81,11 +81,6 @@ def unknown(found: Estimate) -> Iterator[str]:
     yield "its colour: it is taken as white in the mean; a sunset's or a lamp's colour stays in the surfaces"
     yield "parts of the sky that the same splats see, and what casts shadows from outside the proxy"
     yield "small lamps, lamps that are no points, and what pictures that were tone-mapped or exposed by themselves hide"
-
-
-def _disc_unknown(found: Estimate) -> bool:
-    low, high = found.confidence.sun_disc
-    return high - low > DISC_KNOWN
 
 
 def _luminance(rgb: F64) -> float:

@@ -105,13 +105,14 @@ def estimate(
     scale = 1.0 if known else _scale_for_albedo(places, best)
     light = best.at(places) if known else _scaled(best, scale).at(places)
     both = [one.at(places) for one in found]
+    radius, radii = (0.0, (0.0, 0.0)) if best.sun is None else (best.sun.radius, best.sun.radii)
     confidence = Confidence(
         places=len(places),
         blocked=places.blocked,
         scale_known=known,
         sun_gain=gain,
         sun_apart=_apart(suns),
-        sun_disc=(_LEAST_DISC, _LEAST_DISC) if best.sun is None else _discs(best.sun),
+        sun_disc=(_diameter(radii[0]), _diameter(radii[1])),
         halves_apart=_differ(*both),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
         lamps_gain=tuple(lamp_gains),
@@ -121,7 +122,7 @@ def estimate(
     return Estimate(
         to_sun=np.array([0.0, 1.0, 0.0]) if best.sun is None else best.sun.to_sun,
         sun=np.zeros(3) if best.sun is None else np.pi * best.light.beams[0] * strength,
-        sun_diameter=_LEAST_DISC if best.sun is None else max(2 * best.sun.radius, _LEAST_DISC),
+        sun_diameter=_diameter(radius),
         named=tuple(_shining(*pair) for pair in zip(lights, strength * _named(best, places), strict=True)),
         lamps=np.concatenate([best.lamps, np.pi * strength * _strengths(best)], axis=1),
         radiance=as_map(best.light.sky * strength).astype(np.float64),
@@ -129,10 +130,9 @@ def estimate(
     )
 
 
-def _discs(found: Sun) -> tuple[float, float]:
-    """Degrees: the narrowest and the widest disc that may be the sun's."""
-    low, high = (max(2 * radius, _LEAST_DISC) for radius in found.radii)
-    return low, high
+def _diameter(radius: float) -> float:
+    """Degrees: no disc is narrower than the sun's own."""
+    return max(2 * radius, _LEAST_DISC)
 
 
 def _differ(one: F64, other: F64) -> float:

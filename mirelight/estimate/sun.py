@@ -164,17 +164,21 @@ def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:
 def _refined(of: Search, way: F64) -> tuple[F64, float]:
     """Steps to the better of eight neighbours, ever smaller."""
     loss = float(of.losses(of.places.facing(way[None])[0]).min())
-    turn = np.arange(8) * np.pi / 4
     for step in _STEPS:
         for _ in range(4):
-            s = np.sin(np.radians(step))
-            local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(step)))], axis=-1)
-            near = np.einsum("dk,kj->dj", local, frame_around(way))
+            near = _ring(way, step)
             found = np.array([of.losses(one).min() for one in of.places.facing(near)])
             if found.min() >= loss:
                 break
             way, loss = near[int(found.argmin())], float(found.min())
     return way, loss
+
+
+def _ring(way: F64, degrees: float) -> F64:
+    """(8, 3) directions around one, that far from it."""
+    turn, s = np.arange(8) * np.pi / 4, np.sin(np.radians(degrees))
+    local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(degrees)))], axis=-1)
+    return np.asarray(np.einsum("dk,kj->dj", local, frame_around(way)))
 
 
 def _with_disc(of: Search, way: F64) -> Sun:
@@ -227,13 +231,11 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
         shown = disc(places, way, radius, points)[:, None] * light.beams[0]
         return compared(places.color, sky + shown, pairs)
 
-    way, turn = found.to_sun, np.arange(8) * np.pi / 4
+    way = found.to_sun
     least = losses(way, found.radius, _FEW).sum()
     for step in _STEPS[1:]:
         for _ in range(3):
-            s = np.sin(np.radians(step))
-            local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(step)))], axis=-1)
-            near = np.einsum("dk,kj->dj", local, frame_around(way))
+            near = _ring(way, step)
             tried = [losses(one, found.radius, _FEW).sum() for one in near]
             if min(tried) >= least:
                 break

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from mirelight.model import F32, F64, ToneCurve
 
 CURVES: tuple[ToneCurve, ...] = ("none", "aces", "neutral")  # AgX mixes channels at both ends, and clips between
-
-
 _SHADOW = 0.02  # display-linear light added to all: black is no better known
 
 

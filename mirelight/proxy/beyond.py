@@ -13,6 +13,7 @@ beam, to the wall. Planes of parts of things do no more than that. All end where
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,18 +70,15 @@ def beyond_pictures(
     for k, plane in enumerate(planes):
         plane_of[plane.faces] = k
     of = plane_of[face]
+    looked = [_Looked.of(soup, k, planes, (low, high), cell, look(_NEAR * cell)) for k in range(len(planes))]
     vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     done: dict[int, Bool] = {}
     for k in 2 * sorted(range(len(planes)), key=lambda k: planes[k].area):  # what each closes, the others meet
-        plane = planes[k]
-        sheet = Sheet.of(plane, planes, low, high, cell)
-        surface = spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1)
+        plane, known = planes[k], looked[k]
         near = np.abs(turned(marks, plane.normal[None])[:, 0] - plane.offset) < cell
-        across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < _ACROSS]
-        own, met, stops = (sheet.cells(x) for x in (surface, marks[near], marks[near & np.isin(of, across)]))
-        large = plane.area >= LEAST_AREA * area
-        cells = _carried_on(sheet, own, met, stops, look(_NEAR * cell), large)
-        made = sheet.rectangles(cells & ~done.get(k, own))
+        met, stops = (known.sheet.cells(x) for x in (marks[near], marks[near & np.isin(of, known.across)]))
+        cells = _carried_on(known, met, stops, plane.area >= LEAST_AREA * area)
+        made = known.sheet.rectangles(cells & ~done.get(k, known.surface))
         done[k] = cells
         more = spread(made.vertices, made.faces, int(_MARKS * areas_of(made.vertices, made.faces).sum() / cell**2))
         marks, of = np.concatenate([marks, more]), np.concatenate([of, np.full(len(more), k)])
@@ -90,19 +88,37 @@ def beyond_pictures(
     return Soup(np.concatenate(vertices), np.concatenate(faces))
 
 
-def _carried_on(sheet: Sheet, surface: Bool, near: Bool, across: Bool, look: Look, large: bool) -> Bool:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Looked:
+    """What is known of a plane's cells, whatever else is closed."""
+
+    sheet: Sheet
+    surface: Bool  # (I, J) which hold surface of the plane
+    free: Bool  # (I, J) which a camera looked through
+    shown: Bool  # (I, J) which one has in its picture
+    across: list[int]  # planes that cross it
+
+    @staticmethod
+    def of(soup: Soup, k: int, planes: Sequence[Plane], box: tuple[F64, F64], cell: float, look: Look) -> _Looked:
+        """Of one of the planes."""
+        plane = planes[k]
+        sheet = Sheet.of(plane, planes, *box, cell)
+        surface = spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1)
+        free, shown = (x.reshape(sheet.inside.shape) for x in look(sheet.middles()))
+        across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < _ACROSS]
+        return _Looked(sheet, sheet.cells(surface), free, shown, across)
+
+
+def _carried_on(known: _Looked, near: Bool, across: Bool, large: bool) -> Bool:
     """Cells of a plane in the box that carry on its surface.
 
     Args:
-        sheet: the plane's cells.
-        surface: which hold surface of the plane.
+        known: the plane's cells.
         near: which hold any surface.
         across: which hold surface of planes that cross it.
-        look: what the cameras had in their pictures.
         large: whether it is more than a part of a thing.
     """
-    inside = sheet.inside
-    free, shown = (x.reshape(inside.shape) for x in look(sheet.middles()))
+    surface, free, shown, inside = known.surface, known.free, known.shown, known.sheet.inside
     met, way = surface | near, ~free & (surface | ~across)
     more = np.zeros_like(surface)
     for turn in range(4):

@@ -55,9 +55,9 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     local = distance[:, 5] / 1.8
     radius = np.clip(GROWN * local, SMALLEST * s, LARGEST * s)
     ends = np.concatenate([_ends(discs, rows, near[rows], local) for rows in _chunks(len(near), _CHUNK)])
-    kept, stands_for_more = _without_flats(discs, near, distance, s)
+    flat, stands_for_more = _flats(discs, near, distance, s)
+    kept, flats = np.flatnonzero(~flat | stands_for_more), discs.at[flat]
     radius, ends = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept], ends[kept]
-    flats = discs.at[np.isin(np.arange(len(discs.at)), kept, invert=True) | stands_for_more]
     discs = discs.where(kept)
     near, distance = neighbours_of(discs.at, NEIGHBOURS)
     local = distance[:, 5] / 1.8
@@ -94,8 +94,8 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     return soup.beside(bars)
 
 
-def _without_flats(discs: Discs, near: Int, distance: F64, s: float) -> tuple[Int, NDArray[np.bool_]]:
-    """Discs that are kept, and (N,) whether one stands for others around it.
+def _flats(discs: Discs, near: Int, distance: F64, s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(N,) discs in the midst of planes, and (N,) which of them stand for the others.
 
     In the midst of a plane one disc in a voxel of `FLAT_CELL` spacings is enough: its cell grows over the others'.
     """
@@ -111,7 +111,7 @@ def _without_flats(discs: Discs, near: Int, distance: F64, s: float) -> tuple[In
     _, first = np.unique(((i[:, 0] * (1 << 20) + i[:, 1]) * (1 << 20) + i[:, 2]) * 3 + axis, return_index=True)
     chosen = np.zeros(len(n), bool)
     chosen[rows[first]] = True
-    return np.flatnonzero(~flat | chosen), chosen
+    return flat, chosen
 
 
 def _ends(discs: Discs, rows: Int, near: Int, local: F64) -> F64:

@@ -55,17 +55,11 @@ class Sheet:
 
     def middles(self) -> F64:
         """(I J, 3) of the cells, row by row."""
-        i, j = np.indices(self.inside.shape).reshape(2, -1) + 0.5
-        return np.asarray(
-            self.origin + (i * self.cell)[:, None] * self.axes[0] + (j * self.cell)[:, None] * self.axes[1]
-        )
+        return self._at(*(np.indices(self.inside.shape).reshape(2, -1) + 0.5))
 
     def lattice(self) -> F64:
         """((I + 1) (J + 1), 3) corners of the cells, row by row."""
-        i, j = np.indices((self.inside.shape[0] + 1, self.inside.shape[1] + 1)).reshape(2, -1)
-        return np.asarray(
-            self.origin + (i * self.cell)[:, None] * self.axes[0] + (j * self.cell)[:, None] * self.axes[1]
-        )
+        return self._at(*np.indices((self.inside.shape[0] + 1, self.inside.shape[1] + 1)).reshape(2, -1))
 
     def cells(self, points: F64) -> Bool:
         """(I, J) which hold points, however far those are from the plane."""
@@ -86,10 +80,14 @@ class Sheet:
         tall = np.bincount(np.cumsum(fresh) - 1, minlength=int(fresh.sum()))
         low, left, right = row[fresh], first[fresh], past[fresh]
         x, y = np.stack([low, low + tall, low + tall, low], axis=1), np.stack([left, left, right, right], axis=1)
-        u, v = self.axes
-        corners = self.origin + (x[..., None] * self.cell) * u + (y[..., None] * self.cell) * v
         at = 4 * np.arange(len(low))[:, None]
-        return Soup(corners.reshape(-1, 3), np.concatenate([at + corner for corner in ((0, 1, 2), (0, 2, 3))]))
+        faces = np.concatenate([at + corner for corner in ((0, 1, 2), (0, 2, 3))])
+        return Soup(self._at(x.ravel(), y.ravel()), faces)
+
+    def _at(self, i: NDArray[np.number], j: NDArray[np.number]) -> F64:
+        """(M, 3) points so many cells along both axes (M,)."""
+        u, v = self.axes
+        return np.asarray(self.origin + (i * self.cell)[:, None] * u + (j * self.cell)[:, None] * v)
 
 
 def planes_of(soup: Soup, thick: float, least: float) -> list[Plane]:

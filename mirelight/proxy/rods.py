@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.slender import WIDE, Slender, beside, flattened, frame_of, slender_of
+from mirelight.proxy.slender import WIDE, Slender, beside, flattened, frame_of, nearness, slender_of
 from mirelight.proxy.types import Int, Soup
 
 NEAR = 0.6  # local spacings: standard deviation of the weights by which neighbours tell the axis
@@ -99,20 +99,16 @@ def rods_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Rods:
     looks = np.zeros(len(at), bool)
     looks[found.rows] = True
     some = near[found.rows]
-    weight = _weights(at[some] - at[found.rows][:, None], local[found.rows])
+    weight = nearness(at[some] - at[found.rows][:, None], local[found.rows], NEAR)
     agreed = (weight * looks[some]).sum(axis=1) >= AGREED * weight.sum(axis=1)
     slender = slender_of(at, normals, near, local, flats)
     bars = found.where(agreed & ~slender.there[found.rows])
     return bars.beside(_shaped(slender, at, normals, near, local))
 
 
-def _weights(step: F64, local: F64) -> F64:
-    return np.asarray(np.exp(-0.5 * (step**2).sum(axis=2) / (NEAR * local[:, None]) ** 2))
-
-
 def _looking_so(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Rods:
     some = np.concatenate([rows[:, None], near[rows]], axis=1)
-    weight = _weights(at[some] - at[rows][:, None], local[rows])
+    weight = nearness(at[some] - at[rows][:, None], local[rows], NEAR)
     weight /= weight.sum(axis=1, keepdims=True)
     # squares of normals off a disc's own bound what they can have on either side of an axis
     level = (weight * np.einsum("rki,ri->rk", normals[some], normals[rows]) ** 2).sum(axis=1)
@@ -165,7 +161,7 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
     own = np.einsum("ri,rij->rj", found.middle[rows], frame)[:, :2]
     theirs = np.einsum("rki,rij->rkj", step + found.middle[some], frame)[..., :2]
     mate = found.there[some] & (np.linalg.norm(theirs - own[:, None], axis=2) < r[:, None])
-    weight = mate * np.exp(-0.5 * (step**2).sum(axis=2) / (WIDE * s[:, None]) ** 2)
+    weight = mate * nearness(step, s, WIDE)
     weight /= weight.sum(axis=1, keepdims=True)
     middle = (weight[..., None] * theirs).sum(axis=1)
     m, _ = flattened(normals[some], frame)

@@ -79,8 +79,9 @@ def _far_from(flats: F64, at: F64, local: F64) -> Int:
     return np.flatnonzero(far > OPEN * local)
 
 
-def _weights(step: F64, local: F64) -> F64:
-    return np.asarray(np.exp(-0.5 * (step**2).sum(axis=2) / (WIDE * local[:, None]) ** 2))
+def nearness(step: F64, local: F64, wide: float) -> F64:
+    """(R, K) weights of neighbours so far away (R, K, 3): Gaussians of `wide` local spacings (R,)."""
+    return np.asarray(np.exp(-0.5 * (step**2).sum(axis=2) / (wide * local[:, None]) ** 2))
 
 
 def _with_few_beside(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Int:
@@ -95,7 +96,7 @@ def _with_few_beside(at: F64, normals: F64, rows: Int, near: Int, local: F64) ->
 def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
     """Find rods along the lines from discs to their neighbours; those that stand free are put in."""
     step, m, n, s = at[near[rows]] - at[rows][:, None], normals[near[rows]], normals[rows], local[rows]
-    weight = _weights(step, s)
+    weight = nearness(step, s, WIDE)
     axis, score = _best_way(step, m, n, s, weight)
     there = np.flatnonzero(score > 0)
     rows, n, s, axis = rows[there], n[there], s[there], axis[there]
@@ -154,7 +155,7 @@ def _follow(found: Slender, free: Slender, at: F64, normals: F64, rows: Int, nea
     lax = ASTRAY * (r + SLACK * s[:, None])
     mine = free.there[some] & (np.abs(far - r) < lax) & (aside < lax)
     mine &= np.abs((axis * n[:, None]).sum(axis=2)) < UPRIGHT
-    weight = mine * _weights(step, s)
+    weight = mine * nearness(step, s, WIDE)
     lead = axis[np.arange(len(rows)), weight.argmax(axis=1)]
     sign = np.where(np.einsum("rki,ri->rk", axis, lead) < 0, -1.0, 1.0)
     way = np.einsum("rk,rki->ri", weight * sign, axis)

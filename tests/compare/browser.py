@@ -76,7 +76,7 @@ class Page:
         return answer["result"].get("value")
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Press the mouse, move it in steps, let go."""
+        """Press the mouse, move it in steps, let go, and wait until what it set in motion is at rest."""
 
         def mouse(kind: str, at: tuple[float, float], buttons: int) -> None:
             button = "none" if kind == "mouseMoved" and not buttons else "left"
@@ -89,7 +89,15 @@ class Page:
         for k in range(1, 6):
             mouse("mouseMoved", tuple(a + (b - a) * k / 5 for a, b in zip(start, end, strict=True)), 1)  # type: ignore[arg-type]
         mouse("mouseReleased", end, 0)
-        self.run("new Promise(done => setTimeout(done, 200))")
+        self._come_to_rest()
+
+    def _come_to_rest(self) -> None:
+        """Wait for three pictures in a row that are the same: a busy machine keeps no time."""
+        shown: list[str] = []
+        while len(shown) < 3 or len(set(shown[-3:])) > 1:
+            assert len(shown) < 1200, "the page never comes to rest"
+            self.run("new Promise(done => setTimeout(done, 100))")
+            shown.append(self.send("Page.captureScreenshot")["data"])
 
     def complaints(self) -> list[str]:
         """Errors of scripts, warnings of the browser, and requests that are neither the file nor inside it."""

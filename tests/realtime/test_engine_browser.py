@@ -257,6 +257,31 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
         chromium.close()
 
 
+def test_controls_are_shown_once_they_work(served: str) -> None:
+    """While the page still reads what it knows of other frames, nobody can move a slider that is set afterwards."""
+    from playwright.sync_api import Route, sync_playwright
+
+    with sync_playwright() as playwright:
+        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
+        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
+        page = chromium.new_page(viewport={"width": 400, "height": 300})
+        page.set_default_timeout(LIMIT)
+        meanwhile: list[bool] = []
+
+        def answered_late(route: Route) -> None:
+            settled(page, page)
+            meanwhile.append(page.is_visible("#controls"))
+            route.continue_()
+
+        page.route("**/page.json", answered_late)
+        page.goto(served)
+        page.wait_for_selector("#controls", state="visible")
+        assert page.input_value("input[name=blend]") == "0.75"
+        assert page.locator("input[name=blend] + output").inner_text() == "0.75"
+        assert meanwhile == [False]
+        chromium.close()
+
+
 def test_the_physical_frame_lies_over_the_live_one_until_the_camera_moves(served: str) -> None:
     from playwright.sync_api import sync_playwright
 

@@ -29,7 +29,6 @@ try {
     start();
 
     const form = document.getElementById('controls');
-    form.hidden = false;
     for (const light of view.lights) {
         const label = document.createElement('label');
         const box = Object.assign(document.createElement('input'), { type: 'checkbox', checked: true, name: light.name });
@@ -40,13 +39,14 @@ try {
     const known = await (await fetch('page.json')).json();
     addFrames(form.elements.frame, known.frames);
     if (known.physical) addPhysical(known.physical, form, view, description.camera, start);
-    message.hidden = true;
     for (const input of document.querySelectorAll('#controls > label > input[type=range]')) {
         const show = () => { input.nextElementSibling.value = Number(input.value).toFixed(2); };
         input.value = view.relighting[input.name];
         input.addEventListener('input', () => { view.relighting[input.name] = Number(input.value); show(); });
         show();
     }
+    form.hidden = false;  // not before all is in place: what is moved earlier would be lost
+    message.hidden = true;
 } catch (error) {
     message.hidden = false;
     message.textContent = String(error);

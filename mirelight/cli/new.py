@@ -57,8 +57,11 @@ def is_capture(path: str) -> bool:
 
 
 def refuse_capture(path: str) -> None:
-    """Raises InputError where splats are given in place of a job, and nothing to light them by."""
+    """Raises InputError where splats are given in place of a job, and nothing to light them by; or are not there."""
     if path.lower().endswith(_SPLATS):
+        from mirelight.io.safety import existing
+
+        existing(path)
         raise InputError(path, "splats, not a job", f"add --light sun, or write a job with: mirelight new {path}")
 
 
@@ -77,9 +80,9 @@ def first_job(path: str, light: str, overrides: list[Override]) -> Job:
 
 
 def _capture(name: str) -> Path:
-    path = Path(name)
-    if not path.exists():
-        raise InputError(name, "there is no such file", "name a splat file")
+    from mirelight.io.safety import existing
+
+    path = existing(name)
     if path.suffix.lower() == ".toml":
         raise InputError(name, "a job, not a capture", "name a splat file")
     return path

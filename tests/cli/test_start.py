@@ -86,10 +86,12 @@ def test_wrong_arguments(run: Run, arguments: list[str]) -> None:
     assert run(*arguments).returncode == 2
 
 
-def test_a_job_that_is_not_there(run: Run) -> None:
-    done = run("render", "none.toml")
+@pytest.mark.parametrize("name", ["none.toml", "none.ply"])
+def test_a_file_that_is_not_there(run: Run, name: str) -> None:
+    """It is said before a capture is asked for its light."""
+    done = run("render", name)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "mirelight: none.toml: no such file; check the path\n"
+    assert done.stderr == f"mirelight: {name}: no such file; check the path\n"
 
 
 def test_three_mistakes_give_three_lines(run: Run, folder: Path) -> None:

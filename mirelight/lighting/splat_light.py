@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from mirelight import conventions
 from mirelight.errors import RenderError
-from mirelight.lighting.albedo import UNLIT, face_normals
+from mirelight.lighting.albedo import UNLIT, crossed, face_normals
 from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import (
     F32,
     F64,
+    I32,
     Camera,
     Environment,
     Lighting,
@@ -34,6 +35,8 @@ Int = NDArray[np.intp]
 
 REACH = 0.02  # of the bounds' diagonal
 LAMP_SAMPLES = 16  # samples a splat of lamps' direct light: many splats share a pixel
+MARGIN = 2.0**-18  # of the largest coordinate plus the longest edge: how far off edges points must lie for rays
+TINY = np.finfo(np.float64).tiny
 FEW, MANY = 4, 32  # samples a splat, to tell the dark side: of all, and of those that few have found dark
 
 
@@ -108,7 +111,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
             "check both transforms"
         )
     corner = proxy.vertices[proxy.faces[face]].astype(np.float64)
-    points, normals = (corner * corners[:, :, None]).sum(axis=1), face_normals(proxy)[face]
+    points, normals = (corner * _off_edges(proxy, face, corners)[:, :, None]).sum(axis=1), face_normals(proxy)[face]
     if len(lost):
         _take_over(lost, found, points[found], means, points, normals)
     reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
@@ -125,6 +128,21 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
             lit = np.setdiff1d(np.arange(len(means)), unseen, assume_unique=True)
             _take_over(unseen, lit, means[lit], means, points, normals)
     return Places(points, normals, len(found) / len(means))
+
+
+def _off_edges(proxy: ProxyMesh, face: I32, weights: F32) -> F64:
+    """Barycentric weights (N, 3) of points on faces (N,) that a ray finds there: on an edge it may slip through.
+
+    A point nearer to an edge than rays start off surfaces is taken that far inside; to the middle where the face is too
+    slim. All others stay as they are, to the bit.
+    """
+    corner = proxy.vertices[proxy.faces].astype(np.float64)
+    across = np.linalg.norm(np.roll(corner, -1, axis=1) - np.roll(corner, 1, axis=1), axis=2)  # the side, from a corner
+    heights = np.linalg.norm(crossed(corner), axis=1, keepdims=True) / np.maximum(across, TINY)
+    margin = MARGIN * (np.abs(corner).max(axis=(1, 2)) + across.max(axis=1))[:, None] + TINY
+    least = (margin / np.maximum(heights, 3 * margin))[face]
+    inside = np.maximum(weights, least)
+    return np.where((weights < least).any(axis=1, keepdims=True), inside / inside.sum(axis=1, keepdims=True), weights)
 
 
 def _take_over(who: Int, whose: Int, where: F64, means: F64, points: F64, normals: F64) -> None:

@@ -28,6 +28,7 @@ class Device:
     tile_width: int  # px; one lane blends a whole tile, so its pixels share registers with its neighbours'
     tile_height: int  # px
     persistent_lanes: int  # lanes that take tiles from the queue
+    digit: int  # bits that one counting sort keeps the order of equal values for
 
     def frozen(self, trace: Callable[..., Array]) -> Callable[..., Array]:
         """A function of arrays that is traced once and replayed from then on, whatever their sizes.
@@ -91,5 +92,6 @@ def open_device(variant: Variant, threads: int | None) -> Device:
     """
     dr, types = backend.drjit(variant, threads)
     if variant == "cuda_ad_rgb":
-        return Device(dr, types, variant, 4, 4, 1 << 16)
-    return Device(dr, types, variant, 4, 8, _vector_width() * max(1, dr.thread_count()))
+        # With more than 2^8 buckets Dr.Jit's counting sort leaves shared memory, and its threads race for places.
+        return Device(dr, types, variant, 4, 4, 1 << 16, 8)
+    return Device(dr, types, variant, 4, 8, _vector_width() * max(1, dr.thread_count()), 32)

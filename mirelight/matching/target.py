@@ -17,6 +17,7 @@ from mirelight.model import F32, F64, DisplaySettings, ToneCurve
 
 _CLIPPED = 254.5 / 255  # display values from here on may stand for any brighter light
 _THIN = 0.1  # alpha: where splats cover less, a picture over a background says nothing about them
+_ROUNDING = 1e-9  # of a pixel: parts' edges that differ by less are one
 _SHAPE = 0.02  # relative: how far the sides of target and frame may differ in shape
 
 
@@ -105,13 +106,16 @@ def resized(image: F32, size: tuple[int, int]) -> F32:
 
 
 def _averaged(rows: F64, count: int) -> F64:
-    """Of an integral over the first axis, differences between evenly spaced places."""
-    whole = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
+    """Means over `count` equal parts of the first axis; no less than 0 of what is not, and 0 where all is."""
+    from scipy.sparse import csr_array
+
     at = np.arange(count + 1) * (len(rows) / count)
-    low = np.minimum(at.astype(np.int64), len(rows) - 1)
-    share = (at - low).reshape(-1, *[1] * (rows.ndim - 1))
-    integral = whole[low] * (1 - share) + whole[low + 1] * share
-    return np.asarray(np.diff(integral, axis=0) * (count / len(rows)))
+    cuts = np.unique(np.concatenate([at, np.arange(len(rows) + 1)]))
+    length, middle = np.diff(cuts), (cuts[1:] + cuts[:-1]) / 2
+    real = length > _ROUNDING
+    part, row = np.searchsorted(at, middle[real]) - 1, middle[real].astype(np.intp)
+    shares = csr_array((length[real] * (count / len(rows)), (part, row)), shape=(count, len(rows)))
+    return np.asarray(shares @ rows.reshape(len(rows), -1)).reshape(count, *rows.shape[1:])
 
 
 def _mask(path: Path) -> F32:

@@ -124,3 +124,13 @@ def test_areas_keep_their_mean() -> None:
     np.testing.assert_allclose(resized(image, (9, 16)).mean(axis=(0, 1)), image.mean(axis=(0, 1)), rtol=1e-5)
     blocks = image[:36, :52].reshape(9, 4, 13, 4, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(resized(image[:36, :52], (9, 13)), blocks, rtol=1e-5)
+
+
+def test_what_does_not_count_stays_nothing_at_any_size() -> None:
+    """Less than nothing by rounding had no square root, and every light came out as none."""
+    rng = np.random.default_rng(0)
+    counts = rng.random((150, 200, 3)).astype(np.float32) * (rng.random((150, 200, 1)) > 0.3).astype(np.float32)
+    counts[75:, :100] = 0
+    small = resized(counts, (90, 120))
+    assert small.min() >= 0
+    assert small[45:, :60].max() == 0

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mirelight.model import Camera, Job, Lighting
 
 WIDEST = 480  # pixels of each of the three pictures
-SPP = 16
+SPP = 64  # noise would be taken for misfits
 _MOST_STOPS = 20.0
 _GLTF = (".glb", ".gltf")
 

@@ -33,6 +33,7 @@ SIDES = 8  # of a slender rod
 FACES = 0.6  # cosine, from which a plane tells how far out a corner of it is
 SHARP = 8  # power of that cosine that planes weigh by
 AHEAD = 0.25  # local spacings: a disc that much farther along carries the rod on
+HALF_WAY = 0.6  # of the way to it: how far a prism goes, so that they meet, and do not stick out where the rod bends
 _CHUNK = 100_000  # discs looked at at once
 
 
@@ -159,14 +160,16 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
     frame = frame_of(found.axis[rows], n)
     step = at[some] - at[rows][:, None]
     own = np.einsum("ri,rij->rj", found.middle[rows], frame)[:, :2]
-    theirs = np.einsum("rki,rij->rkj", step + found.middle[some], frame)[..., :2]
+    q = np.einsum("rki,rij->rkj", step, frame)
+    along = q[..., 2]
+    step = step - along[..., None] ** 2 / 2 * found.bend[rows][:, None]  # as if the axis did not bend
+    q, theirs = (np.einsum("rki,rij->rkj", x, frame)[..., :2] for x in (step, step + found.middle[some]))
     mate = found.there[some] & (np.linalg.norm(theirs - own[:, None], axis=2) < r[:, None])
     weight = mate * nearness(step, s, WIDE)
     weight /= weight.sum(axis=1, keepdims=True)
     middle = (weight[..., None] * theirs).sum(axis=1)
     m, _ = flattened(normals[some], frame)
-    q = np.einsum("rki,rij->rkj", step, frame)
-    _, out = beside(q[..., :2] - middle[:, None], m)
+    _, out = beside(q - middle[:, None], m)
     m, out = m * np.where(out < 0, -1.0, 1.0)[..., None], np.abs(out)
     mean = (weight * out).sum(axis=1)
     far, turn = np.empty((len(rows), SIDES)), np.arange(SIDES) * (2 * np.pi / SIDES)
@@ -179,8 +182,9 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
         far[:, k] = np.where(total > 1e-9, plane, np.nan)
     far = np.where(np.isnan(far), np.roll(far, SIDES // 2, axis=1), far)  # seen from one side alone
     far = np.where(np.isnan(far), mean[:, None], far)
-    along = np.where(mate, q[..., 2], 0.0)
-    ahead = np.stack([-along.min(axis=1), along.max(axis=1)], axis=1)
-    ahead = np.where(ahead > AHEAD * s[:, None], np.minimum(ahead, s[:, None]), 0.0)
+    ahead = np.empty((len(rows), 2))
+    for k, side in enumerate((-1.0, 1.0)):
+        next_ = np.where(mate & (side * along > AHEAD * s[:, None]), side * along, np.inf).min(axis=1)
+        ahead[:, k] = np.where(np.isfinite(next_), np.minimum(HALF_WAY * next_, s), 0.0)
     across = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
     return Rods(rows, frame[:, :, 2], frame[:, :, 0], frame[:, :, 1], across, far[..., None] * way, ahead)

@@ -1,8 +1,8 @@
 """Slender rods: posts, rails and rings that stand free, with so few discs on them that no place shows all their sides.
 
-Lines along the normals of a round rod's discs meet in its axis, however few they are, so a few of them tell it. What
-tells a rod from an edge, a groove or a leaf is that nothing is beside it; where a rod ends or meets another it goes on
-by the discs that lie on what was found where it is free.
+Lines along the normals of a round rod's discs meet in its axis, however few they are, so a few of them tell it; where
+it bends, a parabola does (`bent`). What tells a rod from an edge, a groove or a leaf is that nothing is beside it;
+where a rod ends or meets another it goes on by the discs that lie on what was found where it is free.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
+from mirelight.proxy.bent import SLACK, UPRIGHT, bent_axes
 from mirelight.proxy.types import Int
 
 Bool = NDArray[np.bool_]
@@ -22,21 +23,24 @@ SHEET = 0.8  # cosine between normals of discs of one side
 LEVEL = 0.15  # local spacings: so much may discs of one side lie over each other
 FEW = 3  # discs of one side that a slender rod may have around each
 AROUND = 1.5  # local spacings around a disc in which those count
-UPRIGHT = 0.3  # cosine between a normal and the axis, above which a disc does not lie on the rod's sides
 TUBE = 0.4  # local spacings: radius about a line in which the discs of a rod lie, and of the thickest rods
 APART = 0.25  # local spacings: discs nearer than that do not tell a direction
 FEWEST = 5  # discs that tell a rod
+FIT = 1.5  # local spacings: as `WIDE`, where an axis that bends is found
+THICKEST = 0.42  # local spacings: radius of rods that bend
+FEWEST_BENT = 6  # discs that tell one
+BENT = 0.25  # in one over local spacings: bends that are less are those of straight rods
 TURNED = 0.2  # share of the normals' squares that must lie across on either side, or the discs are those of a sheet
 LONG = 5.0  # radii that a rod goes on at least among a disc's neighbours
 ROUNDS = 4  # in which the axis is found, each with less weight on what lies off it
 OFF = 0.5  # of the radius: how far beside the axis a normal's line halves what its disc weighs
 ASTRAY = 0.75  # of the radius: lines farther beside the axis, or planes that much farther out, lie on something else
-SLACK = 0.1  # local spacings that are granted besides
 FREE = 1.0, 0.8  # local spacings from the axis, and along it either way: only discs of the rod lie there
 OTHERS = 0.15  # share of the weight there that may be others
 OPEN = 6.0  # local spacings around a disc, in which no plane is that tells of a free rod
+STEPS = 2  # by which rods go on from where they stand free, each as far as neighbours are
 MATES = 2  # discs that tell of the same rod, by which a further one is found to lie on it
-_CHUNK = 50_000  # discs looked at at once
+_CHUNK = 10_000  # discs looked at at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,22 +50,32 @@ class Slender:
     there: Bool  # (N,)
     axis: F64  # (N, 3) unit
     middle: F64  # (N, 3) from the disc's middle straight to the axis
+    bend: F64  # (N, 3) change of the axis per length
     radius: F64  # (N,)
 
-    def _take(self, rows: Int, axis: F64, middle: F64, radius: F64) -> None:
+    @staticmethod
+    def none_of(count: int) -> Slender:
+        """No disc tells of any."""
+        axis, middle, bend = np.zeros((3, count, 3))
+        return Slender(np.zeros(count, bool), axis, middle, bend, np.zeros(count))
+
+    def _take(self, rows: Int, axis: F64, middle: F64, bend: F64, radius: F64) -> None:
         self.there[rows] = True
-        self.axis[rows], self.middle[rows], self.radius[rows] = axis, middle, radius
+        self.axis[rows], self.middle[rows], self.bend[rows], self.radius[rows] = axis, middle, bend, radius
 
 
 def slender_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Slender:
     """Discs that lie on slender rods; of arguments as of :func:`mirelight.proxy.rods.rods_of`."""
     n = len(at)
-    free, found = (Slender(np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)) for _ in range(2))
+    found = Slender.none_of(n)
     asked = [_with_few_beside(at, normals, rows, near, local) for rows in _chunks(_far_from(flats, at, local))]
     for rows in _chunks(np.concatenate(asked)):
-        _fit(free, at, normals, rows, near, local)
-    for rows in _chunks(np.flatnonzero(free.there | free.there[near].any(axis=1))):
-        _follow(found, free, at, normals, rows, near, local)
+        _fit(found, at, normals, rows, near, local)
+        _fit_bent(found, at, normals, rows[~found.there[rows]], near, local)
+    for _ in range(STEPS):
+        told, found = found, Slender.none_of(n)
+        for rows in _chunks(np.flatnonzero(told.there | told.there[near].any(axis=1))):
+            _follow(found, told, at, normals, rows, near, local)
     return found
 
 
@@ -125,7 +139,8 @@ def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64
     close = np.linalg.norm(q - middle[:, None], axis=2) < FREE[0] * s[:, None]
     close &= np.abs(along) < FREE[1] * s[:, None]
     good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
-    found._take(rows[good], axis[good], np.einsum("rij,rj->ri", frame[:, :, :2], middle)[good], radius[good])
+    middle = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
+    found._take(rows[good], axis[good], middle[good], np.zeros((int(good.sum()), 3)), radius[good])
 
 
 def _best_way(step: F64, m: F64, n: F64, local: F64, weight: F64) -> tuple[F64, F64]:
@@ -143,17 +158,47 @@ def _best_way(step: F64, m: F64, n: F64, local: F64, weight: F64) -> tuple[F64, 
     return axis, best
 
 
-def _follow(found: Slender, free: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
+def _fit_bent(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
+    """Find rods that bend; those that stand free are put in."""
+    some, s = np.concatenate([rows[:, None], near[rows]], axis=1), local[rows]
+    step = at[some] - at[rows][:, None]
+    axes = bent_axes(step, normals[some], nearness(step, s, FIT), s)
+    weight, radius, on = nearness(step, s, WIDE), axes.radius, axes.on
+    along = axes.at[..., 0]
+    good = on[:, 0] & (on.sum(axis=1) >= FEWEST_BENT) & (radius < THICKEST * s)
+    reach = np.where(on, along, 0.0)
+    good &= reach.max(axis=1) - reach.min(axis=1) > LONG * radius
+    flat = axes.normals[..., 1:]
+    flat = flat / np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-30)
+    total = np.maximum((weight * on).sum(axis=1), 1e-30)
+    squares = np.einsum("rk,rki,rkj->rij", weight * on, flat, flat) / total[:, None, None]
+    good &= np.linalg.eigvalsh(squares)[:, 0] > TURNED
+    close = np.linalg.norm(axes.at[..., 1:] - axes.beside(along), axis=2) < FREE[0] * s[:, None]
+    close &= np.abs(along) < FREE[1] * s[:, None]
+    good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
+    good &= np.linalg.norm(axes.bend, axis=1) * s > BENT
+    way = np.einsum("rij,rj->ri", axes.frame, np.pad(axes.slope, ((0, 0), (1, 0)), constant_values=1.0))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    middle = np.einsum("rij,rj->ri", axes.frame[:, :, 1:], axes.middle)
+    middle -= (middle * way).sum(axis=1, keepdims=True) * way
+    bend = np.einsum("rij,rj->ri", axes.frame[:, :, 1:], axes.bend)
+    found._take(rows[good], way[good], middle[good], bend[good], radius[good])
+
+
+def _follow(found: Slender, told: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
     """Discs that lie on rods which others around them tell of, with the mean of what those tell."""
     some = np.concatenate([rows[:, None], near[rows]], axis=1)
     step, s, n = at[some] - at[rows][:, None], local[rows], normals[rows]
-    axis, r = free.axis[some], free.radius[some]
-    off = step + free.middle[some]  # from the disc to their axes
-    off -= (off * axis).sum(axis=2, keepdims=True) * axis
+    axis, bend, r = told.axis[some], told.bend[some], told.radius[some]
+    off = step + told.middle[some]  # from the disc to their axes
+    along = -(off * axis).sum(axis=2, keepdims=True)
+    off += along * axis + along**2 / 2 * bend
+    axis = axis + along * bend
+    axis /= np.maximum(np.linalg.norm(axis, axis=2, keepdims=True), 1e-30)
     far = np.linalg.norm(off, axis=2)
     aside = np.linalg.norm(np.cross(off, n[:, None]), axis=2)
     lax = ASTRAY * (r + SLACK * s[:, None])
-    mine = free.there[some] & (np.abs(far - r) < lax) & (aside < lax)
+    mine = told.there[some] & (np.abs(far - r) < lax) & (aside < lax)
     mine &= np.abs((axis * n[:, None]).sum(axis=2)) < UPRIGHT
     weight = mine * nearness(step, s, WIDE)
     lead = axis[np.arange(len(rows)), weight.argmax(axis=1)]
@@ -163,8 +208,9 @@ def _follow(found: Slender, free: Slender, at: F64, normals: F64, rows: Int, nea
     total = np.maximum(weight.sum(axis=1), 1e-30)
     middle, radius = (weight[..., None] * off).sum(axis=1) / total[:, None], (weight * r).sum(axis=1) / total
     middle -= (middle * way).sum(axis=1, keepdims=True) * way
+    bend = (weight[..., None] * bend).sum(axis=1) / total[:, None]
     good = mine.sum(axis=1) >= MATES
-    found._take(rows[good], way[good], middle[good], radius[good])
+    found._take(rows[good], way[good], middle[good], bend[good], radius[good])
 
 
 def frame_of(axis: F64, n: F64) -> F64:

@@ -159,3 +159,23 @@ def test_a_ring_is_as_thick_as_its_tube() -> None:
     assert abs(np.median(np.linalg.norm(rods.ring, axis=2)) / 0.005 - 1) < 0.2
     along = np.cross(out[rods.rows], (0, 1, 0))
     assert np.median(np.abs((along * rods.axis).sum(axis=1))) > 0.97
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ring_of_few_discs_bends_with_them(seed: int) -> None:
+    """Twenty discs anywhere around a tube of 12 mm radius, on a ring of 80: within what tells of it, it turns by 60
+    degrees and more. From its middle it hides of the directions in its plane's height as much as it should."""
+    rng = np.random.default_rng(seed)
+    around, turn = (np.arange(20) + rng.uniform(-0.3, 0.3, 20)) * (np.pi / 10), rng.uniform(0, 2 * np.pi, 20)
+    out = np.stack([np.cos(around), 0 * around, np.sin(around)], axis=1)
+    normals = np.cos(turn)[:, None] * out + np.sin(turn)[:, None] * (0, 1, 0)
+    at = 0.08 * out + 0.012 * normals
+    rods = found(at, normals * rng.choice([-1.0, 1.0], 20)[:, None])
+    assert len(rods.rows) > 0.8 * len(at)
+    assert abs(np.median(np.linalg.norm(rods.ring, axis=2)) / 0.012 - 1) < 0.2
+    nothing = np.zeros(len(rods.rows))
+    sight = Sight(rods.prisms(at[rods.rows], nothing, nothing).mesh())
+    up, round_ = np.meshgrid(np.linspace(-0.6, 0.6, 121), np.linspace(0, 2 * np.pi, 360, endpoint=False))
+    way = np.stack([np.cos(up) * np.cos(round_), np.sin(up), np.cos(up) * np.sin(round_)], axis=-1).reshape(-1, 3)
+    hidden = (sight.first_hits(np.zeros(3), way)[0] >= 0).mean()
+    np.testing.assert_allclose(hidden, np.arcsin(0.012 / 0.08) / 0.6, rtol=0.2)

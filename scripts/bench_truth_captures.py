@@ -28,7 +28,7 @@ from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
 SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
-BAKE_SPP = {"courtyard_walk": 16, "interior": 48}  # for one splat's colour; indoors light is noisy
+BAKE_SPP = {"courtyard_walk": 64, "interior": 48}  # for one splat's colour: noise, blended as shown, darkens it
 PROBES = {"courtyard_walk": (300.0, 3.0), "interior": (1500.0, 6.0)}  # for `candidates`; many cameras take few
 
 F64 = NDArray[np.float64]

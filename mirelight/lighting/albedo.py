@@ -91,12 +91,13 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     """The proxy with vertex colours that look like the splats under the captured light.
 
     Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
-    on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E). Of a fine mesh, which
-    has more vertices than there are splats, the mean around them counts as well (`pooling`). Vertices on an
-    edge between faces that look different ways are split, so that a corner of a room keeps the colours of its walls
-    apart. E holds light reflected by the proxy, so colours and light are found in turns. Where splats end at display
-    white, all that lie in light as bright count only if there are no others: which of them are clipped depends on their
-    colour, and to leave out those alone would leave the dark ones.
+    on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E), where no splat counts as
+    brighter than the brightest surface would be in the light there. Of a fine mesh, which has more vertices than there
+    are splats, the mean around them counts as well (`pooling`). Vertices on an edge between faces that look different
+    ways are split, so that a corner of a room keeps the colours of its walls apart. E holds light reflected by the
+    proxy, so colours and light are found in turns. Where splats end at display white, all that lie in light as bright
+    count only if there are no others: which of them are clipped depends on their colour, and to leave out those alone
+    would leave the dark ones.
 
     Args:
         splats: in world space; their colour averaged over directions is used, decoded from sRGB.
@@ -247,12 +248,27 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
 def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> F32:
     """(V, 3) sums of the splats' colours over sums of their light."""
     count = np.where(_overexposed(shape, deposits, light), _OVEREXPOSED, 1)
-    values = np.concatenate([deposits.color, light, np.ones((len(light), 1))], axis=1)
+    mean = np.average(light.mean(axis=1), weights=deposits.weight)
+    color = np.minimum(deposits.color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
+    values = np.concatenate([color, light, np.ones((len(light), 1))], axis=1)
     sums = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
     c, e, w = np.split(_means(shape, sums, filling), [3, 6], axis=1)
-    mean = np.average(light.mean(axis=1), weights=deposits.weight)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
+
+
+def _whitest(shape: _Shape, deposits: Deposits, light: F64) -> F64:
+    """(N, 3) what the brightest surface shows at the splats' places, in their light or that around them.
+
+    A splat that is brighter tells the colour of something else: one on a thin dark post, of the wall behind it. Light
+    of few samples is noisy, and would hold back true colours where it is too dark by chance: hence that around.
+    """
+    if not light.any():  # then nothing is told at all
+        return np.full(light.shape, np.inf)
+    sums = _around(shape, deposits, np.column_stack([light, np.ones(len(light))]) * deposits.weight[:, None])
+    around = sums[:, :3] / np.maximum(sums[:, 3:], 1e-300)
+    there = (around[shape.corner] * deposits.corners[:, :, None]).sum(axis=1)
+    return np.asarray(np.maximum(light, there) * BRIGHTEST / np.pi)
 
 
 def _means(shape: _Shape, sums: F64, filling: Filling) -> F64:
@@ -272,16 +288,17 @@ def _overexposed(shape: _Shape, deposits: Deposits, light: F64) -> NDArray[np.bo
     if white.sum() <= (brightest >= 1 + CLIPPED).sum():  # brightness goes on past white: nothing is clipped there
         return np.zeros(len(bright), bool)
     values = np.stack([bright, bright & white], axis=1) * deposits.weight[:, None]
-    sums = _around(shape, deposits, values, np.ones(len(bright)))
+    sums = _around(shape, deposits, values)
     clipped = (sums[:, 1] > _MANY * sums[:, 0])[shape.corner].any(axis=1)
     return np.asarray(bright & clipped)
 
 
-def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64) -> F64:
+def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64 | None = None) -> F64:
     """(M, C) sums of values (N, C) that count as so many samples (N,) at the vertices met, pooled with those around.
 
-    Vertices at which no splat has weight have 0.
+    Vertices at which no splat has weight have 0. `count`: None stands for one sample each.
     """
+    count = np.ones(len(values)) if count is None else count
     sums = np.zeros((len(shape.met), values.shape[1] + 1))
     shared = np.concatenate([values, count[:, None]], axis=1)
     for k in range(3):

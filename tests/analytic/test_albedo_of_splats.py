@@ -89,6 +89,19 @@ def test_floor_under_a_sun() -> None:
         np.testing.assert_allclose(found.vertex_colors[inner], np.tile(wanted / 1.01, (inner.sum(), 1)), rtol=0.005)
 
 
+def test_a_splat_brighter_than_white_tells_no_more_than_white() -> None:
+    """Every third splat of a dark floor shows what lies behind it: four times what white would show there."""
+    floor = joined(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), parts=2))
+    rng = np.random.default_rng(1)
+    at = np.stack([rng.uniform(-1, 1, 9000), np.zeros(9000), rng.uniform(-1, 1, 9000)], axis=1)
+    light, dark = 0.5 * np.cos(np.pi / 6), 0.05
+    shown = np.full((9000, 3), dark) * light / np.pi
+    shown[::3] = 4 * light / np.pi
+    splats = splats_on(at, np.tile([0.0, 1.0, 0.0], (9000, 1)), shown, 0.02)
+    found = colored_by(splats, floor, lit((-0.5, -np.sqrt(0.75), 0), 0.5), SETTINGS)
+    np.testing.assert_allclose(found.vertex_colors, (2 * dark + BRIGHTEST) / 3, rtol=0.08)
+
+
 def test_clipped_splats_count_only_where_there_are_no_others() -> None:
     """A floor under a lamp whose light ends at white in the middle: its colour is told by the splats round it."""
     floor = joined(quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), parts=2))  # the lamp's middle is one vertex of nine

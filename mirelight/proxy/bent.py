@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mirelight.model import F64
 
 Bool = NDArray[np.bool_]
+Int = NDArray[np.intp]
 
 WAYS = 12  # of the axis that are tried, over half a turn
 DEPTHS = 0.12, 0.2, 0.3, 0.4  # local spacings: radii that are tried
@@ -25,6 +26,7 @@ TIGHTEST = 2.0  # local spacings: about the radius of the tightest bend
 LAX = 0.15  # local spacings from a tried axis that are granted, besides its bend
 TURN = 0.15  # cosine between a normal and a tried axis that is granted, besides its bend
 UPRIGHT = 0.3  # cosine between a normal and the axis, above which a disc does not lie on the rod's sides
+AGREEING = 0.5  # of the neighbours' weight that must lie about the best way, or there is no rod to be fitted
 ROUNDS = 6
 OFF = 0.5  # of the radius: how far from the axis a moved disc counts half
 SLACK = 0.1  # local spacings that are granted besides
@@ -35,6 +37,7 @@ _DAMPING = np.array([1e-6, 1e-6, 1e-3, 1e-3, 3e-3, 3e-3, 1e-4])  # of the unknow
 class Axes:
     """A parabola for each of R discs, and what its K neighbours have to do with it; the first is the disc itself."""
 
+    row: Int  # (R,) of the discs that were asked for
     frame: F64  # (R, 3, 3) columns: a way along the axis, across, the disc's normal
     middle: F64  # (R, 2) where the axis is beside the disc, across and along the normal
     slope: F64  # (R, 2) of the axis there, per length along the way
@@ -50,7 +53,7 @@ class Axes:
 
 
 def bent_axes(step: F64, normals: F64, weight: F64, local: F64) -> Axes:
-    """The best for each disc; whether it is one, its caller decides.
+    """The best for each disc about which enough of its neighbours agree; whether it is a rod, its caller decides.
 
     Args:
         step: (R, K, 3) from a disc to itself and its neighbours.
@@ -64,7 +67,9 @@ def bent_axes(step: F64, normals: F64, weight: F64, local: F64) -> Axes:
     plane = np.stack([u, np.cross(normals[:, 0], u), normals[:, 0]], axis=2)
     s = local[:, None]
     p, q = (np.einsum("rki,rij->rkj", x, plane) / y for x, y in ((step, s[..., None]), (normals, 1.0)))
-    angle, depth = _tried(p, q, weight)
+    angle, depth, score = _tried(p, q, weight)
+    row = np.flatnonzero(score >= AGREEING * weight.sum(axis=1))
+    p, q, s, plane, weight, angle, depth = (x[row] for x in (p, q, s, plane, weight, angle, depth))
     cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     turn = np.stack([np.stack([cos, -sin, zero], 1), np.stack([sin, cos, zero], 1), np.eye(3)[2] + 0 * s], axis=1)
     p, q = (np.einsum("rki,rij->rkj", x, turn) for x in (p, q))
@@ -72,7 +77,7 @@ def bent_axes(step: F64, normals: F64, weight: F64, local: F64) -> Axes:
     powers = (s / s ** np.arange(3))[..., None]  # from local spacings
     middle, slope, bend = (curve * powers).transpose(1, 0, 2)
     frame = np.einsum("rij,rjk->rik", plane, turn)
-    return Axes(frame, middle, slope, bend, radius * local, p * s[..., None], q, on)
+    return Axes(row, frame, middle, slope, bend, radius * s[:, 0], p * s[..., None], q, on)
 
 
 def _parabola(curve: F64, along: F64) -> F64:
@@ -81,8 +86,9 @@ def _parabola(curve: F64, along: F64) -> F64:
     return np.asarray(middle + slope * t + bend * t**2 / 2)
 
 
-def _tried(p: F64, q: F64, weight: F64) -> tuple[F64, F64]:
-    """(R,) angle of the best way in the disc's plane, and (R,) depth of the axis under it, below 0 over it."""
+def _tried(p: F64, q: F64, weight: F64) -> tuple[F64, F64, F64]:
+    """(R,) angle of the best way in the disc's plane, (R,) depth of the axis under it, below 0 over it, and (R,) weight
+    of the neighbours that lie about it."""
     best, angle, depth = (np.zeros(len(p)) for _ in range(3))
     for r, side in product(DEPTHS, (1.0, -1.0)):
         moved = [p + x * r * q - (0, 0, side * r) for x in (1.0, -1.0)]
@@ -97,7 +103,7 @@ def _tried(p: F64, q: F64, weight: F64) -> tuple[F64, F64]:
             score = (weight * near).sum(axis=1)
             better = score > best
             best[better], angle[better], depth[better] = score[better], a, side * r
-    return angle, depth
+    return angle, depth, best
 
 
 def _fitted(p: F64, q: F64, weight: F64, depth: F64) -> tuple[F64, F64, Bool]:

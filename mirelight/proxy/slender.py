@@ -31,6 +31,7 @@ THICKEST = 0.42  # local spacings: radius of rods that bend
 FEWEST_BENT = 6  # discs that tell one
 BENT = 0.25  # in one over local spacings: bends that are less are those of straight rods
 TURNED = 0.2  # share of the normals' squares that must lie across on either side, or the discs are those of a sheet
+HARDLY = 0.15  # the same about any axis, by which discs are not asked for
 LONG = 5.0  # radii that a rod goes on at least among a disc's neighbours
 ROUNDS = 4  # in which the axis is found, each with less weight on what lies off it
 OFF = 0.5  # of the radius: how far beside the axis a normal's line halves what its disc weighs
@@ -160,9 +161,11 @@ def _best_way(step: F64, m: F64, n: F64, local: F64, weight: F64) -> tuple[F64, 
 
 def _fit_bent(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
     """Find rods that bend; those that stand free are put in."""
+    rows = rows[_turning(at, normals, rows, near, local)]
     some, s = np.concatenate([rows[:, None], near[rows]], axis=1), local[rows]
     step = at[some] - at[rows][:, None]
     axes = bent_axes(step, normals[some], nearness(step, s, FIT), s)
+    rows, step, s = rows[axes.row], step[axes.row], s[axes.row]
     weight, radius, on = nearness(step, s, WIDE), axes.radius, axes.on
     along = axes.at[..., 0]
     good = on[:, 0] & (on.sum(axis=1) >= FEWEST_BENT) & (radius < THICKEST * s)
@@ -183,6 +186,15 @@ def _fit_bent(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local
     middle -= (middle * way).sum(axis=1, keepdims=True) * way
     bend = np.einsum("rij,rj->ri", axes.frame[:, :, 1:], axes.bend)
     found._take(rows[good], way[good], middle[good], bend[good], radius[good])
+
+
+def _turning(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Bool:
+    """(R,) whether normals around a disc turn as those of a rod do: most of what is asked for is a sheet that bends."""
+    weight = nearness(at[near[rows]] - at[rows][:, None], local[rows], WIDE)
+    squares = np.einsum("rk,rki,rkj->rij", weight, normals[near[rows]], normals[near[rows]])
+    squares += normals[rows][:, :, None] * normals[rows][:, None]
+    total = 1 + weight.sum(axis=1)
+    return np.asarray(np.linalg.eigvalsh(squares)[:, 1] > HARDLY * total)
 
 
 def _follow(found: Slender, told: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:

@@ -99,7 +99,7 @@ def test_a_splat_brighter_than_white_tells_no_more_than_white() -> None:
     shown[::3] = 4 * light / np.pi
     splats = splats_on(at, np.tile([0.0, 1.0, 0.0], (9000, 1)), shown, 0.02)
     found = colored_by(splats, floor, lit((-0.5, -np.sqrt(0.75), 0), 0.5), SETTINGS)
-    np.testing.assert_allclose(found.vertex_colors, (2 * dark + BRIGHTEST) / 3, rtol=0.08)
+    np.testing.assert_allclose(np.asarray(found.vertex_colors), (2 * dark + BRIGHTEST) / 3, rtol=0.08)
 
 
 def test_clipped_splats_count_only_where_there_are_no_others() -> None:

@@ -131,15 +131,8 @@ def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64
     lax = ASTRAY * (radius + SLACK * s)[:, None]
     on = across & (aside < lax) & (np.abs(np.abs(out) - radius[:, None]) < lax)
     along = np.einsum("rki,ri->rk", step, axis)
-    good = on[:, 0] & (on.sum(axis=1) >= FEWEST) & (radius < TUBE * s)
-    reach = np.where(on, along, 0.0)
-    good &= reach.max(axis=1) - reach.min(axis=1) > LONG * radius
-    total = np.maximum((weight * on).sum(axis=1), 1e-30)
-    squares = np.einsum("rk,rki,rkj->rij", weight * on, flat, flat) / total[:, None, None]
-    good &= np.linalg.eigvalsh(squares)[:, 0] > TURNED
-    close = np.linalg.norm(q - middle[:, None], axis=2) < FREE[0] * s[:, None]
-    close &= np.abs(along) < FREE[1] * s[:, None]
-    good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
+    good = (on.sum(axis=1) >= FEWEST) & (radius < TUBE * s)
+    good &= _stands_free(on, along, q - middle[:, None], flat, weight, radius, s)
     middle = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
     found._take(rows[good], axis[good], middle[good], np.zeros((int(good.sum()), 3)), radius[good])
 
@@ -167,18 +160,11 @@ def _fit_bent(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local
     axes = bent_axes(step, normals[some], nearness(step, s, FIT), s)
     rows, step, s = rows[axes.row], step[axes.row], s[axes.row]
     weight, radius, on = nearness(step, s, WIDE), axes.radius, axes.on
-    along = axes.at[..., 0]
-    good = on[:, 0] & (on.sum(axis=1) >= FEWEST_BENT) & (radius < THICKEST * s)
-    reach = np.where(on, along, 0.0)
-    good &= reach.max(axis=1) - reach.min(axis=1) > LONG * radius
+    along, off = axes.at[..., 0], axes.at[..., 1:]
     flat = axes.normals[..., 1:]
     flat = flat / np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-30)
-    total = np.maximum((weight * on).sum(axis=1), 1e-30)
-    squares = np.einsum("rk,rki,rkj->rij", weight * on, flat, flat) / total[:, None, None]
-    good &= np.linalg.eigvalsh(squares)[:, 0] > TURNED
-    close = np.linalg.norm(axes.at[..., 1:] - axes.beside(along), axis=2) < FREE[0] * s[:, None]
-    close &= np.abs(along) < FREE[1] * s[:, None]
-    good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
+    good = (on.sum(axis=1) >= FEWEST_BENT) & (radius < THICKEST * s)
+    good &= _stands_free(on, along, off - axes.beside(along), flat, weight, radius, s)
     good &= np.linalg.norm(axes.bend, axis=1) * s > BENT
     way = np.einsum("rij,rj->ri", axes.frame, np.pad(axes.slope, ((0, 0), (1, 0)), constant_values=1.0))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -186,6 +172,29 @@ def _fit_bent(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local
     middle -= (middle * way).sum(axis=1, keepdims=True) * way
     bend = np.einsum("rij,rj->ri", axes.frame[:, :, 1:], axes.bend)
     found._take(rows[good], way[good], middle[good], bend[good], radius[good])
+
+
+def _stands_free(on: Bool, along: F64, off: F64, flat: F64, weight: F64, radius: F64, s: F64) -> Bool:
+    """(R,) whether discs tell of a rod that stands free.
+
+    Args:
+        on: (R, K) which neighbours lie on its sides; the first is the disc itself.
+        along: (R, K) where along the axis they are.
+        off: (R, K, 2) where they are across it.
+        flat: (R, K, 2) their unit normals across it.
+        weight: (R, K) of them.
+        radius: (R,) the rod's.
+        s: (R,) how far discs are from each other.
+    """
+    reach = np.where(on, along, 0.0)
+    good = on[:, 0] & (reach.max(axis=1) - reach.min(axis=1) > LONG * radius)
+    total = np.maximum((weight * on).sum(axis=1), 1e-30)
+    squares = np.einsum("rk,rki,rkj->rij", weight * on, flat, flat) / total[:, None, None]
+    good &= np.linalg.eigvalsh(squares)[:, 0] > TURNED
+    close = np.linalg.norm(off, axis=2) < FREE[0] * s[:, None]
+    close &= np.abs(along) < FREE[1] * s[:, None]
+    good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
+    return np.asarray(good)
 
 
 def _turning(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Bool:

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -50,6 +50,9 @@ from mirelight.realtime import browser, bundle, engine, pages
 
 from .engine_cases import texture
 from .waiting import LIMIT, settled
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page, Route
 
 CAMERA = Camera.look_at((1, 2.5, 5), (0, -0.4, 0), 200, 150, yfov=45, near=0.1, far=100)
 LIGHTING = Lighting(
@@ -211,6 +214,20 @@ def served(data: Path, tmp_path: Path) -> Iterator[str]:
         thread.join()
 
 
+@pytest.fixture
+def page() -> Iterator[Page]:
+    """An empty page of a browser that draws as the engine's frames are drawn."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
+        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
+        page = chromium.new_page(viewport={"width": 400, "height": 300})
+        page.set_default_timeout(LIMIT)
+        yield page
+        chromium.close()
+
+
 def test_the_browser_calls_nobody(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By its own log of the network, it looks up no name and connects to the loopback address alone."""
     log = tmp_path / "network.json"
@@ -228,91 +245,67 @@ def test_the_browser_calls_nobody(data: Path, tmp_path: Path, monkeypatch: pytes
         assert number is not None and f'"type":{number[1]}}}' not in events, kind
 
 
-def test_exported_page_runs_live_and_its_sliders_work(served: str) -> None:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
-        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
-        page = chromium.new_page(viewport={"width": 400, "height": 300})
-        page.set_default_timeout(LIMIT)
-        failures: list[str] = []
-        page.on("pageerror", lambda error: failures.append(str(error)))
-        page.goto(served)
-        page.wait_for_selector("#controls", state="visible")
-        assert page.input_value("input[name=blend]") == "0.75"
-        before = settled(page, page)
-        page.locator("[name=brightness]").fill("5")
-        lit = settled(page, page, other_than=before)
-        assert page.locator("#lights label").all_inner_texts() == ["sun", "lamp", "torch"]
-        page.locator("#lights input[name=sun]").uncheck()
-        settled(page, page, other_than=lit)  # darker
-        for width, height in ((1280, 720), (390, 844)):
-            page.set_viewport_size({"width": width, "height": height})
-            box = {"x": 0, "y": 0, "width": width, "height": height}
-            same = "wanted => Object.entries(wanted).every(([k, x]) => view.getBoundingClientRect()[k] === x)"
-            page.wait_for_function(same, arg=box)
-            assert page.evaluate("document.documentElement.scrollWidth") == width
-        assert failures == []
-        chromium.close()
+def test_exported_page_runs_live_and_its_sliders_work(served: str, page: Page) -> None:
+    failures: list[str] = []
+    page.on("pageerror", lambda error: failures.append(str(error)))
+    page.goto(served)
+    page.wait_for_selector("#controls", state="visible")
+    assert page.input_value("input[name=blend]") == "0.75"
+    before = settled(page, page)
+    page.locator("[name=brightness]").fill("5")
+    lit = settled(page, page, other_than=before)
+    assert page.locator("#lights label").all_inner_texts() == ["sun", "lamp", "torch"]
+    page.locator("#lights input[name=sun]").uncheck()
+    settled(page, page, other_than=lit)  # darker
+    for width, height in ((1280, 720), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        box = {"x": 0, "y": 0, "width": width, "height": height}
+        same = "wanted => Object.entries(wanted).every(([k, x]) => view.getBoundingClientRect()[k] === x)"
+        page.wait_for_function(same, arg=box)
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+    assert failures == []
 
 
-def test_controls_are_shown_once_they_work(served: str) -> None:
+def test_controls_are_shown_once_they_work(served: str, page: Page) -> None:
     """While the page still reads what it knows of other frames, nobody can move a slider that is set afterwards."""
-    from playwright.sync_api import Route, sync_playwright
+    meanwhile: list[bool] = []
 
-    with sync_playwright() as playwright:
-        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
-        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
-        page = chromium.new_page(viewport={"width": 400, "height": 300})
-        page.set_default_timeout(LIMIT)
-        meanwhile: list[bool] = []
+    def answered_late(route: Route) -> None:
+        settled(page, page)
+        meanwhile.append(page.is_visible("#controls"))
+        route.continue_()
 
-        def answered_late(route: Route) -> None:
-            settled(page, page)
-            meanwhile.append(page.is_visible("#controls"))
-            route.continue_()
-
-        page.route("**/page.json", answered_late)
-        page.goto(served)
-        page.wait_for_selector("#controls", state="visible")
-        assert page.input_value("input[name=blend]") == "0.75"
-        assert page.locator("input[name=blend] + output").inner_text() == "0.75"
-        assert meanwhile == [False]
-        chromium.close()
+    page.route("**/page.json", answered_late)
+    page.goto(served)
+    page.wait_for_selector("#controls", state="visible")
+    assert page.input_value("input[name=blend]") == "0.75"
+    assert page.locator("input[name=blend] + output").inner_text() == "0.75"
+    assert meanwhile == [False]
 
 
-def test_the_physical_frame_lies_over_the_live_one_until_the_camera_moves(served: str) -> None:
-    from playwright.sync_api import sync_playwright
+def test_the_physical_frame_lies_over_the_live_one_until_the_camera_moves(served: str, page: Page) -> None:
+    page.goto(served)
+    page.wait_for_selector("#controls", state="visible")
+    physical, back = page.locator("#physical"), page.locator("button[name=back]")
+    assert not physical.is_visible() and not back.is_visible()
+    page.locator("input[name=physical]").fill("0.5")
+    physical.wait_for(state="visible")
+    page.evaluate("document.getElementById('controls').style.visibility = 'hidden'")
+    seen = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+    magenta = (seen == (255, 0, 255)).all(axis=-1)
+    wide = min(400, 300 * CAMERA.width / CAMERA.height)  # of the frame in the window
+    assert abs(int(magenta[150].sum()) - wide / 2) <= 2 and magenta[150, :202].sum() == magenta[150].sum()
+    page.evaluate("document.getElementById('controls').style.visibility = ''")
 
-    with sync_playwright() as playwright:
-        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
-        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
-        page = chromium.new_page(viewport={"width": 400, "height": 300})
-        page.set_default_timeout(LIMIT)
-        page.goto(served)
-        page.wait_for_selector("#controls", state="visible")
-        physical, back = page.locator("#physical"), page.locator("button[name=back]")
-        assert not physical.is_visible() and not back.is_visible()
-        page.locator("input[name=physical]").fill("0.5")
-        physical.wait_for(state="visible")
-        page.evaluate("document.getElementById('controls').style.visibility = 'hidden'")
-        seen = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
-        magenta = (seen == (255, 0, 255)).all(axis=-1)
-        wide = min(400, 300 * CAMERA.width / CAMERA.height)  # of the frame in the window
-        assert abs(int(magenta[150].sum()) - wide / 2) <= 2 and magenta[150, :202].sum() == magenta[150].sum()
-        page.evaluate("document.getElementById('controls').style.visibility = ''")
+    page.keyboard.down("w")  # flies on
+    back.wait_for(state="visible")
+    page.keyboard.up("w")
+    assert not physical.is_visible()
+    back.click()
+    physical.wait_for(state="visible")
 
-        page.keyboard.down("w")  # flies on
-        back.wait_for(state="visible")
-        page.keyboard.up("w")
-        assert not physical.is_visible()
-        back.click()
-        physical.wait_for(state="visible")
-
-        page.locator("select[name=frame]").select_option("front.night")
-        page.wait_for_url("**/front.night/index.html")
-        chromium.close()
+    page.locator("select[name=frame]").select_option("front.night")
+    page.wait_for_url("**/front.night/index.html")
 
 
 def test_opened_from_disk_the_page_says_what_to_do(data: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from bench_truth_captures import Captured
 from bench_truth_scores import F32, Score, edges_of, mean, score
-from bench_truth_seen import seen_of
+from bench_truth_seen import part, seen_of, together
 from bench_truth_store import Store
 from PIL import Image
 
@@ -42,6 +42,7 @@ Surface = Literal[
     "moved 1 %",
     "moved 1 %, fitted",
     "exact, unseen left out",
+    "exact, unseen closed as own",
     "own",
     "own, cameras known",
 ]
@@ -49,8 +50,9 @@ Known = Literal["known", "estimated"]
 
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 ORDER: tuple[Surface, ...] = get_args(Surface)
-FEW: tuple[Surface, ...] = ("exact", "exact, unseen left out", "own, cameras known")  # of captures not `whole`
-MORE: tuple[Surface, ...] = ("exact, unseen left out", "own")  # proxies that no goal is set for
+BOUNDS: tuple[Surface, ...] = ("exact, unseen left out", "exact, unseen closed as own")
+MORE: tuple[Surface, ...] = (*BOUNDS, "own")  # proxies that no goal is set for
+FEW: tuple[Surface, ...] = ("exact", *BOUNDS, "own, cameras known")  # of captures not `whole`
 ESTIMATED: tuple[Surface, ...] = ("exact", "own, cameras known")  # with the light estimated too
 
 
@@ -70,9 +72,9 @@ class Way:
 
 
 BOTH = "ratio, per both"
-BEST = Way("traced", 2, 16)  # by which proxies are compared
+BEST = Way("traced", 2, 32)  # by which proxies are compared
 KEPT = replace(BEST, indirect="surface")
-WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16)))
+WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16), (2, 32)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,12 +148,19 @@ class Bench:
                 return self._store.mesh(name, "fitted proxies", lambda: proxy.register(splats, self._moved))
             case "exact, unseen left out":
                 return seen_of(capture.exact, splats, self.size)
-            case "own" | "own, cameras known":
-                return self._own(surface == "own, cameras known")
+            case "exact, unseen closed as own":
+                own, seen = self._own
+                return together(seen_of(capture.exact, splats, self.size), part(own, slice(seen, None)))
+            case "own":
+                own, seen = self._own
+                return part(own, slice(seen))
+            case "own, cameras known":
+                return self._own[0]
 
-    def _own(self, closed: bool) -> ProxyMesh:
-        """Made of the splats' places and shapes, so one for all captures of a cloud; what closes unseen space, the last
-        of its triangles, makes the difference between both."""
+    @cached_property
+    def _own(self) -> tuple[ProxyMesh, int]:
+        """And how many of its faces were seen; the rest close unseen space. Made of the splats' places and shapes, so
+        one for all captures of a cloud."""
         capture = self.capture
 
         def pack() -> F32:
@@ -162,11 +171,7 @@ class Bench:
 
         rows = self._store.array(f"{capture.cloud}.own", "own proxies", pack, "proxies")
         count, seen = (int(x) for x in rows[0, :2])
-        faces = rows[1 + count :].astype(np.int32)
-        if closed:
-            return ProxyMesh(vertices=rows[1 : 1 + count], faces=faces)
-        used, corner = np.unique(faces[:seen], return_inverse=True)
-        return ProxyMesh(vertices=rows[1 + used], faces=corner.reshape(-1, 3).astype(np.int32))
+        return ProxyMesh(vertices=rows[1 : 1 + count], faces=rows[1 + count :].astype(np.int32)), seen
 
     def rows(self, quick: bool) -> Iterator[Row]:
         """All rows of the capture; `quick`: the exact proxy alone."""

@@ -79,13 +79,14 @@ class _Plan:
 PLANS = (
     _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
     _Plan("courtyard", "courtyard_walk", "courtyard, walked round", "hard sun", ("evening", "night", "day")),
+    _Plan("courtyard", "courtyard_walk", "courtyard, walked round, soft sun", "day", ("evening", "night", "hard sun")),
     _Plan("stage", "stage", "stage, soft boxes", "studio", ("spots", "gels", "sunset")),
     _Plan("interior", "interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
     _Plan("interior", "interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
-QUICK = (NAMES[0], NAMES[2])  # their splats are shipped
+QUICK = ("courtyard, soft sun", "stage, soft boxes")  # their splats are shipped
 APART = {  # eye and target between the cameras that a capture is made from
     "courtyard": ((2.05, 2.3, 5.75), (-0.3, 1.55, -1.5), 43),
     "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),

@@ -30,7 +30,7 @@ from scenegen.textures import Surface
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-SUN_DISTANCE = 400.0  # metres; far beyond a scene of ten
+SUN_DISTANCE = 1e5  # metres: across a scene of ten its direction differs by a hundredth of its width
 DEPTH = 8  # Mitsuba's max_depth counts the edges of a path
 
 

@@ -75,7 +75,9 @@ def run_match(args: argparse.Namespace) -> int:
             report=report,
         )
     made = f"{Path(args.job).name} with {found.lighting.name!r} matched to {target.path.name} by mirelight match"
-    text = with_lighting(source, work, found.lighting, out, (made, f"(camera {chosen.camera.name!r}, {_gain(found)})"))
+    known = [f"{x.name}: give or take {_percent(x)}" for x in found.layers if x.seen and not x.fixed]
+    remarks = (made, f"(camera {chosen.camera.name!r}, {_gain(found)})", *known)
+    text = with_lighting(source, work, found.lighting, out, remarks)
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
     if not args.quiet:
@@ -99,7 +101,12 @@ def _line(layer: LayerMatch) -> str:
         return f"{layer.name}: {said(layer.before)}, left as it was"
     if not layer.seen:
         return f"{layer.name}: the picture does not show its light; left at {said(layer.before)}"
-    return f"{layer.name}: {said(layer.after)}, was {said(layer.before)}"
+    return f"{layer.name}: {said(layer.after)}, was {said(layer.before)}; give or take {_percent(layer)}"
+
+
+def _percent(layer: LayerMatch) -> str:
+    """How far red, green and blue may be off; a question mark where that is more than they are."""
+    return "(" + ", ".join("?" if x > 1 else f"{100 * x:.2g}" for x in layer.relative_uncertainty) + ") %"
 
 
 def _say(quiet: bool) -> Callable[[str], None] | None:

@@ -17,6 +17,7 @@ from mirelight import colour, stages
 from mirelight.errors import InputError
 from mirelight.matching.solve import Column, closest
 from mirelight.matching.target import Target, resized
+from mirelight.matching.uncertain import tiles, uncertainties
 from mirelight.model import F32, F64, Camera, LayerFactor, Light, Lighting, LightingBuffer, SplatLayer
 from mirelight.model.lights import SKY, SUN
 from mirelight.relighting import apply
@@ -39,8 +40,16 @@ class LayerMatch:
     name: str
     before: F64  # (3,) colour times intensity; of a group the factor of what its lights have
     after: F64
+    uncertainty: F64  # (3,) how far `after` may be off (`uncertain`); 0 where it was not to be changed, inf: unknown
     seen: bool  # False: the picture says nothing about it, and it stays as it was
     fixed: bool = False  # it was not to be changed
+
+    @property
+    def relative_uncertainty(self) -> F64:
+        """(3,) `uncertainty` as a share of `after`; inf where that is 0."""
+        dark = self.after <= 0
+        share = self.uncertainty / np.where(dark, 1, self.after)
+        return np.asarray(np.where(dark & (self.uncertainty > 0), np.inf, share))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -146,34 +155,53 @@ class _Fit:
         summed_up = resized(light * counts, self._size).astype(np.float64).reshape(-1, 3)
         self._counts, self._inside = share, counts
         self._target = summed_up / np.maximum(share, 1e-12)
-        self._dark = self._small(self._relit({name: np.zeros(3) for name in self._before}, clamped=False))
+        unlit = {name: np.zeros(3) for name in self._before}
+        self._dark, no_floor = (self._small(self._relit(unlit, clamped=False, floor=x)) for x in (True, False))
+        self._floors = (self._dark, no_floor)
         self._columns = {name: self._small(self._alone(name)) - self._dark for name in self._before}
         self._gain = 2.0**scene.job.display.exposure
 
     def solved(self) -> tuple[LayerMatch, ...]:
-        """The layers with their weights."""
+        """The layers with their weights.
+
+        Where no light falls, the ratio leaves a little of the captured light. Another program's picture and a
+        photograph lack it: then it would be taken from the faintest light, so what comes closer counts.
+        """
+        found, self.residual = min((self._solved(dark) for dark in self._floors), key=lambda x: x[1])
+        return found
+
+    def _solved(self, dark: F64) -> tuple[tuple[LayerMatch, ...], float]:
+        """With this light (P, 3) where no lamp's falls; and the mean square of what is left."""
         free = [name for name in self._before if self._free is None or name in self._free]
         fixed = [name for name in self._before if name not in free]
-        held_fast: F64 = np.sum([self._dark, *(self._columns[n] * self._before[n] for n in fixed)], axis=0)
+        rest: F64 = np.sum([dark, *(self._columns[n] * self._before[n] for n in fixed)], axis=0)
         columns = [Column(self._columns[name], k) for name in free for k in range(3)]
-        after, determined = dict(self._before), dict.fromkeys(self._before, True)
+        after = dict(self._before)
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
-            found, seen = closest(columns, self._target, held_fast, counts, self._gain)
-            for i, name in enumerate(free):
-                determined[name] = bool(seen[3 * i : 3 * i + 3].any())
-                after[name] = found[3 * i : 3 * i + 3] if determined[name] else self._before[name]
-            straight: F64 = np.sum([self._dark, *(self._columns[n] * after[n] for n in after)], axis=0)
-            held = self._small(self._relit(after, clamped=True))
+            found, told = closest(columns, self._target, rest, counts, self._gain)
+            seen = {name: bool(told[3 * i : 3 * i + 3].any()) for i, name in enumerate(free)}
+            after |= {name: found[3 * i : 3 * i + 3] for i, name in enumerate(free) if seen[name]}
+            lit: F64 = np.sum([self._columns[n] * after[n] for n in after], axis=0)
+            held, straight = self._small(self._relit(after, clamped=True)), self._dark + lit
             left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)
             if np.array_equal(left, counts) or not left.any():
                 break
             counts = left
-        self.residual = float(self._error(straight, counts))
-        return tuple(
-            LayerMatch(name=n, before=self._before[n], after=after[n], seen=determined[n], fixed=n in fixed)
-            for n in after
+        off = uncertainties(columns, found, told, self._target, rest, counts, self._gain, tiles(self._size))
+        uncertainty = {name: off[3 * i : 3 * i + 3] for i, name in enumerate(free)}
+        layers = tuple(
+            LayerMatch(
+                name=name,
+                before=self._before[name],
+                after=after[name],
+                uncertainty=uncertainty.get(name, np.zeros(3)),
+                seen=seen.get(name, True),
+                fixed=name in fixed,
+            )
+            for name in after
         )
+        return layers, self._error(dark + lit, counts)
 
     def psnr(self, weights: dict[str, F64]) -> float:
         """dB of display values of the frame with these weights."""
@@ -187,10 +215,11 @@ class _Fit:
     def _alone(self, name: str) -> F32:
         return self._relit({n: np.full(3, float(n == name)) for n in self._before}, clamped=False)
 
-    def _relit(self, weights: dict[str, F64], *, clamped: bool) -> F32:
+    def _relit(self, weights: dict[str, F64], *, clamped: bool, floor: bool = True) -> F32:
         """(H, W, 3) the frame with the unit lights times these weights."""
-        job = self._scene.job
-        settings = job.relight if clamped else replace(job.relight, max_ratio=_NO_CLAMP)
+        settings = self._scene.job.relight
+        settings = settings if clamped else replace(settings, max_ratio=_NO_CLAMP)
+        settings = settings if floor else replace(settings, delta=0.0)
         new = replace(_light_alone(self._new), variance=None).reweighted(weights)
         level = self._scene.captured_level if self._captured is not None else None
         frame = apply(self._splats, new, settings, captured=self._captured, captured_level=level, noise=False)

@@ -141,6 +141,19 @@ def test_lights_are_found_from_their_own_frame(scene: Scene, true: F32) -> None:
     assert all(x.seen for x in found.layers)
 
 
+def test_what_is_found_in_its_own_frame_is_known(scene: Scene, true: F32) -> None:
+    for layer in match(scene, CAMERA, START, target(true)).layers:
+        assert (layer.relative_uncertainty < 0.05).all(), layer.name
+
+
+def test_faint_light_is_found_in_a_picture_without_the_ratios_floor(scene: Scene) -> None:
+    """Where no light falls, a ratio leaves a little of the captured light; no other picture has that."""
+    bare, faint = prepare(job(delta=0.0)), replace(TRUE, mix=(LayerFactor(layer="row", factor=np.full(3, 0.02)),))
+    found = match(scene, CAMERA, START, target(picture(bare, faint)))
+    row = next(x for x in found.layers if x.name == "row")
+    np.testing.assert_allclose(row.after, 0.02 * np.array([1, 1, 1]) / 2, rtol=0.1)
+
+
 def test_lights_are_found_in_the_mode_tint(true: F32) -> None:
     tint = prepare(job(mode="tint"))
     found = match(tint, CAMERA, START, target(picture(tint)))

@@ -14,6 +14,7 @@ from mirelight.io.png import encode_display, write_png
 from mirelight.matching.solve import Column, closest, fitted, nonnegative
 from mirelight.matching.target import read_target, resized
 from mirelight.matching.tone import CURVES, inverse
+from mirelight.matching.uncertain import tiles, uncertainties
 from mirelight.model import DisplaySettings, ToneCurve
 
 
@@ -134,3 +135,58 @@ def test_what_does_not_count_stays_nothing_at_any_size() -> None:
     small = resized(counts, (90, 120))
     assert small.min() >= 0
     assert small[45:, :60].max() == 0
+
+
+SIZE = 36, 64
+
+
+def lamps() -> list[Column]:
+    """Two lamps on a wall, one to the left and one to the right, in every channel; the second is faint in blue."""
+    down, right = (np.arange(n)[s] / SIZE[0] for n, s in zip(SIZE, (np.s_[:, None], np.s_[None]), strict=True))
+    falls = [1 / (0.1 + (down - 0.5) ** 2 + (right - x) ** 2) for x in (0.4, 1.4)]
+    pictures = [np.repeat(f.reshape(-1, 1), 3, axis=1) * [1, 1, s] for f, s in zip(falls, (1, 0.02), strict=True)]
+    return [Column(0.05 * picture, k) for picture in pictures for k in range(3)]
+
+
+def told_of(target: np.ndarray, columns: list[Column]) -> tuple[np.ndarray, np.ndarray]:
+    """Weights found, and how far they may be off."""
+    nothing, counts = np.zeros_like(target), np.ones_like(target)
+    found, told = closest(columns, target, nothing, counts, 1.0)
+    return found, uncertainties(columns, found, told, target, nothing, counts, 1.0, tiles(SIZE))
+
+
+def test_a_scenes_errors_are_what_is_said_of_them() -> None:
+    columns, true = lamps(), np.array([1.0, 1, 1, 0.7, 0.7, 0.7])
+    picture = sum(x * c.picture * np.eye(3)[c.channel] for x, c in zip(true, columns, strict=True))
+    shares = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        areas = rng.uniform(0.9, 1.1, (4, 4, 3)).repeat(9, axis=0).repeat(16, axis=1)  # colours or shadows that are off
+        found, off = told_of(picture * areas.reshape(-1, 3), columns)
+        shares.append(np.abs(found - true) / off)
+        assert (off[:5] < 0.3 * true[:5]).all()
+        assert off[5] > 5 * off[4]  # the faint one
+    assert np.mean(np.array(shares) <= 1) > 0.8
+    assert np.max(shares) < 2.5
+
+
+def test_a_picture_that_the_lights_explain_leaves_no_doubt() -> None:
+    columns = lamps()
+    picture = sum(0.5 * c.picture * np.eye(3)[c.channel] for c in columns)
+    found, off = told_of(np.asarray(picture), columns)
+    np.testing.assert_allclose(found, 0.5, rtol=1e-4)
+    assert (off < 1e-3).all()
+
+
+def test_lights_that_look_alike_and_one_that_does_not_show_are_not_known() -> None:
+    left, right, *_ = lamps()[:1] + lamps()[3:4]
+    dark = Column(np.zeros_like(left.picture), 0)
+    _, off = told_of(left.picture + right.picture * [1, 0, 0], [left, right, left, dark])
+    assert np.isinf(off[[0, 2, 3]]).all()
+    assert off[1] < 1e-3
+
+
+def test_tiles_are_about_square_and_cover_the_picture() -> None:
+    tile = tiles((90, 160)).reshape(90, 160)
+    assert len(np.unique(tile)) == 9 * 16
+    assert all((tile[::10, ::10].ravel() == tile[9::10, 9::10].ravel()).tolist())

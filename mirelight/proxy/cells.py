@@ -27,11 +27,12 @@ SMALLEST, LARGEST = 2.2, 8.0  # radius, in the capture's spacing
 OVERLAP = 1.1  # how far past the bisector a cell reaches: no cracks for light to leak through
 WELD = 0.2  # of the spacing: corners nearer than that become one
 NARROW = 0.6  # middle over longest axis, below which a disc lies at an edge or on something thin
-WIDTH = 1.5  # standard deviations to either side that such a disc's cell is wide: there its alpha has fallen to a third
+HALF = 1.15  # standard deviations from the middle of an opaque disc, where its alpha passes one half
 FLAT_CELL = 2.5  # spacings: in the midst of a plane one disc in a voxel of this size stands for the others
 FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it to be in the midst of one
-REACH = 1.5  # standard deviations that a cell reaches past the middle of its disc where the surface ends
+REACH = 1.5  # standard deviations that a cell reaches where a sheet of many discs ends: each adds to the alpha
 BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
+FEW = 6  # neighbours that carry it on: a disc with no more lies on a leaf, a slat, a corner, and ends by its own alpha
 SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
 SPLIT = 1.003  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
 STRAIGHT = 0.05  # spacings: corners of cells that near to the line between those beside them go
@@ -117,11 +118,13 @@ def _flats(discs: Discs, near: Int, distance: F64, s: float) -> tuple[NDArray[np
 def _ends(discs: Discs, rows: Int, near: Int, local: F64) -> F64:
     """(R, 8) how far a disc's cell may reach along the eight directions of its octagon's sides.
 
-    Where no neighbour carries the surface on, and none turns it, the surface ends where the disc does. A neighbour of
-    another normal turns it where the way there meets its plane at its disc.
+    Where no neighbour carries the surface on, and none turns it, the surface ends where the disc does: where alpha
+    passes one half, to which many neighbours add. A neighbour of another normal turns it where the way there meets its
+    plane at its disc.
     """
     around, plane, own = Around.of(discs, rows, near), discs.axes[rows][:, :, 1:], local[rows]
     beside = around.on_sheet & (around.run < BESIDE * own[:, None])
+    deviations = np.where(beside.sum(axis=1) <= FEW, HALF, REACH)
     out = np.full((len(rows), 8), np.inf)
     row, slot = np.nonzero(~around.same)
     other, step, along = near[row, slot], around.step[row, slot], around.along[row, slot]
@@ -137,7 +140,7 @@ def _ends(discs: Discs, rows: Int, near: Int, local: F64) -> F64:
         met &= np.where(met, far, 0) * (np.where(met, far, 0) - 2 * along @ way) + squared < reach
         goes_on[row[met]] = True
         wide = np.sqrt(((discs.scales[rows, 1:] * way) ** 2).sum(axis=1))
-        out[:, k] = np.where(goes_on, np.inf, REACH * wide)
+        out[:, k] = np.where(goes_on, np.inf, deviations * wide)
     return out
 
 
@@ -147,7 +150,7 @@ def _on_sheets(discs: Discs, rows: Int, around: Around, radius: F64, ends: F64) 
     # bars, twigs: no wider than they look
     thin = np.flatnonzero(discs.scales[rows, 1] < NARROW * discs.scales[rows, 2])
     for x in (1.0, -1.0):
-        cells.cut(thin, np.tile((x, 0.0), (len(thin), 1)), WIDTH * discs.scales[rows[thin], 1])
+        cells.cut(thin, np.tile((x, 0.0), (len(thin), 1)), HALF * discs.scales[rows[thin], 1])
     for k in range(8):
         ending = np.flatnonzero(np.isfinite(ends[:, k]))
         way = np.array([np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)])

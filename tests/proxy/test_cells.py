@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.lighting.sight import Sight
 from mirelight.proxy import MadeProxy, ProxySettings, make
-from mirelight.proxy.cells import REACH, WELD
+from mirelight.proxy.cells import HALF, REACH, WELD
 from mirelight.proxy.polygons import octagons
 
 from .clouds import ball, box_shell, on_surface, square
@@ -62,6 +62,16 @@ def test_a_sheet_ends_where_its_discs_do() -> None:
     mesh = make(on_surface(*square(side, step, 1, 0.0), size, thin=0.05)).mesh
     end = side / 2 - step / 2 + REACH * size
     assert np.abs(mesh.vertices).max() == pytest.approx(end, abs=WELD * step)
+
+
+def test_a_leaf_ends_where_its_own_discs_are_half_seen_through() -> None:
+    """Few discs add little to each other's alpha; as wide as a sheet's edge, leaves would take more light."""
+    step, size, apart = 0.08, 0.08, 0.15
+    x, y, z = np.meshgrid([-step / 2, step / 2], np.arange(20) * apart, [-step, 0, step], indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    mesh = make(on_surface(points, np.tile((0.0, 1.0, 0.0), (len(points), 1)), size, thin=0.05)).mesh
+    far = np.abs(mesh.vertices).max(axis=0)[[0, 2]]
+    np.testing.assert_allclose(far, np.array([step / 2, step]) + HALF * size, atol=0.2 * (REACH - HALF) * size)
 
 
 def test_the_same_cells_on_any_number_of_threads() -> None:

@@ -176,12 +176,11 @@ class _Fit:
         fixed = [name for name in self._before if name not in free]
         rest: F64 = np.sum([dark, *(self._columns[n] * self._before[n] for n in fixed)], axis=0)
         columns = [Column(self._columns[name], k) for name in free for k in range(3)]
-        after = dict(self._before)
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
             found, told = closest(columns, self._target, rest, counts, self._gain)
             seen = {name: bool(told[3 * i : 3 * i + 3].any()) for i, name in enumerate(free)}
-            after |= {name: found[3 * i : 3 * i + 3] for i, name in enumerate(free) if seen[name]}
+            after = self._before | {name: found[3 * i : 3 * i + 3] for i, name in enumerate(free) if seen[name]}
             lit: F64 = np.sum([self._columns[n] * after[n] for n in after], axis=0)
             held, straight = self._small(self._relit(after, clamped=True)), self._dark + lit
             left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from bench_truth_captures import Captured
 from bench_truth_scores import F32, Score, edges_of, mean, score
-from bench_truth_seen import part, seen_of, together
+from bench_truth_seen import seen_of
 from bench_truth_store import Store
 from PIL import Image
 
@@ -33,6 +33,8 @@ from mirelight.model import (
     SurfaceCache,
     digest,
 )
+from mirelight.proxy.tidy import compact
+from mirelight.proxy.types import Soup
 
 Surface = Literal[
     "exact",
@@ -150,10 +152,11 @@ class Bench:
                 return seen_of(capture.exact, splats, self.size)
             case "exact, unseen closed as own":
                 own, seen = self._own
-                return together(seen_of(capture.exact, splats, self.size), part(own, slice(seen, None)))
+                closing = compact(_soup(own, slice(seen, None)))
+                return _soup(seen_of(capture.exact, splats, self.size)).beside(closing).mesh()
             case "own":
                 own, seen = self._own
-                return part(own, slice(seen))
+                return compact(_soup(own, slice(seen))).mesh()
             case "own, cameras known":
                 return self._own[0]
 
@@ -320,6 +323,11 @@ class Bench:
         nan = math.nan
         own = tuple((x.name, y.light) for x, y in zip(capture.lightings, scores, strict=True))
         return Row(capture.name, mode, surface, known, way, denoised, made, own, nan, 0.0, 0.0, triangles)
+
+
+def _soup(mesh: ProxyMesh, faces: slice = slice(None)) -> Soup:
+    """Some of a mesh's faces."""
+    return Soup(mesh.vertices.astype(np.float64), mesh.faces[faces].astype(np.int64))
 
 
 def row_of(values: dict[str, Any]) -> Row:

@@ -52,15 +52,3 @@ def split(corners: F64, longest: float) -> tuple[F64, Int]:
         corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
         face = np.concatenate([face, face])
     return np.concatenate(done), np.concatenate(of)
-
-
-def part(mesh: ProxyMesh, faces: slice) -> ProxyMesh:
-    """Some faces of a mesh, with the vertices that they use."""
-    used, corner = np.unique(mesh.faces[faces], return_inverse=True)
-    return ProxyMesh(vertices=mesh.vertices[used], faces=corner.reshape(-1, 3).astype(np.int32))
-
-
-def together(first: ProxyMesh, second: ProxyMesh) -> ProxyMesh:
-    """Both as one mesh, the second's faces last."""
-    vertices = np.concatenate([first.vertices, second.vertices])
-    return ProxyMesh(vertices=vertices, faces=np.concatenate([first.faces, second.faces + len(first.vertices)]))

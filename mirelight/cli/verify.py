@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mirelight.cli import say
+from mirelight.model.shown import count
 
 if TYPE_CHECKING:
     from mirelight.farm.checks import Finding
@@ -47,15 +48,15 @@ def run_verify(args: argparse.Namespace) -> int:
     for note in found.notes:
         say.result(f"note: {note}")
     if found.in_flight:
-        say.result(f"note: {found.in_flight} frames are in flight, and were not looked at")
+        say.result(f"note: {count(found.in_flight, 'frame')} in flight and not looked at")
     if found.recorded:
-        say.result(f"{found.recorded} frames written into the journal")
+        say.result(f"{count(found.recorded, 'frame')} written into the journal")
     elif found.unrecorded:
-        say.result(f"note: {found.unrecorded} frames are not in the journal; --rebuild writes them there")
+        say.result(f"note: {count(found.unrecorded, 'frame')} not in the journal, where --rebuild writes them")
     if found.forgotten:
-        say.result(f"{found.forgotten} files forgotten; mirelight render makes them again")
+        say.result(f"{count(found.forgotten, 'file')} forgotten, for mirelight render to make again")
     wrong = f"{found.findings} things are wrong" if found.findings != 1 else "1 thing is wrong"
-    say.result(f"{args.folder}: {found.frames} frames looked at; {wrong if found.findings else 'all is well'}")
+    say.result(f"{args.folder}: {count(found.frames, 'frame')} looked at; {wrong if found.findings else 'all is well'}")
     return 1 if found.findings else 0
 
 
@@ -88,6 +89,6 @@ class _Said:
 
     def rest(self) -> None:
         """How many lines were left out."""
-        for kind, count in self._counts.items():
-            if count > _MOST:
-                say.result(f"{count - _MOST} more of this kind: {kind}")
+        for kind, number in self._counts.items():
+            if number > _MOST:
+                say.result(f"{number - _MOST} more of this kind: {kind}")

@@ -13,7 +13,7 @@ from mirelight.io.exr import ExrImage
 from mirelight.model import F32, DisplaySettings, Frame, Lighting, LightingBuffer, LightLayer
 from mirelight.units import Term, terms
 
-Kind = Literal["missing", "failed", "other", "damaged", "values", "picture", "sum", "layers", "record"]
+Kind = Literal["missing", "failed", "other", "damaged", "values", "picture", "sum", "layers", "closed"]
 
 _ROUNDING = 0.01  # of 16-bit values, and of what the lossy compression leaves, relative
 _ALPHA = 1e-3  # by which an alpha may lie outside 0 to 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -198,6 +199,9 @@ class _Look:
             path, rows = paths[suffix], index.rows_of(frame.name + suffix, key)
             if suffix in gone:
                 continue
+            if self._closed(frame.name + suffix, path):
+                whole = False
+                continue
             found = image.read_fingerprint(path)
             sound = is_one_of(path, rows) if rows else image.is_intact(path)
             if found is None or (found == key and not sound):
@@ -273,6 +277,8 @@ class _Look:
         """Traced light and composites: readable and finite."""
         for key in sorted(self.folder.kept):
             path = self.folder.light.path(key)
+            if self._closed(str(path.relative_to(self.folder.path)), path):
+                continue
             try:
                 arrays = read_arrays(path).arrays
                 broken = next((name for name, x in arrays.items() if not np.isfinite(x).all()), None)
@@ -284,6 +290,13 @@ class _Look:
                 self._bad(str(path.relative_to(self.folder.path)), text, path, kind="layers")
 
     # --- what is done about it ---
+
+    def _closed(self, what: str, path: Path) -> bool:
+        """Whether nobody lets us read a file, of which nothing is known then: it is said, and never forgotten."""
+        closed = path.exists() and not os.access(path, os.R_OK)
+        if closed:
+            self._tell("closed", what, "there is no permission to read it", "allow reading it, and verify again")
+        return closed
 
     def _bad(self, what: str, text: str, path: Path, kind: Kind = "damaged") -> None:
         """A file that must be made again."""

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path
-from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, seal
+from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, is_whole, seal
 from mirelight.io.exr_noise import silenced
-from mirelight.io.safety import existing, require_memory
+from mirelight.io.safety import existing, open_binary, require_memory
 from mirelight.model import Compression, shown
 
 MAGIC = b"\x76\x2f\x31\x01"
@@ -116,6 +116,8 @@ def write_exr(
                 file.write(str(temporary))
         except RuntimeError as e:  # what the package raises when the system refuses to write
             raise _write_error(path, temporary, e) from None
+        if not is_whole(temporary):  # the last bytes leave as the package closes the file, and fail in silence
+            raise _write_error(path, temporary, RuntimeError("fewer bytes arrived than were written"))
         seal(temporary)
 
 
@@ -159,7 +161,7 @@ def read_header(path: str | Path) -> list[dict[str, Any]]:
 
     path = existing(path)
     try:
-        with path.open("rb") as stream:
+        with open_binary(path) as stream:
             if stream.read(4) != MAGIC:
                 raise InputError(path, "not an OpenEXR image", "check the file")
         if not _has_utf8_name(path):

@@ -118,8 +118,13 @@ class Claims:
             except OSError as e:
                 raise output_error(path, e) from None
             about = {"name": name, "host": platform.node(), "since": os.fstat(handle).st_mtime, "run": run}
-            os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
-            os.close(handle)
+            try:
+                os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
+            except OSError as e:
+                path.unlink(missing_ok=True)
+                raise output_error(path, e) from None
+            finally:
+                os.close(handle)
             self._hold(path)
             return True
         return False

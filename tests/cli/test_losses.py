@@ -22,6 +22,7 @@ from mirelight.io.atomic import output_error
 from mirelight.model import Camera, Frame, Job, OutputSettings, Provenance
 from mirelight.plan import FrameTask
 from mirelight.store import Store
+from mirelight.store.claims import Claims
 from mirelight.store.index import Index
 from mirelight.store.journal import Journal
 
@@ -194,6 +195,13 @@ def test_a_full_disk_leaves_room_to_say_so(tmp_path: Path, monkeypatch: pytest.M
     store.put(task("b"), frame(1))
     assert store.has(task("b"))
     store.close()
+
+
+def test_a_claim_that_a_full_disk_does_not_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Disk(tmp_path, monkeypatch).room = 0
+    with pytest.raises(OutputError, match="the disk is full"), Claims(tmp_path).claim("front"):
+        pass
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_workers_that_meet_a_full_disk_all_end(folder: Path) -> None:

@@ -124,12 +124,23 @@ def test_damage_is_found_forgotten_and_made_again(made: Path, out: Path, run: Ru
     ]
 
     told = run("verify", "out", "--rebuild")
-    assert told.returncode == 1 and "3 files forgotten; mirelight render makes them again" in told.stdout
+    assert told.returncode == 1 and "3 files forgotten, for mirelight render to make again" in told.stdout
     assert not light.exists() and not (out / exrs[0]).exists()
     shutil.copytree(out, made / "mended")
     done = run("render", str(made / "job.toml"), "--out", str(made / "mended"), "-q")
     assert done.returncode == 0 and {name: (made / "mended" / name).read_bytes() for name in exrs} == good
     assert look(made / "mended")[0] == []
+
+
+def test_what_may_not_be_read_is_not_called_damaged(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is known of such files, so none is forgotten."""
+    light = next((out / ".mirelight" / "light").iterdir())
+    closed = {out / names(out)[0], light}
+    monkeypatch.setattr("os.access", lambda path, mode: path not in closed)
+    heard, found, lines = look(out, rebuild=True)
+    assert heard == [("closed", names(out)[0]), ("closed", f".mirelight/light/{light.name}")]
+    assert str(lines[0]).endswith("there is no permission to read it; allow reading it, and verify again")
+    assert found.forgotten == 0 and all(path.exists() for path in closed)
 
 
 def test_a_lost_journal_is_written_again(out: Path, run: Run) -> None:

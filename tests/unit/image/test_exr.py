@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import resource
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -219,6 +221,33 @@ def test_damaged_files_are_one_line(frame: Frame, tmp_path: Path) -> None:
             read_exr(path)
         except InputError as e:
             assert "\n" not in str(e)
+
+
+@pytest.mark.parametrize("most", [0, 50, 2000])
+def test_a_disk_that_fills_up(tmp_path: Path, most: int) -> None:
+    """A limit on file sizes stands in for it. The library tells of no bytes that are lost as it closes the file."""
+    picture = np.random.default_rng(0).random((16, 16, 3)).astype(np.float32)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"a\.exr: cannot be written \(.+\); nothing half-written was left"):
+            write_exr(tmp_path / "a.exr", {"": picture})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_may_not_be_read_is_not_called_damaged(frame: Frame, tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    write(frame, path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.open", _refused)
+        with pytest.raises(InputError, match=r"cannot be read .Permission denied.; check the path and its permissions"):
+            read_exr(path)
+
+
+def _refused(path: Path, *_: object) -> int:
+    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
 def test_names_that_the_library_does_not_take_are_said(frame: Frame, tmp_path: Path) -> None:

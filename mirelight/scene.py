@@ -160,7 +160,7 @@ class Scene:
         """The splats in world space."""
         cloud = None if self.job.splats is None else self.job.splats.value
         if cloud is not None and cloud.dropped:
-            self._tell(f"{cloud.dropped:,} splats with NaN or infinite values are left out")
+            self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
         return cloud
 
     @cached_property

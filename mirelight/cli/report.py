@@ -111,7 +111,7 @@ def _splats(facts: SplatFacts) -> Rows:
 
 
 def _dropped(facts: SplatFacts | JobFacts) -> str:
-    return f" ({facts.dropped:,} more with NaN or infinite values are left out)" if facts.dropped else ""
+    return f" ({facts.dropped:,} more with NaN, infinite or absurd values are left out)" if facts.dropped else ""
 
 
 def _mesh(facts: MeshFacts) -> Rows:

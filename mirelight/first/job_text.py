@@ -60,9 +60,9 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     """
     from mirelight.io import splats
 
+    if wish.light and wish.light not in LIGHTS:
+        _asked(Path(wish.light), np.zeros(3))  # refused before the capture is looked at, which takes longer
     cloud = splats.read(capture)
-    if len(cloud) == 0:
-        raise InputError(capture, "no splats", "give a capture")
     _refuse_far(capture, cloud)
     cameras = beside.cameras(capture)
     found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
@@ -121,7 +121,7 @@ def _refuse_few(capture: Path, cloud: SplatCloud) -> None:
 
 def _splats(capture: Path, cloud: SplatCloud, found: up.Up, named: _Names) -> Iterator[str]:
     yield ""
-    lost = f" ({cloud.dropped:,} more with NaN or infinite values are left out)" if cloud.dropped else ""
+    lost = f" ({cloud.dropped:,} more with NaN, infinite or absurd values are left out)" if cloud.dropped else ""
     yield f"# {len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
     if found.guessed:
         yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
@@ -241,12 +241,7 @@ def _lightings(
 
     middle, names = seen.target, FreeNames()
     if wish.light and wish.light not in LIGHTS:
-        path = Path(wish.light)
-        one = beside.of_file(path, middle) if path.exists() else None
-        if one is None:
-            found = "no light in it" if path.exists() else "no such file"
-            raise InputError(path, found, "give sun, point, an .hdr or .exr panorama, or a glTF with lights")
-        yield from _file(one, level, named, names)
+        yield from _file(_asked(Path(wish.light), middle), level, named, names)
         return
     kind = wish.light or ("point" if seen.room else "sun")
     names.take("lamp" if kind == "point" else "sun")
@@ -254,6 +249,15 @@ def _lightings(
     if not wish.light:
         for one in beside.lights(capture, middle, proxy.path if proxy else None):
             yield from _file(one, level, named, names)
+
+
+def _asked(path: Path, middle: F64) -> beside.Lights:
+    """The light of the file that was named. Raises InputError."""
+    one = beside.of_file(path, middle) if path.exists() else None
+    if one is None:
+        found = "no light in it" if path.exists() else "no such file"
+        raise InputError(path, found, "give sun, point, an .hdr or .exr panorama, or a glTF with lights")
+    return one
 
 
 def _towards_light(camera: Camera) -> F64:

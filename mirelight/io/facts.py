@@ -116,7 +116,7 @@ class SplatFacts:
     path: str
     format: str
     splats: int
-    dropped: int  # left out on reading: NaN or infinite values
+    dropped: int  # left out on reading: NaN, infinite or absurd values
     sh_degree: int
     antialiased: bool
     levels: Numbers  # splats in each level of detail of a streamed SOG
@@ -168,7 +168,7 @@ class JobFacts:
     kind: ClassVar[str] = "job"
     path: str
     splats: int
-    dropped: int  # left out on reading: NaN or infinite values
+    dropped: int  # left out on reading: NaN, infinite or absurd values
     sh_degree: int | None
     triangles: int
     proxy_to_make: bool  # from the splats, when something is rendered

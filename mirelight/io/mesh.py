@@ -19,11 +19,12 @@ from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.obj import obj_companions, read_obj
 from mirelight.io.safety import contained, existing, open_binary, read_whole, require_memory
-from mirelight.io.surface import filled_normals, transformed_normals
+from mirelight.io.surface import face_normals, filled_normals, transformed_normals
 from mirelight.model import F32, I32, Material, ProxyMesh
 
 SUFFIXES = (".glb", ".gltf", ".ply", ".obj", ".stl")
 
+_FARTHEST = 1e9  # world units, the bound of all lengths in a job; squares of much more have no place in float32
 _MAX_HEADER = 1 << 16  # bytes of a PLY header that are looked at
 _SPLAT_MARKS = (b"f_dc_0", b"packed_position")
 
@@ -42,9 +43,19 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
         textures: read textures too. Without, no image is opened.
 
     Raises:
-        InputError: missing, damaged, without triangles, or with vertices that are NaN or infinite.
+        InputError: missing, damaged, without triangles or area, or with vertices that are NaN or beyond all bounds.
     """
     path = existing(path)
+    mesh = _read(path, textures)
+    farthest = float(np.abs(mesh.vertices).max())
+    if farthest > _FARTHEST:
+        raise InputError(path, f"corners as far as {farthest:.3g} units from the origin", "give it in metres")
+    if not face_normals(mesh.vertices, mesh.faces).any():
+        raise InputError(path, "a mesh without area: corners that coincide or lie on a line", "give one with surfaces")
+    return mesh
+
+
+def _read(path: Path, textures: bool) -> ProxyMesh:
     suffix = path.suffix.lower()
     if path.is_dir() or suffix not in SUFFIXES:
         raise InputError(path, "not a mesh file", "give one of " + ", ".join(SUFFIXES))

@@ -23,7 +23,7 @@ class SplatCloud(ArrayHolder):
     scales: F32  # (N, 3) linear standard deviations, world units
     opacities: F32  # (N,) 0..1
     sh: F32  # (N, K, 3) coefficients of display-encoded colour; colour = 0.5 + sum sh Y
-    dropped: int = 0  # splats removed on reading because a value was NaN or infinite
+    dropped: int = 0  # splats left out on reading because a value was NaN, infinite or absurdly large
     antialiased: bool = False  # trained with opacity compensation (SPZ flag, Mip-Splatting)
 
     def __post_init__(self) -> None:

@@ -109,6 +109,13 @@ def test_a_shipped_capture_alone(name: str, tmp_path: Path) -> None:
     assert light["type"] == "point" and light["position"][1] > 0
 
 
+def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Path) -> None:
+    write_lights(tmp_path / "none.glb", [PointLight(name="off", position=np.zeros(3), intensity=0)])
+    for name, found in (("none.glb", "no light in it; give sun, point"), ("missing.hdr", "no such file; give sun")):
+        with pytest.raises(InputError, match=f"{name}: {found}"):
+            job_text(tmp_path / "not-there.ply", tmp_path, Wish(light=str(tmp_path / name)))
+
+
 def cameras_beside(folder: Path, count: int, width: int, **lens: float) -> None:
     """A transforms.json of cameras around the capture, in its own axes."""
     frames = [
@@ -274,10 +281,11 @@ def test_splats_that_are_left_out_are_said_everywhere(tmp_path: Path) -> None:
     means[::4, 1] = np.nan
     splats.write(replace(whole, means=means), tmp_path / "capture.ply")
     text = job_text(tmp_path / "capture.ply", tmp_path)
-    assert "# 3,000 splats (1,000 more with NaN or infinite values are left out). Up, which" in text
+    assert "# 3,000 splats (1,000 more with NaN, infinite or absurd values are left out). Up, which" in text
     work = job.load_text(text, tmp_path / "job.toml")
     told: list[str] = []
     assert prepare(work, report=told.append).splats is not None
-    assert told == ["1,000 splats with NaN or infinite values are left out"]
+    assert told == ["1,000 splats with NaN, infinite or absurd values are left out"]
     shown = lines(of_job(work, tmp_path / "job.toml"))
-    assert any("3,000, SH degree 0 (1,000 more with NaN or infinite values are left out)" in line for line in shown)
+    lost = "3,000, SH degree 0 (1,000 more with NaN, infinite or absurd values are left out)"
+    assert any(lost in line for line in shown)

@@ -44,7 +44,7 @@ def read(path: str | Path, *, lod: int | None = None) -> SplatCloud:
         lod: level of detail of a streamed SOG or LCC, 0 the finest; None takes the finest.
 
     Returns:
-        The splats; those with NaN or infinite values are left out and counted in `dropped`.
+        The splats; those with NaN, infinite or absurdly large values are left out and counted in `dropped`.
 
     Raises:
         InputError: missing, damaged, hostile, of an unknown format, or too large for the memory that is free.

@@ -12,6 +12,10 @@ from mirelight.errors import InputError
 from mirelight.io.safety import require_memory
 from mirelight.model import F32, SplatCloud
 
+FARTHEST = 1e9  # world units: no position or size of a splat is larger, as none in a job is
+BRIGHTEST = 1e4  # no coefficient of a display-encoded colour is larger: as light it is 4e9 there
+FAINTEST = 1e-4  # opacity: thousands of such splats one behind the other would not be seen
+
 ROWS = 1 << 13  # splats converted at a time; their values stay in the processor's cache
 
 
@@ -33,9 +37,10 @@ def cloud_bytes(count: int, coefficients: int) -> int:
 class CloudBuilder:
     """Collects splats: write into :meth:`slot`, then :meth:`commit`.
 
-    A splat with a NaN, or with an infinite position, scale, rotation or colour is dropped and counted. A rotation of
-    length zero has no direction at all and becomes the identity, as splat-transform reads it. Opacity is clipped to
-    0–1 and scales lose their sign, which the Gaussian does not see.
+    A splat with a NaN, or with an infinite or absurdly large position, scale, rotation or colour, whose squares have no
+    place in single precision, is dropped and counted. A rotation of length zero has no direction at all and becomes the
+    identity, as splat-transform reads it. Opacity is clipped to 0–1 and scales lose their sign, which the Gaussian does
+    not see.
     """
 
     def __init__(self, file: Path, capacity: int, coefficients: int) -> None:
@@ -69,7 +74,7 @@ class CloudBuilder:
             _normalise(slot.quats)
             np.abs(slot.scales, out=slot.scales)
             np.clip(slot.opacities, 0, 1, out=slot.opacities)
-            good = _finite(slot)
+            good = _sound(slot)
         kept = int(np.count_nonzero(good))
         if kept < len(good):
             for array in slot:
@@ -81,11 +86,13 @@ class CloudBuilder:
         """The finished cloud; the builder is not used afterwards.
 
         Raises:
-            InputError: every splat was dropped.
+            InputError: every splat was dropped, or none of them shows.
         """
         if not self._filled:
-            raise InputError(self._file, f"all {self._dropped:,} splats hold NaN or infinite values")
+            raise InputError(self._file, f"all {self._dropped:,} splats hold NaN, infinite or absurd values")
         means, quats, scales, opacities, sh = (array[: self._filled] for array in self._whole)
+        if not opacities.max() > FAINTEST:
+            raise InputError(self._file, f"no splat shows: every opacity is below {FAINTEST:g}", "check the file")
         return SplatCloud(
             means=means,
             quats=quats,
@@ -115,12 +122,11 @@ def _normalised_extremes(quats: F32) -> NDArray[np.float64]:
     return np.asarray(q / length)
 
 
-def _finite(slot: Slot) -> NDArray[np.bool_]:
-    """(n,) true where every value is finite. Row sums tell nearly always; rows whose sum is not are looked at again."""
-    tables = (slot.means, slot.quats, slot.scales, slot.sh.reshape(len(slot.sh), -1))
-    good = np.isfinite(slot.opacities)
-    for table in tables:
-        good &= np.isfinite(np.einsum("ij->i", table))
-    for row in np.flatnonzero(~good):
-        good[row] = np.isfinite(slot.opacities[row]) and all(np.isfinite(table[row]).all() for table in tables)
-    return good
+def _sound(slot: Slot) -> NDArray[np.bool_]:
+    """(n,) true where every value is finite and within bounds. A look at whole tables tells nearly always."""
+    tables = (slot.means, FARTHEST), (slot.scales, FARTHEST), (slot.sh.reshape(len(slot.sh), -1), BRIGHTEST)
+    good = np.isfinite(slot.opacities) & np.isfinite(np.einsum("ij->i", slot.quats))
+    for table, most in tables:
+        if not (table.min(initial=0) >= -most and table.max(initial=0) <= most):  # NaN is neither
+            good &= (np.abs(table) <= most).all(axis=1)
+    return np.asarray(good)

@@ -159,6 +159,21 @@ def test_vertices_that_are_not_finite_are_counted(tmp_path: Path, bad: float) ->
             read_mesh(tmp_path / f"a.{suffix}")
 
 
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb"])
+@pytest.mark.parametrize(
+    ("corners", "found"),
+    [
+        ([[0, 0, 0], [1, 1, 1], [2, 2, 2]], "a mesh without area: corners that coincide or lie on a line"),
+        ([[0, 0, 0], [1, 0, 0], [0, 2e30, 0]], "corners as far as 2e\\+30 units from the origin; give it in metres"),
+    ],
+)
+def test_meshes_that_light_cannot_fall_on(tmp_path: Path, suffix: str, corners: list[list[float]], found: str) -> None:
+    path = tmp_path / f"a.{suffix}"
+    trimesh.Trimesh(np.array(corners), [[0, 1, 2]], process=False).export(path)
+    with pytest.raises(InputError, match=found):
+        read_mesh(path)
+
+
 def test_a_face_outside_the_vertices(tmp_path: Path) -> None:
     head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     body = "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"

@@ -110,7 +110,7 @@ def ngsp(streams: list[bytes], sizes: list[int], count: int) -> bytes:
 def test_zstd_streams_that_lie(tmp_path: Path) -> None:
     path = tmp_path / "lie.spz"
     sizes = [9, 1, 3, 3, 4]
-    honest = [zstandard.compress(bytes(n)) for n in sizes]
+    honest = [zstandard.compress(bytes([200]) * n) for n in sizes]
     path.write_bytes(ngsp(honest, sizes, 1))
     assert len(splats.read(path)) == 1
     bomb = zstandard.compress(bytes(1 << 28))

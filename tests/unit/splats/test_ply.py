@@ -180,14 +180,28 @@ def test_nan_and_infinite_splats_are_dropped_and_counted(tmp_path: Path) -> None
     np.testing.assert_allclose(found.opacities, wanted.opacities[keep], atol=1e-7)
 
 
-def test_large_finite_values_are_kept(tmp_path: Path) -> None:
-    """Their sum overflows; they do not."""
-    names, rows = truth.inria_rows(truth.cloud(2, 0))
-    rows[0, :3] = 3e38
+@pytest.mark.parametrize(("column", "most"), [("x", 1e9), ("f_dc_1", 1e4), ("scale_2", np.log(1e9))])
+def test_values_beyond_bounds_are_left_out(tmp_path: Path, column: str, most: float) -> None:
+    """Squares of such positions, colours and sizes have no place in single precision. Within bounds all is kept."""
+    names, rows = truth.inria_rows(truth.cloud(4, 0))
+    rows[:, names.index(column)] = np.array([0.999, 1.01, 0.5, 0.999]) * most
     path = tmp_path / "large.ply"
     path.write_bytes(truth.ply_bytes(names, rows))
     found = splats.read(path)
-    assert (len(found), found.dropped) == (2, 0)
+    assert (len(found), found.dropped) == (3, 1)
+
+
+@pytest.mark.parametrize(("logit", "shows"), [(-np.inf, False), (-15.0, False), (-8.0, True)])
+def test_a_capture_that_does_not_show(tmp_path: Path, logit: float, shows: bool) -> None:
+    names, rows = truth.inria_rows(truth.cloud(4, 0))
+    rows[:, names.index("opacity")] = logit
+    path = tmp_path / "clear.ply"
+    path.write_bytes(truth.ply_bytes(names, rows))
+    if shows:
+        assert len(splats.read(path)) == 4
+        return
+    with pytest.raises(InputError, match=r"no splat shows: every opacity is below 0\.0001; check the file"):
+        splats.read(path)
 
 
 def test_rotations_of_any_length(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from mirelight import advice, stages, viewing
 from mirelight.dataset import describe, index
 from mirelight.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
-from mirelight.model import Frame, ProxyMesh, SplatLayer
+from mirelight.model import Frame, ProxyMesh, SplatLayer, shown
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
@@ -209,7 +209,7 @@ class Said:
         """Tell how much was left out."""
         more = sum(max(count - _MOST_SAID, 0) for count in self._counts.values())
         if more:
-            self._progress.note(f"the like was found {more} more times")
+            self._progress.note(f"the like was found {shown.count(more, 'more time')}")
 
 
 def attempt(

@@ -13,6 +13,7 @@ from mirelight.errors import InputError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
+from mirelight.model.shown import count
 from mirelight.plan import light_keys, warnings
 from mirelight.scene import check
 from mirelight.showing.preview import Previews
@@ -86,12 +87,12 @@ def run_render(args: argparse.Namespace) -> int:
 
 
 def _say_forecast(found: Forecast) -> None:
-    views = f"{found.cameras} cameras, {found.lightings} lightings"
-    traces = f"{found.traces} trace{'' if found.traces == 1 else 's'} of unit lights"
+    views = f"{count(found.cameras, 'camera')}, {count(found.lightings, 'lighting')}"
+    traces = f"{count(found.traces, 'trace')} of unit lights"
     say.result(f"{_frames(found.frames)} ({views}), {found.there} of them there")
     say.result(f"{traces}; about {progress.duration(found.seconds)} on this machine as it is now")
     if found.fills is not None:
-        fills = f"{found.fills} fill{'' if found.fills == 1 else 's'}"
+        fills = count(found.fills, "fill")
         say.result(f"{fills} of the surface, for any light; light of {found.gathered} sources to gather on it")
     say.result(f"about {found.bytes / 1e6:,.1f} MB of new files")
     for line in found.remarks:

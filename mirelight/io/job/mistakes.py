@@ -78,10 +78,10 @@ def _mistake(detail: ErrorDetails, data: dict[str, Any], outline: Outline) -> Mi
 
 def _plain(kind: str, context: dict[str, Any]) -> str:
     bounds = {
-        "greater_than": "give a number above {gt:g}",
-        "greater_than_equal": "give a number of at least {ge:g}",
-        "less_than": "give a number below {lt:g}",
-        "less_than_equal": "give a number of at most {le:g}",
+        "greater_than": "give a number above {gt:.7g}",
+        "greater_than_equal": "give a number of at least {ge:.7g}",
+        "less_than": "give a number below {lt:.7g}",
+        "less_than_equal": "give a number of at most {le:.7g}",
         "string_too_short": "give at least {min_length} character",
         "string_too_long": "give at most {max_length} characters",
     }

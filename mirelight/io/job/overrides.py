@@ -94,7 +94,8 @@ def _set(data: dict[str, Any], override: Override) -> None:
             if not isinstance(node, list):
                 raise InputError(override.source, f"{where} is not a list", "leave the index out")
             if part >= len(node):
-                raise InputError(override.source, f"{where} has {len(node)} entries", "count from 0")
+                entries = "1 entry" if len(node) == 1 else f"{len(node)} entries"
+                raise InputError(override.source, f"{where} has {entries}", "count from 0")
         elif not isinstance(node, dict):
             remedy = "name an entry by its index, e.g. lights[0]" if isinstance(node, list) else "set it as a whole"
             raise InputError(override.source, f"{where} is not a table", remedy)

@@ -87,7 +87,7 @@ def test_a_mistake_inside_an_overridden_table_names_the_override(complaints: Com
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
-        ("lights[3].intensity=1", "lights has 1 entries; count from 0"),
+        ("lights[3].intensity=1", "lights has 1 entry; count from 0"),
         ("lights.intensity=1", "lights is not a table; name an entry by its index, e.g. lights[0]"),
         ("splats.lod=1", "splats is not a table; set it as a whole"),
         ("render[0]=1", "render is not a list; leave the index out"),

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from mirelight.model import F64, AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
+from mirelight.model.triangles import crossed
 
 _POINTS = 12_000  # spread evenly over the proxy, on its triangles in turn, and of the splats
 _CELLS = 12  # along the picture's longer side
@@ -174,7 +175,7 @@ class _Surface:
     def of(mesh: ProxyMesh) -> _Surface:
         triangles = mesh.vertices.astype(np.float64)[mesh.faces]
         a, b, c = np.moveaxis(triangles, 1, 0)
-        normals = np.cross(b - a, c - a)
+        normals = crossed(triangles)
         areas = np.linalg.norm(normals, axis=1)
         count = np.arange(2 * _POINTS) + 0.5
         whole = np.cumsum(areas)

@@ -16,6 +16,7 @@ from mirelight.model import (
     ProxyMesh,
     SpotLight,
     SunLight,
+    triangles,
 )
 
 BOUNCES = 8
@@ -58,8 +59,7 @@ def ball(centre: list[float], radius: float, rings: int) -> tuple[Array, Array]:
     i, j = (q.ravel() for q in np.meshgrid(np.arange(rings), np.arange(n), indexing="ij"))
     a, b = i * n + j, i * n + (j + 1) % n
     faces = np.concatenate([np.stack([a, b, a + n], 1), np.stack([b, b + n, a + n], 1)])
-    area = np.linalg.norm(np.cross(v[faces[:, 1]] - v[faces[:, 0]], v[faces[:, 2]] - v[faces[:, 0]]), axis=1)
-    return v * radius + np.array(centre), faces[area > 1e-9]
+    return v * radius + np.array(centre), faces[triangles.areas(v[faces]) > 1e-9]
 
 
 def merged(parts: list[tuple[Array, Array]]) -> ProxyMesh:

@@ -25,7 +25,7 @@ import mirelight
 from mirelight.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
-from mirelight.model import Deferred, Indirect, Job, LightingBuffer, PointLayers, RenderSettings
+from mirelight.model import Deferred, Indirect, Job, LightingBuffer, PointLayers, RenderSettings, triangles
 from mirelight.splat_light import by_sharpness
 
 T = TypeVar("T")
@@ -91,7 +91,7 @@ def measure_points(scene: BenchScene, count: int, truth_spp: int) -> None:
     """Print what light on points costs as `mirelight mix` makes it at 64 samples: traced, and read from the surface."""
     mesh, lighting = scene.proxy, scene.lighting
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = triangles.areas(corners)
     rng = np.random.default_rng(1)
     face = rng.choice(len(corners), count, p=area / area.sum())
     points = (corners[face] * rng.dirichlet((1, 1, 1), count)[:, :, None]).sum(axis=1)

@@ -19,8 +19,8 @@ from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.obj import obj_companions, read_obj
 from mirelight.io.safety import contained, existing, open_binary, read_whole, require_memory
-from mirelight.io.surface import face_normals, filled_normals, transformed_normals
-from mirelight.model import F32, I32, Material, ProxyMesh
+from mirelight.io.surface import filled_normals, transformed_normals
+from mirelight.model import F32, I32, Material, ProxyMesh, triangles
 
 SUFFIXES = (".glb", ".gltf", ".ply", ".obj", ".stl")
 
@@ -50,7 +50,7 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > _FARTHEST:
         raise InputError(path, f"corners as far as {farthest:.3g} units from the origin", "give it in metres")
-    if not face_normals(mesh.vertices, mesh.faces).any():
+    if not triangles.crossed(mesh.vertices[mesh.faces].astype(np.float64)).any():
         raise InputError(path, "a mesh without area: corners that coincide or lie on a line", "give one with surfaces")
     return mesh
 

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import F32, F64, I32
-
-
-def face_normals(vertices: F32, faces: I32) -> F64:
-    """(F, 3) cross products of the edges: along the face's normal, twice its area long."""
-    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
-    return np.asarray(np.cross(b - a, c - a))
+from mirelight.model import F32, F64, I32, triangles
 
 
 def flat_shaded(vertices: F32, faces: I32) -> tuple[I32, F32]:
     """Vertex order (3 F,) that gives every face its own vertices, and their normals (3 F, 3)."""
-    normals = np.repeat(_unit(face_normals(vertices, faces)), 3, axis=0)
+    normals = np.repeat(_unit(_crossed(vertices, faces)), 3, axis=0)
     return faces.reshape(-1), normals
 
 
@@ -35,9 +29,14 @@ def filled_normals(vertices: F32, faces: I32, normals: F32) -> F32:
         around = np.zeros((len(vertices), 3))
         touching = faces[zero[faces].any(axis=1)]
         for i in range(3):
-            np.add.at(around, touching[:, i], face_normals(vertices, touching))
+            np.add.at(around, touching[:, i], _crossed(vertices, touching))
         out[zero] = _unit(around[zero])
     return out
+
+
+def _crossed(vertices: F32, faces: I32) -> F64:
+    """(F, 3) normals of faces, as long as twice their areas."""
+    return triangles.crossed(vertices[faces].astype(np.float64))
 
 
 def _unit(vectors: F64) -> F32:

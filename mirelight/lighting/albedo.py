@@ -18,7 +18,7 @@ from mirelight.lighting.filling import Filling, add_rows
 from mirelight.lighting.points import shown
 from mirelight.lighting.pooling import pooled
 from mirelight.lighting.trace import Tracer
-from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, triangles
 from mirelight.model.profiles import BRIGHTEST
 
 REACH = 0.01  # of the bounds' diagonal: splats farther off the proxy say nothing about it
@@ -50,7 +50,7 @@ class Deposits:
     def on(self, mesh: ProxyMesh) -> tuple[F64, F64]:
         """(N, 3) places in world space, (N, 3) unit normals of their faces."""
         v = mesh.vertices[mesh.faces[self.face]].astype(np.float64)
-        return (v * self.corners[:, :, None]).sum(axis=1), _unit(crossed(v))
+        return (v * self.corners[:, :, None]).sum(axis=1), triangles.normals(v)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class _Shape:
     def of(mesh: ProxyMesh, way: Int, deposits: Deposits) -> _Shape:
         """Of a mesh whose vertices look along `way` (V,)."""
         met, corner = np.unique(mesh.faces[deposits.face].astype(np.int64), return_inverse=True)
-        area = np.linalg.norm(crossed(mesh.vertices[mesh.faces].astype(np.float64)), axis=1)
+        area = np.linalg.norm(triangles.crossed(mesh.vertices[mesh.faces].astype(np.float64)), axis=1)
         return _Shape(mesh, np.asarray(area), way, met, corner.reshape(-1, 3))
 
     @property
@@ -181,17 +181,7 @@ def _ways(mesh: ProxyMesh) -> Int:
 
 def face_normals(mesh: ProxyMesh) -> F64:
     """(F, 3) unit normals of the faces; degenerate ones have length 0."""
-    return _unit(crossed(mesh.vertices[mesh.faces].astype(np.float64)))
-
-
-def crossed(corners: F64) -> F64:
-    """(F, 3) normals of triangles (F, 3, 3), as long as twice their areas."""
-    (ax, ay, az), (bx, by, bz) = (np.moveaxis(corners[:, k] - corners[:, 0], 1, 0) for k in (1, 2))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def _unit(normals: F64) -> F64:
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
+    return triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
 
 
 def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int = MOST_SPLATS) -> Deposits:

@@ -17,7 +17,7 @@ from mirelight.lighting.albedo import UNLIT, deposits_of, face_normals
 from mirelight.lighting.engine import EngineTracer
 from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
-from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, rules_of
+from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, rules_of, triangles
 
 POINTS = 1 << 12  # places on the surface; their mean is known to about one percent
 SPP = 16  # samples at each
@@ -94,7 +94,7 @@ def _captured_places(splats: SplatCloud | None, mesh: ProxyMesh, tracer: Tracer)
 def _everywhere(mesh: ProxyMesh) -> _Places:
     """Points spread evenly over a mesh by area; none where it has no area."""
     v = mesh.vertices[mesh.faces].astype(np.float64)
-    ends = np.cumsum(np.linalg.norm(np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]), axis=1))
+    ends = np.cumsum(triangles.areas(v))
     count = POINTS if ends[-1] > 0 else 0
     i = np.arange(count)
     face = np.searchsorted(ends, (i + 0.5) / POINTS * ends[-1], side="right").astype(np.int32)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, F64, Material, ProxyMesh, Wraps
+from mirelight.model import F32, F64, Material, ProxyMesh, Wraps, triangles
 
 GLOW_SLOTS = 1 << 18  # draws of an emissive face come in so many equal shares
 ROW = 16  # floats a material: four groups of four
@@ -56,7 +56,7 @@ def pack_glow(proxy: ProxyMesh) -> Glow:
     Faces whose power comes out as nothing are left to the reflected ray, which finds them with its full weight.
     """
     v = proxy.vertices[proxy.faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]), axis=1) / 2
+    area = triangles.areas(v)
     power = area * _brightness(proxy)
     ends = np.floor(np.cumsum(power) / max(power.sum(), 1e-300) * GLOW_SLOTS + 0.5).astype(np.int64)
     counts = np.diff(ends, prepend=0)

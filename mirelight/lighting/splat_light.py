@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mirelight import conventions
 from mirelight.errors import RenderError
-from mirelight.lighting.albedo import UNLIT, crossed, face_normals
+from mirelight.lighting.albedo import UNLIT, face_normals
 from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import (
@@ -29,6 +29,7 @@ from mirelight.model import (
     ProxyMesh,
     RenderSettings,
     SplatCloud,
+    triangles,
 )
 
 Int = NDArray[np.intp]
@@ -138,7 +139,7 @@ def _off_edges(proxy: ProxyMesh, face: I32, weights: F32) -> F64:
     """
     corner = proxy.vertices[proxy.faces].astype(np.float64)
     across = np.linalg.norm(np.roll(corner, -1, axis=1) - np.roll(corner, 1, axis=1), axis=2)  # the side, from a corner
-    heights = np.linalg.norm(crossed(corner), axis=1, keepdims=True) / np.maximum(across, TINY)
+    heights = np.linalg.norm(triangles.crossed(corner), axis=1, keepdims=True) / np.maximum(across, TINY)
     margin = MARGIN * (np.abs(corner).max(axis=(1, 2)) + across.max(axis=1))[:, None] + TINY
     least = (margin / np.maximum(heights, 3 * margin))[face]
     inside = np.maximum(weights, least)

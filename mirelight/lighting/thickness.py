@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight.model import F64, ProxyMesh
+from mirelight.model import F64, ProxyMesh, triangles
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.proxy import DeviceProxy
@@ -40,7 +40,7 @@ def thicknesses(surface: DeviceProxy, proxy: ProxyMesh, count: int = RAYS) -> F6
 
     corners = proxy.vertices[proxy.faces].astype(np.float64)
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    cross = np.cross(e1, e2)
+    cross = triangles.crossed(corners)
     area = np.linalg.norm(cross, axis=1)
     if not area.sum() > 0:
         return np.zeros(0)

@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64
+from mirelight.model import F64, triangles
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import Bool, Plane, Sheet
-from mirelight.proxy.sampling import areas_of, face_normals_of
 from mirelight.proxy.tidy import compact, parts_of
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import turned
@@ -44,7 +43,7 @@ def backs_of(soup: Soup, planes: Sequence[Plane], sight: Sight, pictures: Pictur
         pictures: what the cameras saw of it.
         spacing: of the capture's splats.
     """
-    normal = face_normals_of(soup.vertices, soup.faces)
+    normal = triangles.normals(soup.vertices[soup.faces])
     rest, out = np.ones(len(soup.faces), bool), Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     for level in _levels(soup, planes, normal, spacing):
         rest[level.faces] = False
@@ -54,7 +53,7 @@ def backs_of(soup: Soup, planes: Sequence[Plane], sight: Sight, pictures: Pictur
 
 def _levels(soup: Soup, planes: Sequence[Plane], normal: F64, spacing: float) -> Iterator[Plane]:
     """Planes divided into what faces one side and is no thicker than `LEVEL`: normals to that side."""
-    area = areas_of(soup.vertices, soup.faces)
+    area = triangles.areas(soup.vertices[soup.faces])
     for plane in planes:
         middle = soup.vertices[soup.faces[plane.faces]].mean(axis=1)
         at = turned(middle, plane.normal[None])[:, 0]
@@ -127,4 +126,4 @@ def connected_area(soup: Soup, chosen: Int) -> F64:
     """(C,) area of what each of those faces is connected with among them."""
     faces = soup.faces[chosen]
     part = parts_of(faces)
-    return np.asarray(np.bincount(part, areas_of(soup.vertices, faces))[part])
+    return np.asarray(np.bincount(part, triangles.areas(soup.vertices[faces]))[part])

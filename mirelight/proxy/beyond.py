@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.model import F64
+from mirelight.model import F64, triangles
 from mirelight.proxy.planes import Bool, Plane, Sheet
-from mirelight.proxy.sampling import areas_of, spread, spread_on
+from mirelight.proxy.sampling import spread, spread_on
 from mirelight.proxy.types import Soup
 from mirelight.proxy.views import turned
 
@@ -64,7 +64,7 @@ def beyond_pictures(
         cell: side of the cells in which planes are looked at.
         look: tells what was in pictures; of points nearer to the surface than so much, not looked through.
     """
-    area = float(areas_of(soup.vertices, soup.faces).sum())
+    area = float(triangles.areas(soup.vertices[soup.faces]).sum())
     marks, face = spread_on(soup.vertices, soup.faces, int(_MARKS * area / cell**2) + 1)
     plane_of = np.full(len(soup.faces), -1)
     for k, plane in enumerate(planes):
@@ -80,7 +80,9 @@ def beyond_pictures(
         cells = _carried_on(known, met, stops, plane.area >= LEAST_AREA * area)
         made = known.sheet.rectangles(cells & ~done.get(k, known.surface))
         done[k] = cells
-        more = spread(made.vertices, made.faces, int(_MARKS * areas_of(made.vertices, made.faces).sum() / cell**2))
+        more = spread(
+            made.vertices, made.faces, int(_MARKS * triangles.areas(made.vertices[made.faces]).sum() / cell**2)
+        )
         marks, of = np.concatenate([marks, more]), np.concatenate([of, np.full(len(more), k)])
         vertices.append(made.vertices)
         faces.append(made.faces + start)

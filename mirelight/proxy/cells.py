@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64
+from mirelight.model import F64, triangles
 from mirelight.proxy.capture import Capture, axes_of
 from mirelight.proxy.creases import MEETS, Creases, wedges_of
 from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
-from mirelight.proxy.sampling import areas_of
 from mirelight.proxy.sides import seen_sides
 from mirelight.proxy.stars import stars_of
 from mirelight.proxy.tidy import compact
@@ -242,7 +241,7 @@ def welded(soup: Soup, reach: float) -> Soup:
         count = np.bincount(index)
         vertices = np.stack([np.bincount(index, vertices[:, k]) for k in range(3)], axis=1) / count[:, None]
         faces = index[faces]
-    there = areas_of(vertices, faces) > SLIVER * reach**2
+    there = triangles.areas(vertices[faces]) > SLIVER * reach**2
     merged = compact(Soup(vertices, faces[there]))
     order = np.sort(merged.faces, axis=1)
     _, once = np.unique(order, axis=0, return_index=True)

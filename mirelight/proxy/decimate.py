@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F64
+from mirelight.model import F64, triangles
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Soup
 
@@ -62,7 +62,7 @@ class _Work:
     def of(soup: Soup) -> _Work:
         soup = compact(soup)
         v, f = soup.vertices, soup.faces
-        n = _normals(v, f)
+        n = triangles.crossed(v[f])
         area = 0.5 * np.linalg.norm(n, axis=1)
         unit = n / np.maximum(2 * area, 1e-300)[:, None]
         quadrics = np.zeros((len(v), 10))
@@ -164,7 +164,7 @@ class _Work:
         moved = self.vertices.copy()
         moved[edges[:, 0]] = moved[edges[:, 1]] = at
         f = self.faces[touched]
-        old, new = _normals(self.vertices, f), _normals(moved, f)
+        old, new = triangles.crossed(self.vertices[f]), triangles.crossed(moved[f])
         lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
         turned = ((old * new).sum(axis=1) < FLIPPED * lengths) | (lengths <= 0)
         fits = np.ones(len(edges), bool)
@@ -179,11 +179,6 @@ class _Work:
         into[b] = a
         f = into[self.faces]
         self.faces = f[(f[:, 0] != f[:, 1]) & (f[:, 1] != f[:, 2]) & (f[:, 2] != f[:, 0])]
-
-
-def _normals(v: F64, f: Int) -> F64:
-    """(F, 3) as long as twice the faces' areas."""
-    return np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]])
 
 
 def _edges(f: Int, n: int) -> tuple[Int, Int, Int]:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F64
-from mirelight.proxy.sampling import areas_of, face_normals_of
+from mirelight.model import F64, triangles
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import lattice, turned
 
@@ -98,8 +97,8 @@ def planes_of(soup: Soup, thick: float, least: float) -> list[Plane]:
         thick: how far its faces may lie from a plane.
         least: area of a plane.
     """
-    area = areas_of(soup.vertices, soup.faces)
-    normal = face_normals_of(soup.vertices, soup.faces)
+    area = triangles.areas(soup.vertices[soup.faces])
+    normal = triangles.normals(soup.vertices[soup.faces])
     a, b, c = (soup.vertices[soup.faces[:, k]] for k in range(3))
     middle = (a + b + c) / 3
     found: list[Plane] = []

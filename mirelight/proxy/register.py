@@ -9,10 +9,10 @@ import numpy as np
 
 from mirelight import conventions
 from mirelight.errors import InputError
-from mirelight.model import F32, F64, ProxyMesh, SplatCloud
+from mirelight.model import F32, F64, ProxyMesh, SplatCloud, triangles
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import Capture, look_at_capture, normals_of
-from mirelight.proxy.sampling import areas_of, spread_on
+from mirelight.proxy.sampling import spread_on
 from mirelight.proxy.types import Int, Progress, part, quiet
 from mirelight.proxy.views import turned
 
@@ -51,7 +51,7 @@ def register(
     capture = look_at_capture(splats, "splats")
     faces = mesh.faces.astype(np.int64)
     at = mesh.vertices.astype(np.float64) - capture.middle
-    if not areas_of(at, faces).sum() > 0:
+    if not triangles.areas(at[faces]).sum() > 0:
         raise InputError(source, "a mesh without area", "give a mesh with triangles")
     normals = normals_of(capture)
     report("aligning the mesh", 0.1)
@@ -87,12 +87,12 @@ class _Misfit:
 
     def mesh(self, at: F64, faces: Int) -> float:
         """Of a mesh."""
-        return float(self.of(spread_on(at, faces, _POINTS)[0], float(areas_of(at, faces).sum()))[1].mean())
+        return float(self.of(spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum()))[1].mean())
 
 
 def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> F64:
     """The similarity (4, 4) that brings a mesh nearest to splats, from a first guess; the guess where that is best."""
-    points, area = spread_on(at, faces, _POINTS)[0], float(areas_of(at, faces).sum())
+    points, area = spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum())
 
     def apart(pose: F64) -> tuple[F64, F64, float]:
         size = float(np.cbrt(np.linalg.det(pose[:3, :3])))
@@ -170,8 +170,7 @@ def _settled(capture: Capture, normals: F64, at: F64, faces: Int, misfit: _Misfi
 
 def _normals_of(v: F64, f: Int) -> F64:
     """(V, 3) unit normals of vertices, by area."""
-    a, b, c = (v[f[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
+    across = triangles.crossed(v[f])
     out = np.stack([sum(np.bincount(f[:, j], across[:, k], len(v)) for j in range(3)) for k in range(3)], axis=1)
     return np.asarray(out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300))
 

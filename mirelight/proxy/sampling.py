@@ -1,24 +1,11 @@
-"""Triangles of a mesh: their areas and normals, and points spread over them."""
+"""Points spread over the triangles of a mesh."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import F64
+from mirelight.model import F64, triangles
 from mirelight.proxy.types import Int
-
-
-def areas_of(vertices: F64, faces: Int) -> F64:
-    """(F,) areas of triangles."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-
-
-def face_normals_of(vertices: F64, faces: Int) -> F64:
-    """(F, 3) unit normals of triangles; of those without area they have length 0."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
 
 
 def spread(vertices: F64, faces: Int, count: int) -> F64:
@@ -28,7 +15,7 @@ def spread(vertices: F64, faces: Int, count: int) -> F64:
 
 def spread_on(vertices: F64, faces: Int, count: int) -> tuple[F64, Int]:
     """As :func:`spread`, and (count,) the triangle that each lies on."""
-    area = np.cumsum(areas_of(vertices, faces))
+    area = np.cumsum(triangles.areas(vertices[faces]))
     if not len(faces) or not area[-1] > 0:
         corners = faces.ravel()[:count]
         return vertices[corners], np.arange(len(corners)) // 3

@@ -16,12 +16,12 @@ import numpy as np
 
 from mirelight.errors import InputError
 from mirelight.lighting.sight import Sight
-from mirelight.model import Camera
+from mirelight.model import Camera, triangles
 from mirelight.proxy.backs import DEEP, backs_of
 from mirelight.proxy.beyond import SMALL, Look, beyond_pictures, box_of, cell_of
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
-from mirelight.proxy.sampling import areas_of, spread
+from mirelight.proxy.sampling import spread
 from mirelight.proxy.types import Progress, ProxySettings, Soup
 
 LEAST_SEEN = 0.5  # of the surface, that a capture's cameras have seen
@@ -60,7 +60,7 @@ def closing(
     progress("looking for what no camera saw", 0.3)
     low, high = box_of(soup, pictures.eyes)
     cell = cell_of(low, high, spacing)
-    planes = planes_of(soup, cell, SMALL * float(areas_of(soup.vertices, soup.faces).sum()))
+    planes = planes_of(soup, cell, SMALL * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
     progress("carrying on walls", 0.7)
 

@@ -41,6 +41,7 @@ from mirelight.model import (
     SplatCloud,
     ToneCurve,
     rules_of,
+    triangles,
 )
 from mirelight.realtime import captures, engine, pages
 from mirelight.scene import Scene
@@ -161,7 +162,7 @@ def _with_normals(proxy: ProxyMesh) -> ProxyMesh:
     if proxy.normals is not None or not len(proxy.faces):
         return proxy
     corners = proxy.vertices[proxy.faces]  # (F, 3, 3)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across = triangles.crossed(corners)
     normals = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-30)
     apart = proxy.faces.ravel()
     return replace(

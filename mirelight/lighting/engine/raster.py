@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import backend
-from mirelight.model import F32, F64, Camera, ProxyMesh, Variant
+from mirelight.model import F32, F64, Camera, ProxyMesh, Variant, triangles
 from mirelight.model.arrays import freeze
 
 _LOOK, _LOOKS, _WORTH_SAYING = 160, 8, 0.01  # pixels across a picture that only counts; most pictures; share
@@ -170,7 +170,7 @@ def _resolve(
     corner = proxy.faces[face]
     points = proxy.vertices[corner].astype(np.float64)
     position = np.einsum("fi,fic->fc", weights, points)
-    flat = _unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]))
+    flat = _unit(triangles.crossed(points))
     smooth = flat
     if proxy.normals is not None:
         smooth = _unit(np.einsum("fi,fic->fc", weights, proxy.normals[corner].astype(np.float64)))

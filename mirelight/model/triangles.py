@@ -1,0 +1,27 @@
+"""Which way triangles look, and how large they are."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Float = TypeVar("_Float", np.float32, np.float64)
+
+
+def crossed(corners: NDArray[_Float]) -> NDArray[_Float]:
+    """(F, 3) normals of triangles (F, 3 corners, 3) by the winding, as long as twice their areas."""
+    (ax, ay, az), (bx, by, bz) = (np.moveaxis(corners[:, k] - corners[:, 0], 1, 0) for k in (1, 2))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def normals(corners: NDArray[_Float]) -> NDArray[_Float]:
+    """(F, 3) unit normals of triangles (F, 3 corners, 3); of those without area they have length 0."""
+    long = crossed(corners)
+    return np.asarray(long / np.maximum(np.linalg.norm(long, axis=1, keepdims=True), 1e-300))
+
+
+def areas(corners: NDArray[_Float]) -> NDArray[_Float]:
+    """(F,) areas of triangles (F, 3 corners, 3)."""
+    return np.asarray(np.linalg.norm(crossed(corners), axis=1) / 2)

@@ -1,0 +1,26 @@
+"""Normals and areas of triangles, against NumPy's own cross product and by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mirelight.model import triangles
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_normals_are_cross_products_to_the_bit(kind: Any) -> None:
+    corners = np.random.default_rng(0).normal(size=(1000, 3, 3)).astype(kind)
+    found = triangles.crossed(corners)
+    assert found.dtype == kind
+    np.testing.assert_array_equal(found, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    np.testing.assert_allclose(np.linalg.norm(triangles.normals(corners), axis=1), 1, rtol=1e-6)
+
+
+def test_a_right_triangle_one_without_area_and_none() -> None:
+    corners = np.array([[[1, 1, 1], [4, 1, 1], [1, 5, 1]], [[0, 0, 0], [1, 1, 1], [3, 3, 3]]], np.float64)
+    np.testing.assert_array_equal(triangles.areas(corners), [6, 0])
+    np.testing.assert_array_equal(triangles.normals(corners), [[0, 0, 1], [0, 0, 0]])
+    assert triangles.areas(corners[:0]).shape == (0,)

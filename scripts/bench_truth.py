@@ -77,9 +77,14 @@ def run(names: Sequence[str], chosen: argparse.Namespace, start: float) -> tuple
             rows[name], own = waiting[name].result()
             costs |= own
             if chosen.json is not None:
-                found = [asdict(row) for made in rows.values() for row in made]
-                chosen.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+                found = [_plain(row) for made in rows.values() for row in made]
+                chosen.json.write_text(json.dumps(found, indent=1, allow_nan=False), encoding="utf-8")
     return [row for name in names for row in rows[name]], costs
+
+
+def _plain(row: Row) -> dict[str, object]:
+    """A row as JSON has it, which knows no NaN."""
+    return {name: None if value != value else value for name, value in asdict(row).items()}
 
 
 def main() -> None:
@@ -96,6 +101,10 @@ def main() -> None:
     start = time.monotonic()
     tried = QUICK if chosen.quick else NAMES if chosen.more or chosen.only else GOALS
     names = [name for name in tried if chosen.only in name]
+    if not names:
+        parser.error(f"--only {chosen.only}: no capture's name holds this; there are: {'; '.join(tried)}")
+    if chosen.json is not None and not chosen.json.parent.is_dir():
+        parser.error(f"--json {chosen.json}: the folder does not exist")
     rows, costs = run(names, chosen, start)
     spent: dict[str, float] = {}
     for parts in costs.values():

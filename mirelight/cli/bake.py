@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.cli import say
-from mirelight.cli.spare import files_of, spare
-from mirelight.errors import InputError, OutputError
+from mirelight.cli import outputs, say
+from mirelight.errors import InputError
 
 if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source
@@ -47,16 +46,12 @@ def run_bake(args: argparse.Namespace) -> int:
     from mirelight.plan import plan
     from mirelight.scene import prepare
 
-    out = Path(args.out)
-    if not out.name.lower().endswith(_SUFFIXES):
-        raise OutputError(f"{out}: splats are written as {', '.join(_SUFFIXES)}; nothing was written")
-    if not out.parent.is_dir():
-        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    out = outputs.named(args.out, "splats are", *_SUFFIXES)
     if not 1 <= args.spp <= 1 << 20:
         raise InputError("--spp", f"{args.spp} samples", "give 1 to 1048576")
     source, table = parse(args.job, args.set)
     work = build(source, table)
-    spare([out], files_of(work))
+    outputs.spare([out], outputs.files_of(work))
     lighting = plan(work, None, args.lighting and [args.lighting]).tasks[0].lighting
     if lighting is None:
         raise InputError(work.source, "no light", "a bake needs lights", field="lights")

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from mirelight.cli import say
+from mirelight.cli import outputs, say
 from mirelight.errors import InputError
 
 UNMET = 1  # exit code where a requirement does not hold
@@ -74,14 +74,16 @@ def run_compare(args: argparse.Namespace) -> int:
         band=_band(args.band),
     )
     requirements = [parse_requirement(text) for text in args.require]
+    html, json, csv = (Path(x) if x else None for x in (args.html, args.json, args.csv))
+    outputs.in_a_folder(*(x for x in (html, json, csv) if x is not None))
     with np.errstate(over="ignore", invalid="ignore"):  # of light near float32's end: the figures say inf
         outcome = compare(
             find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None),
             settings,
             requirements=requirements,
-            html=Path(args.html) if args.html else None,
-            json=Path(args.json) if args.json else None,
-            csv=Path(args.csv) if args.csv else None,
+            html=html,
+            json=json,
+            csv=csv,
             progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
         )
     if not args.quiet:

@@ -10,9 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.cli import say
-from mirelight.cli.spare import files_of, spare
-from mirelight.errors import InputError, OutputError
+from mirelight.cli import outputs, say
+from mirelight.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,17 +58,13 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
 
-    out = Path(args.out)
-    if out.suffix.lower() not in (".toml", *_GLTF):
-        raise OutputError(f"{out}: light is written as .toml, .glb or .gltf; nothing was written")
-    if not out.parent.is_dir():
-        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    out = outputs.named(args.out, "light is", ".toml", *_GLTF)
     work = job.load(args.job, [parse(text) for text in args.set])
     if work.splats is None or work.proxy is None:
         missing = "splats" if work.splats is None else "proxy"
         remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
         raise InputError(work.source, f"no {missing}", remedy, field=missing)
-    spare([out, *(out.with_suffix(suffix) for suffix in (".exr", ".png"))], files_of(work))
+    outputs.spare([out, *(out.with_suffix(suffix) for suffix in (".exr", ".png"))], outputs.files_of(work))
     camera = _camera(work, args.camera)
     asked = work.captured.sky if work.captured is not None else None
     lights = asked.lights if isinstance(asked, EstimatedSky) else ()

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.cli import say
+from mirelight.cli import outputs, say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -52,9 +52,7 @@ def run_match(args: argparse.Namespace) -> int:
     from mirelight.plan import plan
     from mirelight.scene import prepare
 
-    out = Path(args.out)
-    if out.suffix.lower() != ".toml":
-        raise OutputError(f"{out}: a job is written as .toml; nothing was written")
+    out = outputs.named(args.out, "a job is", ".toml")
     if out.exists() and out.resolve() == Path(args.job).resolve():
         raise OutputError(f"{out}: the job itself; give another name")
     source, table = parse(args.job, args.set)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.cli import say
+from mirelight.cli import outputs, say
 from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -34,13 +34,9 @@ def run_new(args: argparse.Namespace) -> int:
     from mirelight.first import Wish, job_text
     from mirelight.io.atomic import atomic_path
 
-    out = Path(args.out)
-    if out.suffix.lower() != ".toml":
-        raise OutputError(f"{out}: a job is written as .toml; nothing was written")
+    out = outputs.named(args.out, "a job is", ".toml")
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
-    if not out.parent.is_dir():
-        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
     text = job_text(_capture(args.capture), out.parent, Wish(light=args.light))
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.cli import say
-from mirelight.cli.spare import spare
-from mirelight.errors import InputError, OutputError
+from mirelight.cli import outputs, say
+from mirelight.errors import InputError
 
 if TYPE_CHECKING:
     from mirelight.model import Camera, ProxyMesh, SplatCloud
@@ -49,17 +48,13 @@ def run_proxy(args: argparse.Namespace) -> int:
     from mirelight.io.gltf.write import write_glb
     from mirelight.io.png import write_png
 
-    out = Path(args.out)
-    if out.suffix.lower() != ".glb":
-        raise OutputError(f"{out}: a proxy is written as .glb; nothing was written")
-    if not out.parent.is_dir():
-        raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+    out = outputs.named(args.out, "a proxy is", ".glb")
     if args.triangles is not None and (args.triangles < FEWEST or args.fit is not None):
         remedy = "leave it out" if args.fit is not None else f"give {FEWEST} or more"
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
     if args.cameras is not None and args.fit is not None:
         raise InputError("--cameras", "given with --fit", "leave it out; it is for a mesh that is made")
-    spare([out], [Path(path) for path in (args.splats, args.fit, args.cameras) if path is not None])
+    outputs.spare([out], [Path(path) for path in (args.splats, args.fit, args.cameras) if path is not None])
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as report:
         cloud = splats.read(args.splats)

@@ -29,6 +29,7 @@ def test_what_is_wrong_is_said_in_a_line(run: Run, folder: Path) -> None:
         ("--target", "missing.png", "-o", "a.toml"): "missing.png",
         ("--target", "text.png", "-o", "a.toml"): "cannot be decoded",
         ("--target", "text.png", "-o", "a.json"): "written as .toml",
+        ("--target", "text.png", "-o", "none/a.toml"): "the folder does not exist",
         ("--target", "text.png", "-o", "job.toml"): "the job itself",
         ("--target", "text.png", "-o", "a.toml", "--lighting", "dusk"): "no lighting named 'dusk'",
         ("--target", "text.png", "-o", "a.toml", "--set", "display.tone=agx"): "not turned back",

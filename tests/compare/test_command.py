@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from mirelight.cli.compare import add_compare, run_compare
-from mirelight.errors import InputError
+from mirelight.errors import InputError, OutputError
 
 
 def run(*words: Any) -> int:
@@ -59,6 +59,12 @@ def test_bad_options_are_one_line(files: Any, words: tuple[str, str]) -> None:
     with pytest.raises(InputError) as caught:
         run(*files, *words)
     assert "\n" not in str(caught.value)
+
+
+def test_a_report_without_a_folder_is_refused_before_anything_is_read(tmp_path: Path) -> None:
+    for kind in ("html", "json", "csv"):
+        with pytest.raises(OutputError, match=f"none/r.{kind}: cannot be written .the folder does not exist"):
+            run("gone.png", "gone.png", f"--{kind}", tmp_path / "none" / f"r.{kind}")
 
 
 def test_paths_come_in_pairs(files: Any) -> None:

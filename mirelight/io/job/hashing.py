@@ -67,7 +67,7 @@ def _index_of(folder: Path) -> Path:
     for name in _INDICES:
         if (folder / name).is_file():
             return folder / name
-    raise InputError(folder, "a folder without meta.json or lod-meta.json", "name a splat file")
+    raise InputError(folder, "a folder, and no SOG (it has no meta.json or lod-meta.json)", "name a file")
 
 
 def _of_splats(path: Path) -> Iterator[Path]:

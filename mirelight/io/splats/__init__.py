@@ -138,7 +138,7 @@ def _folder(path: Path, lod: int | None) -> _Format:
     for name in ("lod-meta.json", "meta.json"):
         if (path / name).is_file():
             return _json(path / name, lod)
-    raise InputError(path, "a folder without meta.json or lod-meta.json", "name a splat file")
+    raise InputError(path, "a folder, and no SOG (it has no meta.json or lod-meta.json)", "name a file")
 
 
 def _json(path: Path, lod: int | None) -> _Format:

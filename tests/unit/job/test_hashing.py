@@ -59,7 +59,7 @@ def test_a_folder_counts_with_the_files_that_its_index_names(tmp_path: Path) -> 
 def test_a_folder_without_an_index_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "large").mkdir()
     os.mkfifo(tmp_path / "large" / "pipe")
-    with pytest.raises(InputError, match=r"a folder without meta\.json"):
+    with pytest.raises(InputError, match=r"a folder, and no SOG"):
         digest(tmp_path)
 
 

@@ -1,0 +1,43 @@
+"""What a command writes, looked at before it begins: a name of the right kind, in a folder, of no file that is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mirelight.errors import OutputError
+
+if TYPE_CHECKING:
+    from mirelight.model import Job
+
+
+def named(out: str, what: str, *suffixes: str) -> Path:
+    """The file to write. Raises OutputError where its name has none of the suffixes, or its folder is not there."""
+    path = Path(out)
+    if not path.suffix or not path.name.lower().endswith(suffixes):
+        *some, last = suffixes
+        kinds = f"{', '.join(some)} or {last}" if some else last
+        raise OutputError(f"{path}: {what} written as {kinds}; nothing was written")
+    in_a_folder(path)
+    return path
+
+
+def in_a_folder(*outs: Path) -> None:
+    """Raises OutputError where a file to write has no folder to stand in."""
+    for out in outs:
+        if not out.parent.is_dir():
+            raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+
+
+def files_of(work: Job) -> tuple[Path, ...]:
+    """The job file, and all that it names."""
+    return work.source, *(work.source.parent / name for name in work.inputs)
+
+
+def spare(outs: Iterable[Path], read: Iterable[Path]) -> None:
+    """Raises OutputError where a file to write is one that is read."""
+    known = [path for path in read if path.exists()]
+    for out in outs:
+        if out.exists() and any(out.samefile(path) for path in known):
+            raise OutputError(f"{out}: it is read here, and would be written over; give another name")

@@ -9,7 +9,6 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mirelight.cli import say
-from mirelight.model.shown import count
 
 if TYPE_CHECKING:
     from mirelight.farm.checks import Finding
@@ -39,6 +38,7 @@ def add_verify(commands: Any) -> None:
 def run_verify(args: argparse.Namespace) -> int:
     """The command. What is wrong goes to stdout, the last line, too."""
     from mirelight.farm.verify import verify
+    from mirelight.model.shown import count
 
     if args.json:
         return _as_json(args)

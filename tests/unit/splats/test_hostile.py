@@ -349,7 +349,7 @@ def test_files_of_no_format(tmp_path: Path, name: str, data: bytes, said: str) -
 def test_paths_that_lead_nowhere(tmp_path: Path) -> None:
     for path, said in (
         (tmp_path / "none.ply", "no such file"),
-        (tmp_path, "without meta.json"),
+        (tmp_path, "and no SOG"),
         (tmp_path / ("x" * 400), "cannot be read|no such file"),
         (tmp_path / "a\0b", "cannot be read|no such file"),
     ):

@@ -20,6 +20,7 @@ from mirelight.estimate.sky import ABOVE, PATCHES, RING_OF, RINGS
 from mirelight.model import F64
 
 Int: TypeAlias = NDArray[np.int64]
+Chosen: TypeAlias = Int | NDArray[np.bool_]
 
 BANDS = (1, 4, 16, 64, 256)  # first neighbours by nearness of each band, and the end of the last
 EACH = 3  # places of each band that a place is paired with
@@ -60,10 +61,8 @@ class Pairs:
         return replace(self, a=self.a[kept], b=self.b[kept], nearest=self.nearest[kept])
 
     def apart(self, log_albedo: F64) -> F64:
-        """(P, 3) how far albedos (N, 3) surely differ: a lower bound does not differ from what lies above it."""
-        d = log_albedo[self.a] - log_albedo[self.b]
-        d[(self.clipped[self.a] & (d < 0)) | (self.clipped[self.b] & (d > 0))] = 0
-        return np.asarray(d)
+        """(P, 3) how far albedos (N, 3) surely differ, see :func:`surely`."""
+        return surely(log_albedo[self.a] - log_albedo[self.b], self.clipped[self.a], self.clipped[self.b])
 
     def weights(self, log_albedo: F64) -> F64:
         """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); they sum to 1.
@@ -79,6 +78,19 @@ class Pairs:
             told |= both
         w = told * np.exp(apart / (-2 * ALIKE**2))
         return np.asarray(w / max(w.sum(), 1e-12))
+
+
+def surely(d: F64, first: Chosen, second: Chosen) -> F64:
+    """How far pairs surely differ, of which the first, or second, place shows white: a lower bound does not differ from
+    what lies above it.
+
+    Args:
+        d: logarithms of first places' albedos over second ones', written over.
+        first, second: which of them, as masks or indices.
+    """
+    d[first] = np.maximum(d[first], 0)
+    d[second] = np.minimum(d[second], 0)
+    return d
 
 
 def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
@@ -275,6 +287,4 @@ class _Compared:
         for of_channel, (first, second) in zip(a, self.bounded, strict=True):
             d = of_channel[self.pairs.a]
             d -= of_channel[self.pairs.b]
-            d[first] = np.maximum(d[first], 0)
-            d[second] = np.minimum(d[second], 0)
-            yield d
+            yield surely(d, first, second)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
-from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of
+from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of, surely
 from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
@@ -69,9 +69,7 @@ class Search:
 
     def apart(self, log_albedo: F64) -> F64:
         """(P,) how far albedos (N,) surely differ."""
-        d = log_albedo[self.pairs.a] - log_albedo[self.pairs.b]
-        d[(self.bound[0] & (d < 0)) | (self.bound[1] & (d > 0))] = 0
-        return np.asarray(d)
+        return surely(log_albedo[self.pairs.a] - log_albedo[self.pairs.b], *self.bound)
 
     def even(self) -> F64:
         """(N,) irradiance / pi without a sun, at a middle albedo."""

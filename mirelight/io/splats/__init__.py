@@ -112,7 +112,7 @@ def _by_content(path: Path, lod: int | None) -> _Format:
     with open_binary(path) as file:
         head = file.read(64)
     if not head:
-        raise InputError(path, "empty file")
+        raise InputError(path, "empty file", "give a capture")
     suffix = path.suffix.lower()
     if suffix in external.SUFFIXES:
         return _Format(lambda: external.summary(path, lod), lambda: external.read(path, lod), levels=True)

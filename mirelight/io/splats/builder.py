@@ -50,7 +50,7 @@ class CloudBuilder:
             InputError: there are none, or more than fit into memory.
         """
         if capacity < 1:
-            raise InputError(file, "no splats in it")
+            raise InputError(file, "no splats in it", "give a capture")
         require_memory(file, cloud_bytes(capacity, coefficients), f"{capacity:,} splats")
         self._file = file
         self._whole = Slot(
@@ -89,7 +89,8 @@ class CloudBuilder:
             InputError: every splat was dropped, or none of them shows.
         """
         if not self._filled:
-            raise InputError(self._file, f"all {self._dropped:,} splats hold NaN, infinite or absurd values")
+            found = f"all {self._dropped:,} splats hold NaN, infinite or absurd values"
+            raise InputError(self._file, found, "check the file")
         means, quats, scales, opacities, sh = (array[: self._filled] for array in self._whole)
         if not opacities.max() > FAINTEST:
             raise InputError(self._file, f"no splat shows: every opacity is below {FAINTEST:g}", "check the file")

@@ -153,7 +153,7 @@ def _parse(files: Files, data: bytes) -> SogHead:
         shape = meta.child("means").integers("shape", high=2**31)
         count = shape[0] if shape else 0
     if count < 1:
-        raise InputError(files.path, "no splats in it, or not a SOG file")
+        raise InputError(files.path, "no splats in it, or not a SOG file", "give a capture")
     antialiased = meta.values.get("antialias") is True or meta.values.get("model") == "antialiased"
     return SogHead(files, meta, version, count, antialiased)
 

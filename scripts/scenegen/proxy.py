@@ -1,4 +1,4 @@
-"""The proxy: the true surface without what is too thin for a reconstruction, simplified and slightly wrong."""
+"""The proxy: the true surface, what is solid of it simplified, and all of it slightly wrong."""
 
 from __future__ import annotations
 
@@ -7,27 +7,52 @@ import importlib
 import numpy as np
 
 from mirelight.model import ProxyMesh
-from scenegen.geometry import noise
+from scenegen.geometry import F64, I64, noise
 from scenegen.recipe import Recipe
 from scenegen.truth import Looks
 
 BUMP = 0.5  # metres between bumps of the error
+WELDS = 1e4  # per metre: corners within a tenth of a millimetre are one vertex
+LEAF = 4  # triangles of a leaf of `geometry.leaves`
 
 
 def proxy_of(recipe: Recipe, looks: Looks) -> ProxyMesh:
-    """A gray mesh of everything solid: edges collapsed to the recipe's count, vertices off by smooth noise."""
+    """A gray mesh: what is solid has its edges collapsed to the recipe's count; leaves, bars and wires stay.
+
+    Vertices are off by smooth noise, so that what is thin is moved and not torn.
+    """
     pyfqmr = importlib.import_module("pyfqmr")
 
-    corners = np.concatenate([s.positions for s in looks.soups if s.solid]).reshape(-1, 3)
-    keys = np.round(corners * 1e4).astype(np.int64)  # corners within a tenth of a millimetre are one vertex
+    simplifier = pyfqmr.Simplify()
+    simplifier.setMesh(*_welded(np.concatenate([s.positions for s in looks.soups if s.solid])))
+    simplifier.simplify_mesh(target_count=recipe.proxy_faces, aggressiveness=3, preserve_border=True, verbose=False)
+    solid, solid_faces, _ = simplifier.getMesh()
+    used, solid_faces = np.unique(solid_faces, return_inverse=True)
+    thin, thin_faces = _welded(np.concatenate([_unfolded(s.positions) for s in looks.soups if not s.solid]))
+    vertices = np.concatenate([solid[used], thin])
+    faces = np.concatenate([solid_faces.reshape(-1, 3), thin_faces + len(used)])
+    error = np.stack([noise(vertices / BUMP, seed, octaves=3) for seed in (1, 2, 3)], axis=1)
+    moved = vertices + recipe.proxy_error * error
+    return ProxyMesh(vertices=moved.astype(np.float32), faces=faces.astype(np.int32))
+
+
+def _welded(triangles: F64) -> tuple[F64, I64]:
+    """Vertices (V, 3) and faces (F, 3) of triangles (N, 3, 3), those without area left out."""
+    corners = triangles.reshape(-1, 3)
+    keys = np.round(corners * WELDS).astype(np.int64)
     _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     faces = which.reshape(-1, 3)
     flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    simplifier = pyfqmr.Simplify()
-    simplifier.setMesh(corners[first], faces[~flat])
-    simplifier.simplify_mesh(target_count=recipe.proxy_faces, aggressiveness=3, preserve_border=True, verbose=False)
-    vertices, faces, _ = simplifier.getMesh()
-    error = np.stack([noise(vertices / BUMP, seed, octaves=3) for seed in (1, 2, 3)], axis=1)
-    used, faces = np.unique(faces, return_inverse=True)
-    moved = (vertices + recipe.proxy_error * error)[used]
-    return ProxyMesh(vertices=moved.astype(np.float32), faces=faces.reshape(-1, 3).astype(np.int32))
+    return corners[first], faces[~flat]
+
+
+def _unfolded(triangles: F64) -> F64:
+    """Leaves without the vertex in their middle: two triangles for four. Other triangles (N, 3, 3) as they are."""
+    if len(triangles) % LEAF:
+        return triangles
+    parts = triangles.reshape(-1, LEAF, 3, 3)
+    middle = parts[:, [0, 1, 2, 3], [2, 1, 2, 0]]
+    if not (middle == middle[:, :1]).all():
+        return triangles
+    base, right, left, tip = parts[:, 0, 0], parts[:, 0, 1], parts[:, 1, 2], parts[:, 2, 1]
+    return np.stack([base, right, tip, base, tip, left], axis=1).reshape(-1, 3, 3)

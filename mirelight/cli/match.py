@@ -26,15 +26,26 @@ def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     )
     parser.add_argument("job", metavar="JOB", help="job file (TOML)")
     parser.add_argument(
-        "--target", metavar="PICTURE", required=True, help="the picture: EXR (linear), or PNG or JPEG as displayed"
+        "--target",
+        metavar="PICTURE",
+        required=True,
+        action="append",
+        help="the picture: EXR (linear), or PNG or JPEG as displayed (repeatable, with a --camera each)",
     )
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the job file to write (.toml)")
-    parser.add_argument("--camera", metavar="NAME", help="the picture's camera (the job's first)")
+    parser.add_argument(
+        "--camera", metavar="NAME", action="append", help="the picture's camera (the job's first); one for each picture"
+    )
     parser.add_argument("--lighting", metavar="NAME", help="the lighting to fit (the job's first)")
     parser.add_argument(
         "--lights", metavar="NAME", nargs="+", action="extend", help="find only these; other lights stay as they are"
     )
-    parser.add_argument("--mask", metavar="PICTURE", help="where the picture counts: white yes, black no")
+    parser.add_argument(
+        "--mask",
+        metavar="PICTURE",
+        action="append",
+        help="where the picture counts: white yes, black no; one for each picture, or none",
+    )
     parser.add_argument("--rotate", action="store_true", help="find the environment's rotation, too")
     parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
@@ -55,26 +66,30 @@ def run_match(args: argparse.Namespace) -> int:
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists() and out.resolve() == Path(args.job).resolve():
         raise OutputError(f"{out}: the job itself; give another name")
+    _require_one_each(args)
     source, table = parse(args.job, args.set)
     work = build(source, table)
-    chosen = plan(work, args.camera and [args.camera], args.lighting and [args.lighting]).tasks[0]
-    if chosen.lighting is None:
+    chosen = [plan(work, [x] if x else None, args.lighting and [args.lighting]).tasks[0] for x in args.camera or [None]]
+    lighting = chosen[0].lighting
+    if lighting is None:
         raise InputError(work.source, "no light", "a match needs lights to fit", field="lights")
-    with_lighting(source, work, chosen.lighting, out, ())  # what cannot be written is said before anything is traced
-    target = read_target(args.target, args.mask, work.display.tone)
+    with_lighting(source, work, lighting, out, ())  # what cannot be written is said before anything is traced
+    masks = args.mask or [None] * len(args.target)
+    targets = [read_target(x, mask, work.display.tone) for x, mask in zip(args.target, masks, strict=True)]
+    shots = [(x.camera, target) for x, target in zip(chosen, targets, strict=True)]
     with progress(args.quiet) as report:
         found = match(
             prepare(work, report=_say(args.quiet)),
-            chosen.camera,
-            chosen.lighting,
-            target,
+            shots,
+            lighting,
             free=args.lights,
             rotate=args.rotate,
             report=report,
         )
-    made = f"{Path(args.job).name} with {found.lighting.name!r} matched to {target.path.name} by mirelight match"
+    pictures = ", ".join(x.path.name for x in targets)
+    made = f"{Path(args.job).name} with {found.lighting.name!r} matched to {pictures} by mirelight match"
     known = [f"{x.name}: give or take {_percent(x)}" for x in found.layers if x.seen and not x.fixed]
-    remarks = (made, f"(camera {chosen.camera.name!r}, {_gain(found)})", *known)
+    remarks = (made, f"(camera {', '.join(repr(x.camera.name) for x in chosen)}, {_gain(found)})", *known)
     text = with_lighting(source, work, found.lighting, out, remarks)
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -85,6 +100,17 @@ def run_match(args: argparse.Namespace) -> int:
         if found.rotation is not None:
             say.result(f"  environment turned to {found.rotation:g} degrees")
     return 0
+
+
+def _require_one_each(args: argparse.Namespace) -> None:
+    """A camera, and a mask where there are any, for each picture."""
+    pictures, cameras, masks = len(args.target), args.camera or (), args.mask or ()
+    if len(cameras) != pictures and (cameras or pictures > 1):
+        raise InputError(
+            "--camera", f"{len(cameras)} for {pictures} of --target", "name one for each picture, in order"
+        )
+    if masks and len(masks) != pictures:
+        raise InputError("--mask", f"{len(masks)} for {pictures} of --target", "give one for each picture, in order")
 
 
 def _gain(found: Match) -> str:

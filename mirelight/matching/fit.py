@@ -13,23 +13,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight import colour, stages
+from mirelight import colour
 from mirelight.errors import InputError
-from mirelight.matching.solve import Column, closest
-from mirelight.matching.target import Target, resized
-from mirelight.matching.uncertain import tiles, uncertainties
-from mirelight.model import F32, F64, Camera, LayerFactor, Light, Lighting, LightingBuffer, SplatLayer
+from mirelight.matching.columns import ROWS, Columns
+from mirelight.matching.solve import Bool, Column, closest
+from mirelight.matching.target import Target
+from mirelight.matching.uncertain import uncertainties
+from mirelight.model import F64, Camera, LayerFactor, Light, Lighting
 from mirelight.model.lights import SKY, SUN
-from mirelight.relighting import apply
 from mirelight.scene import Scene
 from mirelight.units import terms
 
-ROWS = 90  # pixels are averaged in linear light to at most so many rows: noise of both sides counts less
 _CLAMPED = 1e-3  # relative: where the ratio's upper clamp takes that much, light is not linear
 _CLAMP_ROUNDS = 3
-_NO_CLAMP = 1e30
 _COARSE, _FINE = 15.0, 1.0  # degrees: steps of the search for a rotation
 
+Shots = Sequence[tuple[Camera, Target]]  # pictures and where they were taken from
 Report = Callable[[str, float], None]  # what is being done, how much of it
 
 
@@ -65,21 +64,19 @@ class Match:
 
 def match(
     scene: Scene,
-    camera: Camera,
+    shots: Shots,
     lighting: Lighting,
-    target: Target,
     *,
     free: Sequence[str] | None = None,
     rotate: bool = False,
     report: Report = lambda what, done: None,
 ) -> Match:
-    """Fit a lighting to a picture.
+    """Fit a lighting to a picture, or to several of the same light.
 
     Args:
         scene: a prepared job with splats and a proxy, in a mode that is linear in light.
-        camera: from which the picture was taken.
+        shots: one or more pictures, each with the camera from which it was taken.
         lighting: where the lights stand; their intensities and colours are only said as what was before.
-        target: the picture.
         free: names of the layers to find (None: all); others stay as they are.
         rotate: search the environment's rotation, too.
         report: hears what is being done.
@@ -90,12 +87,12 @@ def match(
     _require_linear(scene, lighting, free, rotate)
     rotation: float | None = None
     if rotate:
-        rotation = _rotation(scene, camera, lighting, target, free, report)
+        rotation = _rotation(scene, shots, lighting, free, report)
         assert lighting.environment is not None
         lighting = replace(lighting, environment=replace(lighting.environment, rotation=rotation))
-    fit = _Fit(scene, camera, lighting, target, free, lambda done: report("tracing the lights", done))
+    fit = _Fit(scene, shots, lighting, free, lambda done: report("tracing the lights", done))
     report("fitting", 0.0)
-    found = fit.solved()
+    found = fit.layers(fit.solved())
     return Match(
         lighting=_with(lighting, {x.name: x.after for x in found}),
         layers=found,
@@ -129,121 +126,115 @@ def _require_linear(scene: Scene, lighting: Lighting, free: Sequence[str] | None
 # --- one rotation ----------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solution:
+    """Weights with which the frames come closest to the pictures, with or without the ratio's floor."""
+
+    columns: list[Column]  # of the free layers, each with three channels
+    found: F64  # (n,) their weights
+    told: Bool  # (n,) whether the pictures tell anything of each
+    weights: dict[str, F64]  # (3,) of all layers; what is not told of stays
+    counts: F64  # (P, 3) how much pixels count, those at the upper clamp left out
+    rest: F64  # (P, 3) light that is there whatever the free layers are
+    residual: float  # mean square of what is left, in display values
+
+
 class _Fit:
-    """The columns of one lighting, and the picture on the same few pixels."""
+    """One lighting, and all pictures as one."""
 
     def __init__(
         self,
         scene: Scene,
-        camera: Camera,
+        shots: Shots,
         lighting: Lighting,
-        target: Target,
         free: Sequence[str] | None,
         report: Callable[[float], None],
     ) -> None:
-        self._scene, self._lighting, self._free = scene, lighting, free
-        splats = stages.composite(scene, camera)
-        assert splats is not None
-        self._splats: SplatLayer = splats
-        lit = stages.light(scene, camera, white(lighting), progress=lambda done, total: report(done / max(total, 1)))
-        self._new, self._captured = lit.new, lit.captured
-        small = min(camera.height, ROWS)
-        self._size = small, max(1, round(small * camera.width / camera.height))
+        units = white(lighting)
+
+        def said(shot: int) -> Callable[[float], None]:
+            return lambda done: report((shot + done) / len(shots))
+
+        self._views = [Columns(scene, camera, units, target, said(k)) for k, (camera, target) in enumerate(shots)]
         self._before = {x.layer: np.asarray(x.weight, np.float64) for x in terms(lighting)}
-        light, counts = target.light(1 - splats.transmittance, scene.job.display)
-        share = resized(counts, self._size).astype(np.float64).reshape(-1, 3)
-        summed_up = resized(light * counts, self._size).astype(np.float64).reshape(-1, 3)
-        self._counts, self._inside = share, counts
-        self._target = summed_up / np.maximum(share, 1e-12)
-        unlit = {name: np.zeros(3) for name in self._before}
-        self._dark, no_floor = (self._small(self._relit(unlit, clamped=False, floor=x)) for x in (True, False))
-        self._floors = (self._dark, no_floor)
-        self._columns = {name: self._small(self._alone(name)) - self._dark for name in self._before}
+        self._free = [name for name in self._before if free is None or name in free]
+        self._counts = np.concatenate([x.counts for x in self._views])
+        self._target = np.concatenate([x.target for x in self._views])
+        self._unlit = {k: np.concatenate([x.unlit[k] for x in self._views]) for k in self._views[0].unlit}
+        self._alone = {k: np.concatenate([x.alone[k] for x in self._views]) for k in self._before}
         self._gain = 2.0**scene.job.display.exposure
 
-    def solved(self) -> tuple[LayerMatch, ...]:
-        """The layers with their weights.
+    def solved(self) -> _Solution:
+        """The weights.
 
         Where no light falls, the ratio leaves a little of the captured light. Another program's picture and a
         photograph lack it: then it would be taken from the faintest light, so what comes closer counts.
         """
-        found, self.residual = min((self._solved(dark) for dark in self._floors), key=lambda x: x[1])
-        return found
+        return min((self._solved(unlit) for unlit in self._unlit.values()), key=lambda x: x.residual)
 
-    def _solved(self, dark: F64) -> tuple[tuple[LayerMatch, ...], float]:
-        """With this light (P, 3) where no lamp's falls; and the mean square of what is left."""
-        free = [name for name in self._before if self._free is None or name in self._free]
-        fixed = [name for name in self._before if name not in free]
-        rest: F64 = np.sum([dark, *(self._columns[n] * self._before[n] for n in fixed)], axis=0)
-        columns = [Column(self._columns[name], k) for name in free for k in range(3)]
+    def _solved(self, unlit: F64) -> _Solution:
+        """With this light (P, 3) where no lamp's falls."""
+        fixed = [name for name in self._before if name not in self._free]
+        rest: F64 = np.sum([unlit, *(self._alone[n] * self._before[n] for n in fixed)], axis=0)
+        columns = [Column(self._alone[name], k) for name in self._free for k in range(3)]
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
             found, told = closest(columns, self._target, rest, counts, self._gain)
-            seen = {name: bool(told[3 * i : 3 * i + 3].any()) for i, name in enumerate(free)}
-            after = self._before | {name: found[3 * i : 3 * i + 3] for i, name in enumerate(free) if seen[name]}
-            lit: F64 = np.sum([self._columns[n] * after[n] for n in after], axis=0)
-            held, straight = self._small(self._relit(after, clamped=True)), self._dark + lit
+            seen = {
+                name: found[3 * i : 3 * i + 3] for i, name in enumerate(self._free) if told[3 * i : 3 * i + 3].any()
+            }
+            weights = self._before | seen
+            lit: F64 = np.sum([self._alone[n] * weights[n] for n in weights], axis=0)
+            held, straight = self._relit(weights), self._unlit[True] + lit
             left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)
             if np.array_equal(left, counts) or not left.any():
                 break
             counts = left
-        off = uncertainties(columns, found, told, self._target, rest, counts, self._gain, tiles(self._size))
-        uncertainty = {name: off[3 * i : 3 * i + 3] for i, name in enumerate(free)}
-        layers = tuple(
+        return _Solution(
+            columns=columns,
+            found=found,
+            told=told,
+            weights=weights,
+            counts=counts,
+            rest=rest,
+            residual=self._error(unlit + lit, counts),
+        )
+
+    def layers(self, x: _Solution) -> tuple[LayerMatch, ...]:
+        """What became of each layer, and how well it is known."""
+        starts = np.cumsum([0, *(view.tiles.max() + 1 for view in self._views)])
+        tile = np.concatenate([view.tiles + first for view, first in zip(self._views, starts, strict=False)])
+        off = uncertainties(x.columns, x.found, x.told, self._target, x.rest, x.counts, self._gain, tile)
+        three = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(self._free)}
+        return tuple(
             LayerMatch(
                 name=name,
-                before=self._before[name],
-                after=after[name],
-                uncertainty=uncertainty.get(name, np.zeros(3)),
-                seen=seen.get(name, True),
-                fixed=name in fixed,
+                before=before,
+                after=x.weights[name],
+                uncertainty=off[three[name]] if name in three else np.zeros(3),
+                seen=name not in three or bool(x.told[three[name]].any()),
+                fixed=name not in three,
             )
-            for name in after
+            for name, before in self._before.items()
         )
-        return layers, self._error(dark + lit, counts)
 
     def psnr(self, weights: dict[str, F64]) -> float:
-        """dB of display values of the frame with these weights."""
-        error = self._error(self._small(self._relit(weights, clamped=True)), self._counts)
-        return float(-10 * np.log10(max(error, 1e-12)))
+        """dB of display values of the frames with these weights."""
+        return float(-10 * np.log10(max(self._error(self._relit(weights), self._counts), 1e-12)))
+
+    def _relit(self, weights: dict[str, F64]) -> F64:
+        return np.concatenate([x.relit(weights) for x in self._views])
 
     def _error(self, picture: F64, counts: F64) -> float:
         a, b = (np.clip(colour.srgb_encode(x * self._gain), 0, 1).astype(np.float64) for x in (picture, self._target))
         return float((counts * (a - b) ** 2).sum() / counts.sum())
 
-    def _alone(self, name: str) -> F32:
-        return self._relit({n: np.full(3, float(n == name)) for n in self._before}, clamped=False)
 
-    def _relit(self, weights: dict[str, F64], *, clamped: bool, floor: bool = True) -> F32:
-        """(H, W, 3) the frame with the unit lights times these weights."""
-        settings = self._scene.job.relight
-        settings = settings if clamped else replace(settings, max_ratio=_NO_CLAMP)
-        settings = settings if floor else replace(settings, delta=0.0)
-        new = replace(_light_alone(self._new), variance=None).reweighted(weights)
-        level = self._scene.captured_level if self._captured is not None else None
-        frame = apply(self._splats, new, settings, captured=self._captured, captured_level=level, noise=False)
-        return np.asarray(frame.rgba[..., :3])
-
-    def _small(self, picture: F32) -> F64:
-        """(P, 3) means over what counts of each block."""
-        inside = resized(picture * self._inside, self._size).astype(np.float64).reshape(-1, 3)
-        return np.asarray(inside / np.maximum(self._counts, 1e-12))
-
-
-def _light_alone(buffer: LightingBuffer) -> LightingBuffer:
-    """Without what a match does not read."""
-    layers = tuple(replace(x, variance=None, half=None, quarter=None, other_quarter=None) for x in buffer.layers)
-    return replace(buffer, layers=layers, noisy=())
-
-
-def _rotation(
-    scene: Scene, camera: Camera, lighting: Lighting, target: Target, free: Sequence[str] | None, report: Report
-) -> float:
+def _rotation(scene: Scene, shots: Shots, lighting: Lighting, free: Sequence[str] | None, report: Report) -> float:
     """Degrees of the environment that come closest: in steps all around, then by halves about the best."""
     around = lighting.environment
     assert around is not None
-    rows = min(camera.height, ROWS)
-    small = camera.resized(max(1, round(rows * camera.width / camera.height)), rows)
+    small = [(_small(camera), target) for camera, target in shots]
     known: dict[float, float] = {}
     steps = [float(x) for x in np.arange(0, 360, _COARSE)]
     count = len(steps) + 2 * int(np.ceil(np.log2(_COARSE / _FINE)))
@@ -253,9 +244,7 @@ def _rotation(
         if turn not in known:
             report("turning the environment", len(known) / count)
             turned = replace(lighting, environment=replace(around, rotation=_upright(around.rotation + turn)))
-            fit = _Fit(scene, small, turned, target, free, lambda done: None)
-            fit.solved()
-            known[turn] = fit.residual
+            known[turn] = _Fit(scene, small, turned, free, lambda done: None).solved().residual
         return known[turn]
 
     best = min(steps, key=error)
@@ -264,6 +253,11 @@ def _rotation(
         best = min((best, best - step, best + step), key=error)
         step /= 2
     return _upright(around.rotation + best)
+
+
+def _small(camera: Camera) -> Camera:
+    rows = min(camera.height, ROWS)
+    return camera.resized(max(1, round(rows * camera.width / camera.height)), rows)
 
 
 def _upright(degrees: float) -> float:

@@ -110,7 +110,7 @@ def fitted(columns: list[Column], target: F64, weight: F64) -> tuple[F64, Bool]:
     if not used:  # of splats that are all black
         return out, seen
     for _ in range(_ROUNDS):
-        x = nonnegative(*_normal_equations(used, target, weight**2 * trust))
+        x = nonnegative(*normal_equations(used, target, weight**2 * trust))
         off = np.abs(summed(used, x, target.shape) - target) * weight
         counted = off[weight > 0]
         spread = max(1.4826 * float(np.median(counted)), _LEAST_SPREAD) if counted.size else _LEAST_SPREAD
@@ -131,7 +131,8 @@ def _power(column: Column, weight: F64) -> float:
     return float(((column.picture[:, column.channel] * weight[:, column.channel]) ** 2).sum())
 
 
-def _normal_equations(columns: list[Column], target: F64, weight: F64) -> tuple[F64, F64]:
+def normal_equations(columns: list[Column], target: F64, weight: F64) -> tuple[F64, F64]:
+    """(n, n) sum of w a b over columns a and b of one channel, 0 of two; (n,) sum of w a times the target (P, 3)."""
     n = len(columns)
     gram, moment = np.zeros((n, n)), np.zeros(n)
     for k in range(3):

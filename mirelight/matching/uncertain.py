@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.matching.solve import Bool, Column, summed
+from mirelight.matching.solve import Bool, Column, normal_equations, summed
 from mirelight.matching.tone import seen_slope, seen_value
 from mirelight.model import F64
 
@@ -55,14 +55,12 @@ def uncertainties(
         own = [i for i, c in enumerate(columns) if c.channel == k and told[i]]
         if not own:
             continue
-        pictures = np.stack([columns[i].picture[:, k] for i in own])
-        power = (weight[:, k] * pictures**2).sum(axis=1)
-        pictures /= np.sqrt(power)[:, None]
-        gram = np.array([(weight[:, k] * a * pictures).sum(axis=1) for a in pictures])
-        pulls = np.array([np.bincount(tile, off[:, k] * a) for a in pictures])
-        values, vectors = np.linalg.eigh(gram)
+        gram, _ = normal_equations([columns[i] for i in own], off, weight)
+        size = np.sqrt(np.diag(gram))
+        pulls = np.array([np.bincount(tile, off[:, k] * columns[i].picture[:, k]) for i in own]) / size[:, None]
+        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
         alike = values <= _ALIKE * values[-1]
         solved = vectors[:, ~alike] @ ((vectors[:, ~alike].T @ pulls) / values[~alike, None])
         unknown = (np.abs(vectors[:, alike]) > _PART).any(axis=1)
-        out[own] = np.where(unknown, np.inf, np.abs(solved).sum(axis=1) / np.sqrt(power))
+        out[own] = np.where(unknown, np.inf, np.abs(solved).sum(axis=1) / size)
     return out

@@ -38,3 +38,23 @@ def test_what_is_wrong_is_said_in_a_line(run: Run, folder: Path) -> None:
         done = run("match", "job.toml", *arguments)
         assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
     assert not (folder / "a.toml").exists()
+
+
+def test_two_pictures_of_one_light_and_what_each_needs(run: Run, folder: Path) -> None:
+    assert run("render", "job.toml", "--lighting", "night", "-q").returncode == 0
+    pictures = ("--target", "out/front.night.exr", "--target", "out/orbit.0001.night.exr")
+    cameras = ("--camera", "front", "--camera", "orbit.0001")
+    done = run(
+        "match", "job.toml", "--lighting", "night", *pictures, *cameras, "--set", "mix.lamp=0.3", "-o", "two.toml"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "lamp: (20, 20, 20), was (6, 6, 6)" in done.stdout
+    head = (folder / "two.toml").read_text(encoding="utf-8")
+    assert "matched to front.night.exr, orbit.0001.night.exr" in head and "camera 'front', 'orbit.0001'" in head
+    for wrong, said in {
+        (): "--camera: 0 for 2 of --target",
+        ("--camera", "front"): "--camera: 1 for 2 of --target",
+        (*cameras, "--mask", "out/front.night.png"): "--mask: 1 for 2 of --target",
+    }.items():
+        done = run("match", "job.toml", "--lighting", "night", *pictures, *wrong, "-o", "a.toml")
+        assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr

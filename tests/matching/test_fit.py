@@ -134,7 +134,7 @@ def weights(lighting: Lighting) -> np.ndarray:
 
 
 def test_lights_are_found_from_their_own_frame(scene: Scene, true: F32) -> None:
-    found = match(scene, CAMERA, START, target(true))
+    found = match(scene, [(CAMERA, target(true))], START)
     np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.01, atol=0.01)
     assert found.psnr_after > 60 > found.psnr_before
     assert [x.name for x in found.layers] == ["left", "right", "row", "environment"]
@@ -142,21 +142,21 @@ def test_lights_are_found_from_their_own_frame(scene: Scene, true: F32) -> None:
 
 
 def test_what_is_found_in_its_own_frame_is_known(scene: Scene, true: F32) -> None:
-    for layer in match(scene, CAMERA, START, target(true)).layers:
+    for layer in match(scene, [(CAMERA, target(true))], START).layers:
         assert (layer.relative_uncertainty < 0.05).all(), layer.name
 
 
 def test_faint_light_is_found_in_a_picture_without_the_ratios_floor(scene: Scene) -> None:
     """Where no light falls, a ratio leaves a little of the captured light; no other picture has that."""
     bare, faint = prepare(job(delta=0.0)), replace(TRUE, mix=(LayerFactor(layer="row", factor=np.full(3, 0.02)),))
-    found = match(scene, CAMERA, START, target(picture(bare, faint)))
+    found = match(scene, [(CAMERA, target(picture(bare, faint)))], START)
     row = next(x for x in found.layers if x.name == "row")
     np.testing.assert_allclose(row.after, 0.02 * np.array([1, 1, 1]) / 2, rtol=0.1)
 
 
 def test_lights_are_found_in_the_mode_tint(true: F32) -> None:
     tint = prepare(job(mode="tint"))
-    found = match(tint, CAMERA, START, target(picture(tint)))
+    found = match(tint, [(CAMERA, target(picture(tint)))], START)
     np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.01, atol=0.01)
 
 
@@ -164,22 +164,33 @@ def test_a_painted_corner_is_masked_out(scene: Scene, true: F32) -> None:
     painted, mask = true.copy(), np.ones(true.shape[:2], np.float32)
     painted[:24, :40] = (3, 0, 0)
     mask[:24, :40] = 0
-    found = match(scene, CAMERA, START, target(painted, mask))
+    found = match(scene, [(CAMERA, target(painted, mask))], START)
     np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.02, atol=0.02)
 
 
 def test_other_lights_stay(scene: Scene) -> None:
     only = replace(START, mix=(), lights=(replace(START.lights[0], intensity=6.0), *START.lights[1:]))
-    found = match(scene, CAMERA, START, target(picture(scene, only)), free=["left"])
+    found = match(scene, [(CAMERA, target(picture(scene, only)))], START, free=["left"])
     np.testing.assert_allclose(weights(found.lighting), weights(only), rtol=0.01, atol=0.01)
     assert [x.fixed for x in found.layers] == [False, True, True, True]
 
 
 def test_a_light_that_the_picture_does_not_show_stays(scene: Scene) -> None:
     below = lamp("below", (0, -5, 0), (1, 1, 1), 7.0)  # under the floor, which is seen from above
-    found = match(scene, CAMERA, replace(START, lights=(*START.lights, below)), target(picture(scene)))
+    found = match(scene, [(CAMERA, target(picture(scene)))], replace(START, lights=(*START.lights, below)))
     assert [x.name for x in found.layers if not x.seen] == ["below"]
     assert found.lighting.lights[-1].intensity == 7.0
+
+
+def test_a_second_picture_shows_what_the_first_does_not(scene: Scene) -> None:
+    below = lamp("below", (0, -5, 0), (1, 0.5, 0.2), 7.0)
+    under = Camera.look_at([0, -6, 4], [0, -1, 0], 64, 48, name="under")
+    lit = replace(TRUE, lights=(*TRUE.lights, below))
+    shots = [(x, target(stages.frame(scene, x, lit).rgba[..., :3])) for x in (CAMERA, under)]
+    unknown = lamp("below", (0, -5, 0), (1, 1, 1), 1.0)
+    found = match(scene, shots, replace(START, lights=(*START.lights, unknown)))
+    assert all(x.seen for x in found.layers)
+    np.testing.assert_allclose(weights(found.lighting), weights(lit), rtol=0.01, atol=0.01)
 
 
 def test_the_environments_rotation_is_found(true: F32) -> None:
@@ -187,23 +198,23 @@ def test_the_environments_rotation_is_found(true: F32) -> None:
     alone = Lighting(name="sky", environment=TRUE.environment)
     assert alone.environment is not None
     start = replace(alone, environment=replace(alone.environment, rotation=-100.0, intensity=1.0))
-    found = match(sky, CAMERA, start, target(picture(sky, alone)), rotate=True)
+    found = match(sky, [(CAMERA, target(picture(sky, alone)))], start, rotate=True)
     assert found.rotation == pytest.approx(40, abs=1)
     assert found.lighting.environment is not None
     assert found.lighting.environment.intensity == pytest.approx(0.8, rel=0.02)
 
 
 def test_the_same_numbers_again(scene: Scene, true: F32) -> None:
-    first: Match = match(scene, CAMERA, START, target(true))
-    again = match(scene, CAMERA, START, target(true))
+    first: Match = match(scene, [(CAMERA, target(true))], START)
+    again = match(scene, [(CAMERA, target(true))], START)
     np.testing.assert_array_equal(weights(first.lighting), weights(again.lighting))
 
 
 def test_what_cannot_be_matched_is_refused(scene: Scene, true: F32) -> None:
     with pytest.raises(InputError, match="no light named 'key'"):
-        match(scene, CAMERA, START, target(true), free=["key"])
+        match(scene, [(CAMERA, target(true))], START, free=["key"])
     with pytest.raises(InputError, match="leave out --rotate"):
-        match(scene, CAMERA, CAPTURED, target(true), rotate=True)
+        match(scene, [(CAMERA, target(true))], CAPTURED, rotate=True)
     noisy = prepare(replace(job(), render=RenderSettings(spp=16, noise=0.1)))
     with pytest.raises(InputError, match=r"render\.noise"):
-        match(noisy, CAMERA, START, target(true))
+        match(noisy, [(CAMERA, target(true))], START)

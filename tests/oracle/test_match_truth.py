@@ -1,34 +1,52 @@
-"""Lights of the shipped stage found from its path-traced truth: each as near as `match` says that it knows it."""
+"""Lights of the shipped scenes found from their path-traced truth."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import mirelight
-from mirelight.matching import match, read_target
+from mirelight.matching import LayerMatch, match, read_target
 from mirelight.scene import prepare
 
-STAGE = Path(__file__).parents[2] / "scenes" / "stage"
+SCENES = Path(__file__).parents[2] / "scenes"
+SETTINGS = ["render.spp=64", "render.denoise=true", "relight.texture_scale=0.5"]
 
 
-@pytest.mark.parametrize(("lighting", "at_least"), [("spots", 3), ("gels", 4)])
-def test_lights_of_the_truth_are_within_what_is_said_of_them(lighting: str, at_least: int) -> None:
-    job = mirelight.load(STAGE / "job.toml", ["render.spp=64", "render.denoise=true", "resolution_scale=0.5"])
-    camera = next(x for x in job.cameras if x.name == "front")
+def found(scene: str, lighting: str, cameras: list[str]) -> tuple[LayerMatch, ...]:
+    job = mirelight.load(SCENES / scene / "job.toml", SETTINGS)
     light = next(x for x in job.lightings if x.name == lighting)
-    target = read_target(STAGE / "truth" / f"front.{lighting}.png", None, job.display.tone)
+    pictures = SCENES / scene / "truth"
+    shots = [
+        (camera, read_target(pictures / f"{camera.name}.{lighting}.png", None, job.display.tone))
+        for camera in job.cameras
+        if camera.name in cameras
+    ]
+    return match(prepare(job), shots, light).layers
 
-    found = match(prepare(job), camera, light, target).layers
 
-    known = 0
-    for layer in found:
-        assert layer.seen
-        off = np.abs(layer.after - layer.before)
-        assert (off <= layer.uncertainty).all(), layer.name
-        near = layer.relative_uncertainty <= 0.1
-        known += int(near.sum())
-        assert (off <= 0.1 * layer.before)[near].all(), layer.name
-    assert known >= at_least
+def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures() -> None:
+    """In one of them the fourth lantern and the uplight light next to nothing but leaves."""
+    layers = found("courtyard", "night", ["front", "fountain"])
+    assert [x.name for x in layers if x.seen] == [f"lantern {k}" for k in (1, 2, 3, 4)] + [
+        "gallery",
+        "olive uplight",
+        "well lamp",
+        "environment",
+    ]
+    for layer in layers:
+        np.testing.assert_allclose(layer.after, layer.before, rtol=0.1, err_msg=layer.name)
+
+
+def test_lights_of_the_stage_are_within_what_is_said_of_them() -> None:
+    """Nine of ten, all within twice that; and what is called known within a tenth is."""
+    layers = [*found("stage", "spots", ["front"]), *found("stage", "gels", ["front"])]
+    assert all(x.seen for x in layers)
+    off = np.array([np.abs(x.after - x.before) for x in layers])
+    said, true = np.array([x.uncertainty for x in layers]), np.array([x.before for x in layers])
+    assert (off <= said).mean() >= 0.9
+    assert (off <= 2 * said).all()
+    known = np.array([x.relative_uncertainty for x in layers]) <= 0.1
+    assert (off <= 0.1 * true)[known].all()
+    assert known.sum() >= 10

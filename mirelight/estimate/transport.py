@@ -27,7 +27,8 @@ PLACES = 6000  # splats that tell the light
 RAYS = 384  # from each, to what it faces: the noise of what few rays meet looks smaller under more light
 GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more rays are sent where little of it shows
 MOST_RAYS = 1024
-SHOWN = 20000  # splats that tell what colour a ray meets
+SHOWN = 60000  # splats that tell what colour a ray meets
+AGREE = 9  # of these, nearest ones whose median counts
 FEWEST = 200  # splats on the proxy, below which nothing is known
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
 MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
@@ -96,7 +97,12 @@ class Places:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shown:
-    """What colour the surface was captured with, anywhere on it: that of the nearest splat on the same side."""
+    """What colour the surface was captured with, anywhere on it: that of the nearest splat on the same side.
+
+    A splat's colour is the median of those around it. In dark places single splats show many times what their light
+    allows, bled from what is bright beside them: as they were, they made what rays meet too bright by a tenth, and with
+    it all of the light.
+    """
 
     tree: Any  # of places lifted off the surface, so that the sides of a thin wall are told apart
     color: F64  # (M, 3) linear
@@ -112,7 +118,9 @@ class _Shown:
         points, normals = points[whole], normals[whole]
         normals = _seen_side(points, normals, face_normals(mesh), sight, lift, rng)
         apart = 10 * lift
-        return _Shown(cKDTree(points + apart * normals), deposits.color[whole], apart)
+        tree = cKDTree(points + apart * normals)
+        _, near = tree.query(tree.data, k=[*range(1, min(AGREE, len(points)) + 1)], workers=-1)
+        return _Shown(tree, np.median(deposits.color[whole][near], axis=1), apart)
 
     def at(self, points: F64, normals: F64, way: F64) -> F64:
         """(N, 3) at points of faces with those normals, met along directions."""

@@ -246,6 +246,18 @@ def test_black_splats_are_met_as_black() -> None:
     np.testing.assert_allclose(brighter.met[under], np.repeat(0.2 * seen[:, None], 3, axis=1), atol=2e-3)
 
 
+def test_a_few_splats_that_are_far_too_bright_are_not_met() -> None:
+    """As where a bright surface's splats bleed into a dark corner: every tenth of the roof's is white."""
+    mesh, splats = slabs(0.2)
+    sh = splats.sh.copy()
+    sh[900::10] = (1.0 - 0.5) / 0.28209479177387814
+    places = transport.places_of(replace(splats, sh=sh), mesh, SETTINGS)
+    under = (places.points[:, 1] < 0.5) & (places.points[:, 0] > 0.5)
+    seen = 1 - places.open[under].sum(axis=1)
+    assert seen.mean() > 0.1
+    np.testing.assert_allclose(places.met[under], np.repeat(0.2 * seen[:, None], 3, axis=1), atol=2e-3)
+
+
 def test_the_proxy_is_made_ready_for_rays_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a million triangles it takes seconds."""
     mesh, splats = slabs(0.2)

@@ -19,7 +19,8 @@ def crossed(corners: NDArray[_Float]) -> NDArray[_Float]:
 def normals(corners: NDArray[_Float]) -> NDArray[_Float]:
     """(F, 3) unit normals of triangles (F, 3 corners, 3); of those without area they have length 0."""
     long = crossed(corners)
-    return np.asarray(long / np.maximum(np.linalg.norm(long, axis=1, keepdims=True), 1e-300))
+    size = np.linalg.norm(long, axis=1, keepdims=True)
+    return np.asarray(long / np.maximum(size, np.finfo(long.dtype).tiny))
 
 
 def areas(corners: NDArray[_Float]) -> NDArray[_Float]:

@@ -19,8 +19,9 @@ def test_normals_are_cross_products_to_the_bit(kind: Any) -> None:
     np.testing.assert_allclose(np.linalg.norm(triangles.normals(corners), axis=1), 1, rtol=1e-6)
 
 
-def test_a_right_triangle_one_without_area_and_none() -> None:
-    corners = np.array([[[1, 1, 1], [4, 1, 1], [1, 5, 1]], [[0, 0, 0], [1, 1, 1], [3, 3, 3]]], np.float64)
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_a_right_triangle_one_without_area_and_none(kind: Any) -> None:
+    corners = np.array([[[1, 1, 1], [4, 1, 1], [1, 5, 1]], [[0, 0, 0], [1, 1, 1], [3, 3, 3]]], kind)
     np.testing.assert_array_equal(triangles.areas(corners), [6, 0])
     np.testing.assert_array_equal(triangles.normals(corners), [[0, 0, 1], [0, 0, 0]])
     assert triangles.areas(corners[:0]).shape == (0,)

@@ -39,13 +39,13 @@ class Columns:
         splats = stages.composite(scene, camera)
         assert splats is not None
         self._splats: SplatLayer = splats
-        lit = stages.light(scene, camera, lighting, progress=lambda done, total: report(done / max(total, 1)))
-        self._new, self._captured = _light_alone(lit.new), lit.captured
         small = min(camera.height, ROWS)
         self._size = small, max(1, round(small * camera.width / camera.height))
         light, self._inside = target.light(1 - splats.transmittance, scene.job.display)
         self.counts = resized(self._inside, self._size).astype(np.float64).reshape(-1, 3)
         self.target = self._small(light)
+        lit = stages.light(scene, camera, lighting, progress=lambda done, total: report(done / max(total, 1)))
+        self._new, self._captured = _light_alone(lit.new), lit.captured
         self.tiles = tiles(self._size)
         names = [x.layer for x in terms(lighting)]
         floors = (True, False) if relighting.mode_of(scene.job.relight).leaves_floor else (True,)

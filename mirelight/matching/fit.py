@@ -85,6 +85,8 @@ def match(
         InputError: a job whose light is not linear; unknown names; no environment to turn; a picture that does not fit.
     """
     _require_linear(scene, lighting, free, rotate)
+    for camera, target in shots:
+        target.require_shape(camera.height, camera.width)
     rotation: float | None = None
     if rotate:
         rotation = _rotation(scene, shots, lighting, free, report)
@@ -157,7 +159,8 @@ class _Fit:
 
         self._views = [Columns(scene, camera, units, target, said(k)) for k, (camera, target) in enumerate(shots)]
         self._before = {x.layer: np.asarray(x.weight, np.float64) for x in terms(lighting)}
-        self._free = [name for name in self._before if free is None or name in free]
+        names = [name for name in self._before if free is None or name in free]
+        self._free = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(names)}  # where their columns are
         self._counts = np.concatenate([x.counts for x in self._views])
         self._target = np.concatenate([x.target for x in self._views])
         self._unlit = {k: np.concatenate([x.unlit[k] for x in self._views]) for k in self._views[0].unlit}
@@ -180,10 +183,7 @@ class _Fit:
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
             found, told = closest(columns, self._target, rest, counts, self._gain)
-            seen = {
-                name: found[3 * i : 3 * i + 3] for i, name in enumerate(self._free) if told[3 * i : 3 * i + 3].any()
-            }
-            weights = self._before | seen
+            weights = self._before | {name: found[at] for name, at in self._free.items() if told[at].any()}
             lit: F64 = np.sum([self._alone[n] * weights[n] for n in weights], axis=0)
             held, straight = self._relit(weights), self._unlit[True] + lit
             left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)
@@ -205,15 +205,14 @@ class _Fit:
         starts = np.cumsum([0, *(view.tiles.max() + 1 for view in self._views)])
         tile = np.concatenate([view.tiles + first for view, first in zip(self._views, starts, strict=False)])
         off = uncertainties(x.columns, x.found, x.told, self._target, x.rest, x.counts, self._gain, tile)
-        three = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(self._free)}
         return tuple(
             LayerMatch(
                 name=name,
                 before=before,
                 after=x.weights[name],
-                uncertainty=off[three[name]] if name in three else np.zeros(3),
-                seen=name not in three or bool(x.told[three[name]].any()),
-                fixed=name not in three,
+                uncertainty=off[self._free[name]] if name in self._free else np.zeros(3),
+                seen=name not in self._free or bool(x.told[self._free[name]].any()),
+                fixed=name not in self._free,
             )
             for name, before in self._before.items()
         )

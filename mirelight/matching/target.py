@@ -44,11 +44,8 @@ class Target:
         Raises:
             InputError: another shape than the frame's, or nothing left that counts.
         """
-        h, w = self.values.shape[:2]
         rows, columns = alpha.shape
-        if abs(w / h * rows / columns - 1) > _SHAPE:
-            found = f"{w} x {h} pixels, a shape that the camera's {columns} x {rows} do not have"
-            raise InputError(self.path, found, "crop it, or name the right camera")
+        self.require_shape(rows, columns)
         counts = np.repeat(resized(self.mask, (rows, columns))[..., None], 3, axis=2)
         if self.linear:
             light = resized(self.values, (rows, columns))
@@ -58,6 +55,13 @@ class Target:
         if not counts.any():
             raise InputError(self.path, "no pixel that counts", "it is clipped, masked out or shows no splats")
         return np.asarray(light, np.float32), np.asarray(counts, np.float32)
+
+    def require_shape(self, rows: int, columns: int) -> None:
+        """Raises InputError where a frame of so many pixels has another shape."""
+        h, w = self.values.shape[:2]
+        if abs(w / h * rows / columns - 1) > _SHAPE:
+            found = f"{w} x {h} pixels, a shape that the camera's {columns} x {rows} do not have"
+            raise InputError(self.path, found, "crop it, or name the right camera")
 
 
 def read_target(path: str | Path, mask: str | Path | None, tone: ToneCurve) -> Target:

@@ -218,3 +218,11 @@ def test_what_cannot_be_matched_is_refused(scene: Scene, true: F32) -> None:
     noisy = prepare(replace(job(), render=RenderSettings(spp=16, noise=0.1)))
     with pytest.raises(InputError, match=r"render\.noise"):
         match(noisy, [(CAMERA, target(true))], START)
+
+
+def test_a_picture_of_another_shape_is_refused_before_anything_is_traced(scene: Scene, true: F32) -> None:
+    said: list[str] = []
+    with pytest.raises(InputError, match="64 x 24 pixels, a shape"):
+        shots = [(CAMERA, target(true)), (CAMERA, target(true[:24]))]
+        match(scene, shots, START, report=lambda what, done: said.append(what))
+    assert not said

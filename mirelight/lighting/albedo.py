@@ -32,7 +32,8 @@ CLIPPED = 0.03  # of display white: splats that near it may have been brighter
 _MANY = 0.1  # share of clipped splats in bright light from which a vertex's colour is told by the others
 _OVEREXPOSED = 1e-4  # what a splat in such light counts then
 _START = 0.5  # albedo that the first round's light is traced with
-_POOL = 2.0  # times the splats' distance: the finest cells over which colours of fine meshes are pooled
+_LEAN = 0.25  # samples that the mean around a vertex, found along the surface, counts as
+_POOL = 2.0  # times the splats' distance: the finest cells over which colours of fine meshes are pooled, and patches
 
 Int = NDArray[np.int64]
 
@@ -62,13 +63,15 @@ class _Shape:
     way: Int  # (V,) 0 to 5: which of the six main directions a vertex looks along
     met: Int  # (M,) vertices at the corners of faces with splats
     corner: Int  # (N, 3) of the splats' faces: rows of `met`
+    spacing: float  # between places that splats tell apart
 
     @staticmethod
     def of(mesh: ProxyMesh, way: Int, deposits: Deposits) -> _Shape:
         """Of a mesh whose vertices look along `way` (V,)."""
         met, corner = np.unique(mesh.faces[deposits.face].astype(np.int64), return_inverse=True)
         area = np.linalg.norm(triangles.crossed(mesh.vertices[mesh.faces].astype(np.float64)), axis=1)
-        return _Shape(mesh, np.asarray(area), way, met, corner.reshape(-1, 3))
+        spacing = _POOL * float(np.sqrt(area.sum() / 2 / len(deposits.splat)))
+        return _Shape(mesh, np.asarray(area), way, met, corner.reshape(-1, 3), spacing)
 
     @property
     def met_share(self) -> float:
@@ -93,7 +96,8 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
     on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E), where no splat counts as
     brighter than the brightest surface would be in the light there. Of a fine mesh, which has more vertices than there
-    are splats, the mean around them counts as well (`pooling`). Vertices on an edge between faces that look different
+    are splats, the mean around them counts as well (`pooling`), and a little that along the surface (`filling`), which
+    is all that vertices without splats have. Vertices on an edge between faces that look different
     ways are split, so that a corner of a room keeps the colours of its walls apart. E holds light reflected by the
     proxy, so colours and light are found in turns. Where splats end at display white, all that lie in light as bright
     count only if there are no others: which of them are clipped depends on their colour, and to leave out those alone
@@ -137,7 +141,7 @@ def _colors(
     told = np.zeros(len(way), bool)
     for k in range(3):
         told[mesh.faces[deposits.face, k][deposits.weight * deposits.corners[:, k] > 0]] = True
-    filling = Filling.of(mesh, way, told)
+    filling = Filling.of(mesh, way, told, shape.spacing)
     colors = np.asarray(mesh.vertex_colors)
     lit = True
     for done, spp in enumerate(SPP):
@@ -242,7 +246,8 @@ def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> 
     color = np.minimum(deposits.color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
     values = np.concatenate([color, light, np.ones((len(light), 1))], axis=1)
     sums = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
-    c, e, w = np.split(_means(shape, sums, filling), [3, 6], axis=1)
+    samples = _at_vertices(shape, deposits, count[:, None])
+    c, e, w = np.split(_means(shape, sums, samples, filling), [3, 6], axis=1)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
 
@@ -261,12 +266,12 @@ def _whitest(shape: _Shape, deposits: Deposits, light: F64) -> F64:
     return np.asarray(np.maximum(light, there) * BRIGHTEST / np.pi)
 
 
-def _means(shape: _Shape, sums: F64, filling: Filling) -> F64:
-    """(V, C) means from sums (M, C) of the vertices met; the others take those around them."""
-    out = np.tile(sums.sum(axis=0) / sums[:, 6].sum(), (len(shape.mesh.vertices), 1))
+def _means(shape: _Shape, sums: F64, samples: F64, filling: Filling) -> F64:
+    """(V, C) means from sums (M, C) over samples (M, 1) of the vertices met, leaning on those around them."""
+    out = filling.around(shape.met, sums)
     known = sums[:, 6] > 0
-    out[shape.met[known]] = sums[known] / sums[known, 6:]
-    filling.fill(out)
+    at, n = shape.met[known], samples[known]
+    out[at] = (n * sums[known] / sums[known, 6:] + _LEAN * out[at]) / (n + _LEAN)
     return out
 
 
@@ -289,13 +294,17 @@ def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64 | None = 
     Vertices at which no splat has weight have 0. `count`: None stands for one sample each.
     """
     count = np.ones(len(values)) if count is None else count
-    sums = np.zeros((len(shape.met), values.shape[1] + 1))
-    shared = np.concatenate([values, count[:, None]], axis=1)
-    for k in range(3):
-        add_rows(sums, shape.corner[:, k], shared * deposits.corners[:, k, None])
+    sums = _at_vertices(shape, deposits, np.concatenate([values, count[:, None]], axis=1))
     known = sums[:, -1] > 0
     at = shape.mesh.vertices[shape.met[known]].astype(np.float64)
     out = np.zeros((len(sums), values.shape[1]))
-    size = _POOL * float(np.sqrt(shape.area.sum() / 2 / len(values)))
-    out[known] = pooled(sums[known, :-1], sums[known, -1], at, shape.way[shape.met[known]], size)
+    out[known] = pooled(sums[known, :-1], sums[known, -1], at, shape.way[shape.met[known]], shape.spacing)
     return out
+
+
+def _at_vertices(shape: _Shape, deposits: Deposits, values: F64) -> F64:
+    """(M, C) sums of values (N, C) at the vertices met, shared by the corners of their faces."""
+    sums = np.zeros((len(shape.met), values.shape[1]))
+    for k in range(3):
+        add_rows(sums, shape.corner[:, k], values * deposits.corners[:, k, None])
+    return sums

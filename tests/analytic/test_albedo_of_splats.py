@@ -311,6 +311,23 @@ def test_vertices_without_splats_take_their_neighbours_colour() -> None:
     np.testing.assert_allclose(found.vertex_colors, np.tile(RED / 1.01, (len(found.vertices), 1)), rtol=0.01)
 
 
+def test_what_was_never_seen_is_not_as_bright_as_the_outline_of_what_was() -> None:
+    """A red strip was seen as far as its middle, and its last splats there show light bled from a white wall."""
+    strip = joined(quad((-1, 0, 0.1), (2, 0, 0), (0, 0, -0.2), parts=48))
+    rng = np.random.default_rng(1)
+    at = np.stack([rng.uniform(-1, 0, 3000), np.zeros(3000), rng.uniform(-0.1, 0.1, 3000)], axis=1)
+    outline = at[:, 0] > -0.04
+    assert 80 < outline.sum() < 160
+    color = np.where(outline[:, None], 0.9, RED) / np.pi
+    found = colored_by(splats_on(at, np.tile([0.0, 1, 0], (3000, 1)), color, 0.01), strip, lit((0, -1, 0), 1), SETTINGS)
+    assert found.vertex_colors is not None
+    unseen = found.vertex_colors[found.vertices[:, 0] > 0.1]
+    assert np.all(unseen >= RED / 1.02)
+    assert np.all(unseen < (RED + 0.9) / 2)  # the next splats alone would make it white
+    seen = found.vertex_colors[found.vertices[:, 0] < -0.3]
+    np.testing.assert_allclose(seen, np.tile(RED / 1.01, (len(seen), 1)), rtol=0.01)
+
+
 def test_what_no_edge_joins_to_splats_looks_like_the_nearest_that_faces_the_same_way() -> None:
     """A red floor and a green one, and beside the green one an island that no splat lies on."""
     pieces = [quad((x, 0, 0.5), (1, 0, 0), (0, 0, -1), parts=4) for x in (-3, 1)]

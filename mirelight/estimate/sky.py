@@ -16,6 +16,9 @@ Int: TypeAlias = NDArray[np.int64]
 RINGS = (1, 6, 8, 12, 8, 1)
 _HEIGHTS = (22.5, 22.5, 22.5, 22.5, 22.5, 67.5)  # degrees
 PATCHES = sum(RINGS)
+# The glow around the sun: its peak, its fall per radian, and the share of light scattered forwards. Of sky 6 of
+# CIE S 011, "partly cloudy, slight brightening towards the sun", its mildest: places hardly tell how strong it is.
+GLOW = (2.0, -1.5, 0.15)
 ROWS = 48  # of the map: rings and patches end where its pixels end
 _EDGES = np.concatenate([[0.0], np.cumsum(_HEIGHTS)])  # degrees from the zenith
 ABOVE = int((_EDGES[1:] <= 90).sum())  # rings above the horizon
@@ -32,12 +35,39 @@ def patch_of(directions: F64) -> Int:
     return np.asarray(_FIRST[ring] + np.minimum((u * count).astype(np.int64), count - 1), dtype=np.int64)
 
 
-def as_map(radiance: F64) -> F32:
-    """(48, 96, 3) equirectangular map of radiances (PATCHES, 3)."""
+def as_map(radiance: F64, to_sun: F64 | None = None) -> F32:
+    """(48, 96, 3) equirectangular map of radiances (PATCHES, 3); with a glow within patches around unit `to_sun`."""
+    directions, _ = _pixels()
+    patches = patch_of(directions)
+    if to_sun is None:
+        return np.asarray(radiance[patches], dtype=np.float32)
+    plain = radiance / glow(to_sun)[:, None]
+    return np.asarray(plain[patches] * _indicatrix(directions, to_sun)[..., None], dtype=np.float32)
+
+
+def glow(to_sun: F64) -> F64:
+    """(PATCHES,) by how much each patch is brighter than far from the sun, in the mean over it."""
+    directions, area = _pixels()
+    patches = patch_of(directions).ravel()
+    shone = np.bincount(patches, (area * _indicatrix(directions, to_sun)).ravel(), PATCHES)
+    return np.asarray(shone / np.bincount(patches, area.ravel(), PATCHES))
+
+
+def _indicatrix(directions: F64, to_sun: F64) -> F64:
+    """(...,) radiance of the sky at unit directions (..., 3) over that at 90 degrees from the sun (CIE S 011, where it
+    is 1 at 90 degrees, too); 1 below the horizon, whose light is the ground's."""
+    peak, fall, forward = GLOW
+    angle = np.arccos(np.clip(directions @ to_sun, -1, 1))
+    shape = 1 + peak * (np.exp(fall * angle) - np.exp(fall * np.pi / 2)) + forward * np.cos(angle) ** 2
+    return np.where(directions[..., 1] > 0, shape, 1.0)
+
+
+def _pixels() -> tuple[F64, F64]:
+    """(48, 96, 3) unit directions of the map's pixels, (48, 96) their areas, up to a factor."""
     v, u = np.meshgrid((np.arange(ROWS) + 0.5) / ROWS, (np.arange(2 * ROWS) + 0.5) / (2 * ROWS), indexing="ij")
     theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
     directions = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
-    return np.asarray(radiance[patch_of(directions)], dtype=np.float32)
+    return directions, np.sin(theta)
 
 
 def sphere(count: int) -> F64:

@@ -14,7 +14,7 @@ from mirelight.errors import RenderError
 from mirelight.estimate import fit, lamps, sun
 from mirelight.estimate.fit import Fitted, Pairs
 from mirelight.estimate.groups import groups
-from mirelight.estimate.sky import as_map
+from mirelight.estimate.sky import PATCHES, as_map, glow
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
 from mirelight.estimate.types import Confidence, Estimate
@@ -125,7 +125,7 @@ def estimate(
         sun_diameter=_diameter(radius),
         named=tuple(_shining(*pair) for pair in zip(lights, strength * _named(best, places), strict=True)),
         lamps=np.concatenate([best.lamps, np.pi * strength * _strengths(best)], axis=1),
-        radiance=as_map(best.light.sky * strength).astype(np.float64),
+        radiance=as_map(best.light.sky * strength, None if best.sun is None else best.sun.to_sun).astype(np.float64),
         confidence=confidence,
     )
 
@@ -277,10 +277,13 @@ def _descended(task: _Task, start: tuple[float, float] | None = None, steady: fl
     sky = direct * (1 - share) / max(opening, 1e-6) if opening >= LEAST_OPEN else 0.0
     shares = [share] * (task.sun is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(task.lamps))
     beams = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, task.seen.mean(axis=0), strict=True)]
+    # a sky with a sun is fitted by what it differs from one that glows around it, as bright at these places
+    shape = np.ones(PATCHES) if task.sun is None else glow(task.sun.to_sun)
+    shape *= opening / max(float(places.open.mean(axis=0) @ shape), 1e-9)
     light = fit.fit(
-        places.color, places.open, places.met, task.seen, task.pairs, sky, beams, task.firm, task.robust, steady
+        places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams, task.firm, task.robust, steady
     )
-    return _Found(task.sun, task.lamps, light)
+    return _Found(task.sun, task.lamps, replace(light, sky=light.sky * shape[:, None]))
 
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:

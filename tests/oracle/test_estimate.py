@@ -16,7 +16,7 @@ from mirelight.errors import RenderError
 from mirelight.estimate import Estimate, estimate, fit, lighting_of, solve, sun, transport
 from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.estimate.fit import Pairs
-from mirelight.estimate.sky import PATCHES, as_map, frame_around, patch_of, sphere
+from mirelight.estimate.sky import PATCHES, as_map, frame_around, glow, patch_of, sphere
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SunLight
@@ -453,3 +453,21 @@ def test_patches_share_the_sphere_and_the_map_has_them_where_they_are() -> None:
     inside = (np.abs(v - np.round(v)) > 0.01) & (np.abs(u - np.round(u)) > 0.01)
     at = made[np.minimum(v.astype(int), rows - 1), np.minimum(u.astype(int), columns - 1)]
     np.testing.assert_array_equal(at[inside], values[patch[inside]].astype(np.float32))
+
+
+def test_a_glow_is_brightest_at_the_sun_and_leaves_patches_as_bright_as_they_are() -> None:
+    values = 1 + np.arange(PATCHES * 3, dtype=float).reshape(-1, 3) % 7
+    made, plain = as_map(values, TO_SUN).astype(float), as_map(values).astype(float)
+    ways = sphere_map(len(made))
+    patch, area = patch_of(ways).ravel(), np.sqrt(1 - ways[..., 1] ** 2).ravel()
+    for k in range(3):
+        whole = np.bincount(patch, area * made[..., k].ravel()) / np.bincount(patch, area)
+        np.testing.assert_allclose(whole, values[:, k], rtol=1e-5)
+    np.testing.assert_allclose(made[ways[..., 1] < 0], plain[ways[..., 1] < 0], rtol=1e-6)
+    even = as_map(np.repeat(glow(TO_SUN)[:, None], 3, axis=1), TO_SUN)[..., 0]
+    cosine = ways @ TO_SUN
+    assert cosine.ravel()[even.argmax()] > np.cos(np.radians(3))
+    across = (np.abs(cosine) < 0.01) & (ways[..., 1] > 0)  # of CIE S 011's sky 6: 1 at 90 degrees, 2.88 at 10
+    np.testing.assert_allclose(even[across], 1, atol=0.01)
+    near = np.abs(cosine - np.cos(np.radians(10))) < 2e-3
+    np.testing.assert_allclose(even[near], 1 + 2 * (np.exp(-0.2618) - np.exp(-2.3562)) + 0.15 * 0.9698, atol=0.03)

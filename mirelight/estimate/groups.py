@@ -26,6 +26,7 @@ _FACING = 0.9  # least cosine between both planes
 _OFF = 0.1  # of the distance: how far off the plane
 _UNLIKE = 1.25  # factor between the light of an even sky at a place and around it
 _ALBEDO = 0.35  # by which that sky is as bright as the colours ask for
+_GUESSED = 0.3  # share of the surfaces that a place faces, beyond which too few are shown by splats
 _LEAST = 0.3  # share of the places that must be left
 
 
@@ -61,7 +62,7 @@ def groups(places: Places, firm: Bool) -> Groups:
     off = np.abs(np.einsum("nkj,nj->nk", away, places.normals))
     beside = np.einsum("nkj,nj->nk", places.normals[near], places.normals) > _FACING
     beside &= off < np.maximum(_OFF * distance, extent)
-    sound = firm & _alike(places, near, beside)
+    sound = firm & _alike(places, near, beside) & (places.guessed < _GUESSED)
     if sound.sum() < _LEAST * firm.sum():
         sound = firm
     taken = beside & sound[near]

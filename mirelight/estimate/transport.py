@@ -29,6 +29,7 @@ GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more r
 MOST_RAYS = 1024
 SHOWN = 60000  # splats that tell what colour a ray meets
 AGREE = 9  # of these, nearest ones whose median counts
+FACING = 0.5  # least cosine between a face that a ray meets and that of the nearest splat, if it shows the face
 FEWEST = 200  # splats on the proxy, below which nothing is known
 DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
 MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
@@ -51,6 +52,7 @@ class Places:
     spread: F64  # (N, 2, 3) world units: a standard deviation of the splat along the surface, both ways
     open: F64  # (N, PATCHES) share of the cosine-weighted hemisphere that sees each patch of the sky
     met: F64  # (N, 3) linear: what the hemisphere's other part shows
+    guessed: F64  # (N,) share of that part that no splat shows, so that its colour is of what lies beside it, 0..1
     named: F64  # (N, L) irradiance / pi that comes straight from each light that is known to have been there, at 1
     sight: Sight  # for shadow rays
 
@@ -73,6 +75,7 @@ class Places:
             spread=self.spread[rows],
             open=self.open[rows],
             met=self.met[rows],
+            guessed=self.guessed[rows],
             named=self.named[rows],
         )
 
@@ -105,6 +108,7 @@ class _Shown:
     """
 
     tree: Any  # of places lifted off the surface, so that the sides of a thin wall are told apart
+    normals: F64  # (M, 3) unit, towards the side that was seen
     color: F64  # (M, 3) linear
     lift: float
 
@@ -120,13 +124,13 @@ class _Shown:
         apart = 10 * lift
         tree = cKDTree(points + apart * normals)
         _, near = tree.query(tree.data, k=[*range(1, min(AGREE, len(points)) + 1)], workers=-1)
-        return _Shown(tree, np.median(deposits.color[whole][near], axis=1), apart)
+        return _Shown(tree, normals, np.median(deposits.color[whole][near], axis=1), apart)
 
-    def at(self, points: F64, normals: F64, way: F64) -> F64:
-        """(N, 3) at points of faces with those normals, met along directions."""
-        side = -np.sign(np.einsum("nk,nk->n", normals, way))
-        _, nearest = self.tree.query(points + (self.lift * side)[:, None] * normals, workers=-1)
-        return np.asarray(self.color[nearest])
+    def at(self, points: F64, normals: F64, way: F64) -> tuple[F64, NDArray[np.bool_]]:
+        """(N, 3) at points of faces with those normals, met along directions; (N,) where no splat shows the face."""
+        toward = -np.sign(np.einsum("nk,nk->n", normals, way))[:, None] * normals
+        _, nearest = self.tree.query(points + self.lift * toward, workers=-1)
+        return self.color[nearest], np.einsum("nk,nk->n", self.normals[nearest], toward) < FACING
 
 
 def _whole(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
@@ -176,7 +180,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
     spread = _spread(splats, few.splat[sound], normals, MOST_SPREAD / LIFT * lift)
     even = np.maximum(evened(splats, color, points, normals, spread), DARKEST)
     start = points + lift * normals
-    around, met = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3))
+    around, met, guessed = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3)), np.zeros(len(start))
     step = max(_CHUNK // RAYS, 1)
     for first in range(0, len(start), step):
         rows = slice(first, first + step)
@@ -188,9 +192,10 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         np.add.at(around[rows], (row, patch_of(directions[row, ray])), 1 / RAYS)
         flat = np.flatnonzero(hit.ravel())
         way = directions.reshape(-1, 3)[flat]
-        seen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
+        seen, unseen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
         for k in range(3):
             met[rows, k] = np.bincount(flat // RAYS, seen[:, k], minlength=len(hit)) / RAYS
+        guessed[rows] = np.bincount(flat // RAYS, unseen, minlength=len(hit)) / np.maximum(hit.sum(axis=1), 1)
     # the noise of few rays through windows is worth as much as the light: less of it would look better explained
     rays = min(int(GOING_OUT / max(float(around.sum(axis=1).mean()), 1e-9)), MOST_RAYS)
     if rays > 1.5 * RAYS:
@@ -204,6 +209,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         spread=spread,
         open=around,
         met=met,
+        guessed=guessed,
         named=named,
         sight=sight,
     )

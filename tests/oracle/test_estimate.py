@@ -258,6 +258,20 @@ def test_a_few_splats_that_are_far_too_bright_are_not_met() -> None:
     np.testing.assert_allclose(places.met[under], np.repeat(0.2 * seen[:, None], 3, axis=1), atol=2e-3)
 
 
+def test_what_no_splat_shows_is_guessed() -> None:
+    """A wall along the open side of the floor, which is in the proxy alone."""
+    _, splats = slabs(0.2)
+    mesh = boxes(
+        ([-2, -0.1, -2], [2, 0, 2], [0.5, 0.5, 0.5]),
+        ([0, 1, -2], [2, 1.1, 2], [0.5, 0.5, 0.5]),
+        ([-2.1, 0, -2], [-2, 1, 2], [0.5, 0.5, 0.5]),
+    )
+    places = transport.places_of(splats, mesh, SETTINGS)
+    low, x = places.points[:, 1] < 0.5, places.points[:, 0]
+    assert places.guessed[low & (x < -1.8)].min() > 0.8
+    assert places.guessed[low & (x > 0.5)].max() < 0.1
+
+
 def test_the_proxy_is_made_ready_for_rays_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a million triangles it takes seconds."""
     mesh, splats = slabs(0.2)

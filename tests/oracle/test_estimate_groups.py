@@ -30,6 +30,7 @@ def floor(view: F64, met: F64, seed: int) -> Places:
         spread=np.tile(0.005 * np.eye(3)[[0, 2]], (len(view), 1, 1)),
         open=open_,
         met=met,
+        guessed=np.zeros(len(view)),
         named=np.zeros((len(view), 0)),
         sight=NO_RAYS,
     )
@@ -76,6 +77,15 @@ def test_places_that_none_lies_beside_are_left_out_unless_nearly_all_are() -> No
     assert sound[~leaves].mean() > 0.95
     places.normals[:] = ways
     assert groups(places, EVERY).sound.all()
+
+
+def test_places_that_face_what_no_splat_shows_are_left_out() -> None:
+    places = shaded(10)
+    near = places.points[:, 2] < 0.2
+    places.guessed[near] = 0.5
+    sound = groups(places, EVERY).sound
+    assert not sound[near].any()
+    assert sound[~near].mean() > 0.97
 
 
 def test_what_is_not_firm_is_in_no_group_but_its_own() -> None:

@@ -54,7 +54,7 @@ class Patches:
         pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
         pairs = np.concatenate([pairs, pairs[:, ::-1]])
         length = np.linalg.norm(middle[pairs[:, 0]] - middle[pairs[:, 1]], axis=1)
-        share = np.minimum(1, (size / np.maximum(length, 1e-300)) ** 2)
+        share = (size / np.maximum(length, size)) ** 2
         whole = 1 + np.bincount(pairs[:, 1], share, minlength=total)
         rows, columns = np.append(pairs, np.tile(np.arange(total), (2, 1)).T, axis=0).T
         values = np.append(share, np.ones(total)) / whole[columns]

@@ -49,8 +49,11 @@ class DepthMaps:
         self._means = capture.splats.means
         self._margin = (_FAR * capture.radius + 2 * np.median(capture.splats.scales, axis=1)).astype(np.float32)
         axes, scales = axes_of(capture.splats)
-        least = np.maximum(scales[:, 2:] * _THINNEST, 1e-30)
-        self._whitening = (axes / np.maximum(scales, least)[:, None, :]).astype(np.float32)  # columns: axis / scale
+        whitening = axes / np.maximum(scales, scales[:, 2:] * _THINNEST)[:, None, :]  # columns: axis / scale
+        # Normals of planes do not depend on a splat's size: by a power of two, which changes no other bit, it comes to
+        # about 1, or squares of tiny ones overflow.
+        _, size = np.frexp(scales[:, 2])
+        self._whitening = np.ldexp(whitening, size[:, None, None]).astype(np.float32)
 
     def of(self, camera: Camera) -> DepthMap:
         """The map of one camera, in the capture's own space."""

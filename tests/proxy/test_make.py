@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -125,13 +126,14 @@ BAD: dict[str, tuple[Callable[[], SplatCloud], str]] = {
     "a million units away": (lambda: ball(centre=(1e6, 0, 0)), "from the origin"),
     "all in one place": (lambda: replace(ball(), means=np.ones((4000, 3), np.float32)), "in one place"),
     "fog": (fog, "no surface"),
+    "splats of no size": (lambda: replace(ball(), scales=np.full((4000, 3), 1e-20, np.float32)), "no surface"),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_capture_without_surface_is_refused_in_one_line(case: str) -> None:
     cloud, said = BAD[case]
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=said) as caught, warnings.catch_warnings(action="error"):
         make(cloud(), source="capture.ply")
     assert str(caught.value).startswith("capture.ply: ")
     assert "\n" not in str(caught.value)

@@ -72,7 +72,8 @@ def _is_mesh(path: Path, suffix: str) -> bool:
         return b"f_dc_0" not in head and b"packed_position" not in head
     if head[:4] == b"glTF":
         return b"KHR_gaussian_splatting" not in head
-    return suffix == ".gltf" and b"KHR_gaussian_splatting" not in read_bytes(path, _LONGEST_JSON)
+    is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{"
+    return is_json and suffix in _GLTF and b"KHR_gaussian_splatting" not in read_bytes(path, _LONGEST_JSON)
 
 
 def _splats(path: Path) -> SplatFacts:

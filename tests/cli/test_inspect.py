@@ -122,3 +122,20 @@ def test_wrong_use_is_one_line(run: Run, jobs: Path, arguments: tuple[str, ...],
     done = run("inspect", *arguments)
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1 and said in done.stderr
+
+
+@pytest.mark.parametrize(("name", "data"), [("a.glb", bytes(range(256))), ("a.glb", b""), ("a.gltf", b"hello")])
+def test_a_glb_of_other_content_is_no_gltf_file(run: Run, tmp_path: Path, name: str, data: bytes) -> None:
+    (tmp_path / name).write_bytes(data)
+    done = run("inspect", name)
+    assert done.returncode == 2 and done.stderr.startswith(f"mirelight: {name}: no glTF file: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_glb_is_told_by_its_content(run: Run, tmp_path: Path) -> None:
+    """JSON is glTF under either suffix, and splats stay splats."""
+    (tmp_path / "text.glb").write_text('{"asset": {"version": "2.0"}}')
+    splats.write(ball(60), tmp_path / "ball.spz")
+    (tmp_path / "ball.spz").rename(tmp_path / "ball.glb")
+    assert "kind         mesh" in run("inspect", "text.glb").stdout
+    assert "kind         splats, SPZ" in run("inspect", "ball.glb").stdout

@@ -53,6 +53,7 @@ HANDLED_EXTENSIONS = frozenset(
         "KHR_xmp_json_ld",
     }
 )
+_NO_GLTF, _GIVE = "no glTF file", "give a .glb or .gltf file as programs export it"
 _REMEDIES = {
     "KHR_texture_basisu": "convert the textures to PNG, e.g. gltf-transform ktxdecompress",
     "KHR_gaussian_splatting": "name this file under [[splats]], not as a mesh",
@@ -188,7 +189,7 @@ def map_file(path: Path, entry: Fields | None = None, name: str = "") -> Bytes:
         if not path.is_file():
             raise fail("no such file" if not path.exists() else "not a file", "check the path")
         if path.stat().st_size == 0:
-            raise fail("empty file")
+            raise fail("empty file") if entry else InputError(path, f"{_NO_GLTF}: it is empty", _GIVE)
         return np.memmap(path, dtype=np.uint8, mode="r")
     except (OSError, ValueError) as e:
         raise fail(f"cannot be read ({getattr(e, 'strerror', None) or 'bad path'})") from None
@@ -227,11 +228,13 @@ def _parse(path: Path, text: Bytes) -> dict[str, Any]:
     try:
         value = json.loads(bytes(text).decode("utf-8-sig"))
     except UnicodeDecodeError:
-        raise InputError(path, "neither GLB nor UTF-8 JSON", "give a .glb or .gltf file") from None
+        raise InputError(path, f"{_NO_GLTF}: neither GLB nor UTF-8 JSON", _GIVE) from None
     except json.JSONDecodeError as e:
+        if e.pos == 0:
+            raise InputError(path, f"{_NO_GLTF}: there is no JSON in it", _GIVE) from None
         raise InputError(path, f"bad JSON ({e.msg})", field=f"line {e.lineno}, column {e.colno}") from None
     except (ValueError, RecursionError):
         raise InputError(path, "JSON with a number or a nesting too large to read") from None
     if not isinstance(value, dict):
-        raise InputError(path, "the JSON is not an object", "give a .glb or .gltf file")
+        raise InputError(path, f"{_NO_GLTF}: its JSON is not an object", _GIVE)
     return value

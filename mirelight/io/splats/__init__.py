@@ -24,6 +24,7 @@ __all__ = ["SUFFIXES", "SplatFileInfo", "merge", "read", "summary", "transform",
 
 SUFFIXES = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf", ".json", *external.SUFFIXES)  # what splat files end in
 
+_GLTF = (".glb", ".gltf")
 _READABLE = "read are PLY, compressed PLY, SPZ, SOG, .splat, glTF with KHR_gaussian_splatting and lod-meta.json"
 
 
@@ -111,9 +112,9 @@ def _by_content(path: Path, lod: int | None) -> _Format:
         return _folder(path, lod)
     with open_binary(path) as file:
         head = file.read(64)
-    if not head:
-        raise InputError(path, "empty file", "give a capture")
     suffix = path.suffix.lower()
+    if not head and suffix not in _GLTF:
+        raise InputError(path, "empty file", "give a capture")
     if suffix in external.SUFFIXES:
         return _Format(lambda: external.summary(path, lod), lambda: external.read(path, lod), levels=True)
     if head[:3] == b"ply":
@@ -123,7 +124,7 @@ def _by_content(path: Path, lod: int | None) -> _Format:
         return _Format(lambda: spz.summary(path), lambda: spz.read(path))
     if head[:2] == b"PK":
         return _sog(sog.open_bundle(path), path)
-    if head[:4] == b"glTF" or suffix == ".gltf":
+    if head[:4] == b"glTF" or suffix in _GLTF:
         from mirelight.io.splats import khr
 
         return _Format(lambda: khr.summary(path), lambda: khr.read(path))

@@ -170,11 +170,12 @@ def test_a_required_extension_that_is_not_handled_is_named(glb: Any) -> None:
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "empty file"),
+        (b"", "no glTF file: it is empty; give a"),
         (b"glTF", "truncated"),
-        (b"hello world, this is not glTF", "bad JSON"),
-        (b"\xff\xfe\x00{}", "neither GLB nor UTF-8 JSON"),
-        (b"[]", "not an object"),
+        (b"hello world, this is not glTF", "no glTF file: there is no JSON in it; give a"),
+        (b"{hello world", "line 1, column 2: bad JSON"),
+        (b"\xff\xfe\x00{}", "no glTF file: neither GLB nor UTF-8 JSON; give a"),
+        (b"[]", "no glTF file: its JSON is not an object"),
         (b"[" * 100_000, "nesting too large"),
         (b'{"asset": {"version": "1.0"}}', "asset.version: glTF 1.0"),
         (b'{"asset": {}}', "asset.version: missing"),

@@ -336,6 +336,8 @@ def test_only_files_that_the_index_names_are_read(tmp_path: Path, name: str, hea
         ("a.ply", b"ply", "not a PLY"),
         ("a.ply", b"plywood", "not a PLY"),
         ("a.glb", b"glTF", "truncated"),
+        ("a.glb", b"", "no glTF file: it is empty"),
+        ("a.glb", b"\x93\xf1" * 40, "no glTF file"),
         ("a.gltf", b"{}", "asset"),
         ("a.compressed.ply", b"", "empty"),
     ],

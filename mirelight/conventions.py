@@ -39,6 +39,20 @@ def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 1.0, 0
     return out
 
 
+def map_direction(u: ArrayLike, v: ArrayLike) -> Matrix:
+    """(..., 3) unit directions that places of an equirectangular map look in, in its own axes; `u` from its left edge
+    and `v` from its top, 0 to 1, broadcasting."""
+    phi, theta = 2 * np.pi * (np.asarray(u) - 0.5), np.pi * np.asarray(v)
+    across = np.sin(theta)
+    return np.stack(np.broadcast_arrays(np.cos(phi) * across, np.cos(theta), np.sin(phi) * across), axis=-1)
+
+
+def map_pixels(rows: int) -> Matrix:
+    """(rows, 2 rows, 3) unit directions that the pixel centres of an equirectangular map look in, in its own axes."""
+    u, v = (np.arange(2 * rows) + 0.5) / (2 * rows), (np.arange(rows) + 0.5) / rows
+    return map_direction(u, v[:, None])
+
+
 def rotation_from_quaternion(wxyz: ArrayLike) -> Matrix:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4) wxyz, normalised first."""
     q = np.asarray(wxyz, dtype=np.float64)

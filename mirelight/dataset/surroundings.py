@@ -71,7 +71,7 @@ class Surroundings:
         rows = rows or self.rows
         turn = np.eye(3) if world_from_map is None else np.asarray(world_from_map, dtype=np.float64)
         out = np.zeros((rows, 2 * rows, 3))
-        way = _ways(rows, 2 * rows)
+        way = conventions.map_pixels(rows)
         for one in self.maps:
             back = conventions.rotation_from_euler((0, one.rotation, 0)).T
             out += _looked_up(_shrunk(one.radiance, rows), way @ (back @ turn).T) * one.factor
@@ -89,19 +89,6 @@ def solid_angles(rows: int) -> Matrix:
     """(rows, 1) sr of a pixel of a map that is twice as wide."""
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
     return np.asarray((edges[:-1] - edges[1:])[:, None] * np.pi / rows)
-
-
-def _ways(rows: int, columns: int, inside: int = 1) -> Matrix:
-    """(rows, columns, 3) unit directions of pixel centres in the map's own axes."""
-    v = (np.arange(rows * inside) + 0.5) / (rows * inside)
-    u = (np.arange(columns * inside) + 0.5) / (columns * inside)
-    return _way(u[None, :], v[:, None])
-
-
-def _way(u: Matrix, v: Matrix) -> Matrix:
-    theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
-    parts = np.cos(phi) * np.sin(theta), np.cos(theta) + 0 * phi, np.sin(phi) * np.sin(theta)
-    return np.stack(parts, axis=-1)
 
 
 def _looked_up(radiance: F32, way: Matrix) -> Matrix:
@@ -137,12 +124,12 @@ def _draw(out: Matrix, to_sun: Matrix, sun: Sun) -> None:
     """Add a sun's disc to a picture; `to_sun` in the picture's axes."""
     rows, columns = out.shape[:2]
     radius, pixel = np.radians(sun.diameter / 2), np.pi / rows
-    facing = np.maximum(_ways(rows, columns) @ to_sun, 0)
+    facing = np.maximum(conventions.map_pixels(rows) @ to_sun, 0)
     near = np.argwhere(facing >= np.cos(min(radius + pixel, np.pi / 2)))
     fine = (np.arange(_FINE) + 0.5) / _FINE
     v = (near[:, 0, None, None] + fine[None, :, None]) / rows
     u = (near[:, 1, None, None] + fine[None, None, :]) / columns
-    covered = (_way(u, v) @ to_sun >= np.cos(radius)).mean(axis=(1, 2))
+    covered = (conventions.map_direction(u, v) @ to_sun >= np.cos(radius)).mean(axis=(1, 2))
     share = np.zeros((rows, columns))
     share[tuple(near.T)] = covered
     if not share.any():  # smaller than a sample: the pixel that it is in

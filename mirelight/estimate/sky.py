@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight import conventions
 from mirelight.model import F32, F64
 
 Int: TypeAlias = NDArray[np.int64]
@@ -64,10 +65,8 @@ def _indicatrix(directions: F64, to_sun: F64) -> F64:
 
 def _pixels() -> tuple[F64, F64]:
     """(48, 96, 3) unit directions of the map's pixels, (48, 96) their areas, up to a factor."""
-    v, u = np.meshgrid((np.arange(ROWS) + 0.5) / ROWS, (np.arange(2 * ROWS) + 0.5) / (2 * ROWS), indexing="ij")
-    theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)
-    directions = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
-    return directions, np.sin(theta)
+    area = np.sin(np.pi * ((np.arange(ROWS) + 0.5) / ROWS))
+    return conventions.map_pixels(ROWS), np.broadcast_to(area[:, None], (ROWS, 2 * ROWS))
 
 
 def sphere(count: int) -> F64:

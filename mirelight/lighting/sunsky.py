@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import backend
+from mirelight import backend, conventions
 from mirelight.colour import luminance
 from mirelight.model import F64, Environment, EstimatedSky, Lighting, SkyModel, SunLight, Variant
 from mirelight.model.lights import SKY, SUN
@@ -74,11 +74,9 @@ def _parts(model: SkyModel, variant: Variant) -> tuple[SunLight, Environment]:
         intensity=lux * model.intensity,
         angular_diameter=SUN_DIAMETER,
     )
-    v, u = np.meshgrid((np.arange(ROWS // 2) + 0.5) / ROWS, (np.arange(2 * ROWS) + 0.5) / (2 * ROWS), indexing="ij")
-    theta, phi = np.pi * v, 2 * np.pi * (u - 0.5)  # the upper half; conventions.py says which way columns look
-    way = np.stack([np.cos(phi) * np.sin(theta), np.cos(theta), np.sin(phi) * np.sin(theta)], axis=-1)
+    above = conventions.map_pixels(ROWS)[: ROWS // 2]
     radiance = np.zeros((ROWS, 2 * ROWS, 3), np.float32)
-    radiance[: ROWS // 2] = _evaluated(mi, model, way.reshape(-1, 3), sun=False).reshape(ROWS // 2, -1, 3)
+    radiance[: ROWS // 2] = _evaluated(mi, model, above.reshape(-1, 3), sun=False).reshape(above.shape)
     return sun, Environment(name=SKY, radiance=radiance, intensity=LUMINANCE * model.intensity)
 
 

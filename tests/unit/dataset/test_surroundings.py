@@ -21,6 +21,12 @@ def ways(rows: int) -> np.ndarray:
     return np.array([[way_of(x, y) for x in u] for y in v])
 
 
+def test_pixels_look_where_the_conventions_say() -> None:
+    np.testing.assert_allclose(conventions.map_pixels(8), ways(8), atol=1e-15)
+    for place, axis in (((0.5, 0.5), (1, 0, 0)), ((0.75, 0.5), (0, 0, 1)), ((0.3, 0.0), (0, 1, 0))):
+        np.testing.assert_allclose(conventions.map_direction(*place), axis, atol=1e-15)
+
+
 @pytest.mark.parametrize("rows", [16, 64])
 @pytest.mark.parametrize("diameter", [0.05, 0.53, 8.0])
 @pytest.mark.parametrize("to_sun", [(0, 1, 0), (0.3, 0.6, -0.5), (-1, 0.01, 0.02), (-1, -0.5, 0)])

@@ -87,14 +87,22 @@ def _plain(row: Row) -> dict[str, object]:
     return {name: None if value != value else value for name, value in asdict(row).items()}
 
 
+def _path(text: str) -> Path:
+    """A path as it was given; the empty one, as a variable of a shell that is not set leaves it, would be the working
+    folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("an empty path; name one, or leave the option out")
+    return Path(text)
+
+
 def main() -> None:
     """Run the protocol."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="two captures, one lighting: to see that it runs")
     parser.add_argument("--more", action="store_true", help="captures and rows that no goal is set for, too")
-    parser.add_argument("--json", type=Path, help="write all rows here")
-    parser.add_argument("--pictures", type=Path, help="captured | x factor | frame | truth, of every frame made anew")
-    parser.add_argument("--cache", type=Path, default=ROOT / "out" / "bench_truth", help="where things are kept")
+    parser.add_argument("--json", type=_path, help="write all rows here")
+    parser.add_argument("--pictures", type=_path, help="captured | x factor | frame | truth, of every frame made anew")
+    parser.add_argument("--cache", type=_path, default=ROOT / "out" / "bench_truth", help="where things are kept")
     parser.add_argument("--only", default="", help="captures whose name holds this")
     parser.add_argument("--processes", type=int, default=min(os.cpu_count() or 1, 2), help="captures at the same time")
     chosen = parser.parse_args()

@@ -173,3 +173,17 @@ def test_no_splat_is_made_from_the_camera_kept_apart(monkeypatch: pytest.MonkeyP
         eye = np.array(captures.APART[plan.scene][0])
         away = [np.linalg.norm(camera.position - eye) for camera in recipe.orbit]
         assert min(away) > 0.2, plan.name
+
+
+@pytest.mark.parametrize("option", ["--pictures", "--cache", "--json"])
+def test_an_empty_path_is_not_the_working_folder(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    monkeypatch.syspath_prepend(SCRIPTS)
+    bench = importlib.import_module("bench_truth")
+    monkeypatch.setattr(bench, "run", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr("sys.argv", ["bench_truth.py", "--quick", option, ""])
+    with pytest.raises(SystemExit) as ended:
+        bench.main()
+    assert ended.value.code == 2
+    assert f"argument {option}: an empty path; name one" in capsys.readouterr().err

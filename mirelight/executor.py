@@ -126,6 +126,9 @@ def run(
     scene = scene or prepare(plan.job, store, heard.note)
     said = Said(heard)
     left, done = unfinished(plan, store, heard)
+    if left:
+        scene.read()  # bad input is said before anything is kept
+    keep_index(plan, store)
     keep_around(plan, scene, store)
     if plan.job.proxy is not None and plan.job.lightings and left:
         look(left, scene.mesh, heard)
@@ -148,11 +151,7 @@ def run(
 
 
 def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], RenderSummary]:
-    """The groups with something left to make, and how many frames of the others are there. Writes the index of what is
-    kept besides frames."""
-    whole = all(x.time is None for x in plan.job.lightings)  # every camera under every lighting, as an index has it
-    if plan.job.output.store != "frames" and plan.job.lightings and whole:
-        index.write(describe.describe(plan), store.folder)
+    """The groups with something left to make, and how many frames of the others are there."""
     known = store.index()
     left: list[Group] = []
     there = 0
@@ -172,7 +171,15 @@ def to_give(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], 
     left, done = unfinished(plan, store, progress)
     if left and plan.job.proxy is not None and plan.job.made_proxy is None:
         look(left, plan.job.proxy.value, progress)
+    keep_index(plan, store)
     return left, done
+
+
+def keep_index(plan: Plan, store: Store) -> None:
+    """Write the index of what is kept besides frames."""
+    whole = all(x.time is None for x in plan.job.lightings)  # every camera under every lighting, as an index has it
+    if plan.job.output.store != "frames" and plan.job.lightings and whole:
+        index.write(describe.describe(plan), store.folder)
 
 
 def keep_around(plan: Plan, scene: Scene, store: Store) -> None:

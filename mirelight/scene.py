@@ -155,6 +155,16 @@ class Scene:
         elif isinstance(tracer, Tracer) and not needs.follows_engine(job):
             vars(self)["tracer"] = tracer.tuned(job.render, layers=apart, aovs=aovs)
 
+    def read(self) -> None:
+        """Read the splats, and read or make the proxy where light falls on it. Otherwise that comes when it is needed.
+
+        Raises:
+            InputError: one of them cannot be used.
+        """
+        _ = self.splats
+        if self.job.lightings:
+            _ = self.mesh
+
     @cached_property
     def splats(self) -> SplatCloud | None:
         """The splats in world space."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.cli import say
+from mirelight.errors import InputError, MirelightError
 from mirelight.io.atomic import output_error
 
 if TYPE_CHECKING:
@@ -41,7 +43,6 @@ def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
 
 def run_mix(args: argparse.Namespace) -> int:
     """The command. The page's path goes to stdout, the rest to stderr."""
-    from mirelight.errors import InputError
     from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
@@ -66,12 +67,19 @@ def run_mix(args: argparse.Namespace) -> int:
     folder = Path(args.out)
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")
+    new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise output_error(folder, error) from None
-    with claimed(folder):
-        _mix(args, work, wanted, saved)
+    try:
+        with claimed(folder):
+            _mix(args, work, wanted, saved)
+    except MirelightError:
+        if new:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
+        raise
     return 0
 
 
@@ -105,6 +113,9 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
                 say.result(made.folder / "index.html")
         else:
             _serve(scene, made, saved, args.port or 0)
+    except MirelightError:
+        store.withdraw()
+        raise
     finally:
         store.close()
         if live:

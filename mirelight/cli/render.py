@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mirelight import executor
 from mirelight.cli import BAD, export, new, progress, say, stop
-from mirelight.errors import InputError
+from mirelight.errors import InputError, MirelightError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
@@ -68,6 +68,8 @@ def run_render(args: argparse.Namespace) -> int:
     except BaseException as e:
         code = stop.exit_code(e)
         if code is None:
+            if store is not None and isinstance(e, MirelightError):
+                store.withdraw()
             raise
         _say_what_is_left(tally, store)
         return code

@@ -40,6 +40,7 @@ class Bench:
         self.store.open()
         self.store.index()
         self._scene = prepare(job, self.store, progress.note)
+        self._scene.read()
         executor.keep_around(plan, self._scene, self.store)
 
     def plans(self, camera: str, expected: str) -> bool:

@@ -68,6 +68,7 @@ class Store:
         self._index: Index | None = None
         self._ballast = Ballast(aside)
         self._run = ""
+        self._made: list[Path] = []  # folders that opening made, outer ones first
         self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
 
     def open(self) -> None:
@@ -77,6 +78,8 @@ class Store:
         Raises:
             OutputError: they cannot be written.
         """
+        inner = (self.folder / ASIDE, *self._aside.values())
+        self._made = [x for x in (*reversed(self.folder.parents), self.folder, *inner) if not x.exists()]
         try:
             for folder in (self.folder, *self._aside.values()):
                 folder.mkdir(parents=True, exist_ok=True)
@@ -108,6 +111,22 @@ class Store:
         for folder in (self.folder, *self._aside.values(), self._ballast.folder):
             _clear(folder)
         self._claims.clear()
+
+    def withdraw(self) -> None:
+        """Close, and where nothing came of the run take away what opening made: bad input leaves no empty folders, and
+        no plan of what cannot be made. Whatever was there before, was made, or is another process's, stays."""
+        self.close()
+        aside = self.folder / ASIDE
+        if aside not in self._made:
+            return
+        held = [x for x in aside.rglob("*") if not x.is_dir()]
+        plans = (aside, self._aside["plans"])  # the index of what is to be kept, and the plan
+        if all(x.parent in plans and x.suffix == ".json" and x.name[0] != "." for x in held):
+            with suppress(OSError):  # of folders that hold something by now
+                for path in held:
+                    path.unlink()
+                for folder in reversed(self._made):
+                    folder.rmdir()
 
     # --- frames ---
 

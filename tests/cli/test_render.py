@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 
 from mirelight.io.exr import read_exr
+from mirelight.io.gltf.write import write_glb
 from mirelight.io.image import read_fingerprint
+from mirelight.model import PointLight, ProxyMesh
 
 from .conftest import COMMAND, JOB, Run
 
@@ -261,3 +263,39 @@ def test_colours_that_cannot_be_told_are_said(run: Run, folder: Path) -> None:
     ]
     quiet = run(*one, "--set", dark, "-q", "-o", "other")
     assert (quiet.returncode, quiet.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("arguments", [[], ["--workers", "2"], ["-o", "deep/er"], ["--set", "output.store=layers"]])
+@pytest.mark.parametrize("wrong", ["splats.ply", "proxy.glb"])
+def test_input_found_bad_before_any_frame_leaves_nothing(
+    run: Run, folder: Path, wrong: str, arguments: list[str]
+) -> None:
+    if wrong == "splats.ply":
+        content = (folder / wrong).read_bytes()
+        (folder / wrong).unlink()
+        (folder / wrong).write_bytes(content[:-100])
+    else:
+        (folder / wrong).unlink()
+        line = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 1]], np.int32))
+        write_glb(folder / wrong, line, [PointLight(name="lamp", position=np.zeros(3))])
+    before = sorted(folder.rglob("*"))
+    done = run("render", "job.toml", *arguments)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and wrong in done.stderr
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_input_found_bad_later_takes_nothing_away(run: Run, folder: Path) -> None:
+    assert run("render", "job.toml", "--camera", "front").returncode == 0
+    before = sorted(folder.rglob("*"))
+    (folder / "proxy.glb").unlink()
+    (folder / "proxy.glb").write_bytes(b"glTF")
+    assert run("render", "job.toml").returncode == 2
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_folder_that_was_there_stays(run: Run, folder: Path) -> None:
+    (folder / "out").mkdir()
+    (folder / "splats.ply").unlink()
+    (folder / "splats.ply").write_bytes(b"ply")
+    assert run("render", "job.toml").returncode == 2
+    assert not list((folder / "out").iterdir())

@@ -15,6 +15,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
+def one_line(text: str) -> str:
+    """The text as one printable line."""
+    return printable(" ".join(text.split()))
+
+
 class MirelightError(Exception):
     """Base of every error that mirelight raises on purpose; its text is one line for a person."""
 
@@ -36,7 +41,7 @@ class InputError(MirelightError):
         self.remedy = remedy
         where = f"{self.file}: {field}" if field else self.file
         text = f"{where}: {found}" + (f"; {remedy}" if remedy else "")
-        super().__init__(printable(" ".join(text.split())))
+        super().__init__(one_line(text))
 
 
 class ManyInputsError(MirelightError):

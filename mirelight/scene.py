@@ -171,6 +171,10 @@ class Scene:
         cloud = None if self.job.splats is None else self.job.splats.value
         if cloud is not None and cloud.dropped:
             self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
+        if cloud is not None and cloud.too_far:
+            self._tell(
+                f"the capture {cloud.too_far}; move it, its mesh and cameras to the origin before they are saved"
+            )
         return cloud
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from mirelight.io.job.overrides import Override
     from mirelight.model import Job
 
+_BESIDE = " beside the capture "  # in the comment on a mesh that is not taken
 _SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf")
 
 
@@ -40,9 +42,8 @@ def run_new(args: argparse.Namespace) -> int:
     text = job_text(_capture(args.capture), out.parent, Wish(light=args.light))
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    for line in text.splitlines():
-        if line.startswith("# ") and ("Up, which" in line or "As captured" in line or "does not fit" in line):
-            say.result(line.removeprefix("# "))
+    for line in _said(text, "Up, which", "As captured", _BESIDE):
+        say.result(line)
     say.result(f"{out} is written; go on with: mirelight render {out}")
     return 0
 
@@ -61,8 +62,8 @@ def refuse_capture(path: str) -> None:
         raise InputError(path, "splats, not a job", f"add --light sun, or write a job with: mirelight new {path}")
 
 
-def first_job(path: str, light: str, overrides: list[Override]) -> Job:
-    """The job that `mirelight new` would write here, without a file.
+def first_job(path: str, light: str, overrides: list[Override], note: Callable[[str], None]) -> Job:
+    """The job that `mirelight new` would write here, without a file; `note` hears of a mesh that is not taken.
 
     Raises:
         InputError: the capture or the light cannot be used.
@@ -72,7 +73,14 @@ def first_job(path: str, light: str, overrides: list[Override]) -> Job:
 
     capture = _capture(path)
     text = job_text(capture, Path.cwd(), Wish(light=light))
+    for line in _said(text, _BESIDE):
+        note(line)
     return job.load_text(text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)
+
+
+def _said(text: str, *words: str) -> list[str]:
+    """Those of a job's comments that hold one of some words."""
+    return [x.removeprefix("# ") for x in text.splitlines() if x.startswith("# ") and any(word in x for word in words)]
 
 
 def _capture(name: str) -> Path:

@@ -111,7 +111,7 @@ def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
         if value is not None:
             raise InputError(args.job, f"a splat file together with {option}", "write a job file first: mirelight new")
     tally.note("mirelight: looking at the capture")
-    work = new.first_job(args.job, args.light, order.overrides())
+    work = new.first_job(args.job, args.light, order.overrides(), lambda line: tally.note(f"mirelight: {line}"))
     if args.out is None:
         return work
     return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.errors import InputError, one_line
 from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
 
 MOST_LIGHTS = 3  # files of lights that are taken
@@ -20,6 +20,7 @@ _MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _PANORAMAS = (".hdr", ".exr")
 _CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
 _POINTS = 5_000
+_FEWEST = 10  # opaque splats, by which a fit can be told
 _NEAR = 0.02  # of the capture's size: so near does its proxy lie to most splats
 _MOST = 0.8
 _SHARE = 0.002  # of the splats, that a camera of theirs has in its picture at the least
@@ -35,6 +36,14 @@ class Proxy:
 
     path: Path
     turned: bool  # it lies in the splats' own axes, so that it takes their transform
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """A mesh file that was looked at and is not taken."""
+
+    path: Path
+    why: str  # words that follow its name
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,24 +63,29 @@ class Cameras:
     cameras: tuple[FileCamera, ...]  # at least one
 
 
-def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Path | None]:
-    """The first mesh beside a capture that fits it, and else one that does not.
+def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Misfit | None]:
+    """The first mesh beside a capture that fits it, and else the first that does not.
 
     Args:
         capture: the splat file.
         cloud: as the file has it.
         turn: (3, 3) rotation from its axes to the world.
     """
-    misfit: Path | None = None
+    from mirelight.io.mesh import read_mesh
+
+    misfit: Misfit | None = None
     for path in _meshes(capture):
-        mesh = _mesh(path)
-        if mesh is None:
+        try:
+            mesh = read_mesh(path, textures=False)
+        except InputError as refused:
+            if path.stem.lower() != _stem(capture):  # of the same name may be the same splats in another format
+                misfit = misfit or Misfit(path, f"cannot be used: {one_line(refused.found)}")
             continue
-        for turned in (False, True):
-            if _fits(cloud, mesh, np.eye(3) if turned else turn):
-                same = np.allclose(turn, np.eye(3))
-                return Proxy(path, turned and not same), None
-        misfit = misfit or path
+        fits = [_fit(cloud, mesh, x) for x in (turn, np.eye(3))]
+        for turned, fit in enumerate(fits):
+            if not fit.why:
+                return Proxy(path, bool(turned) and not np.allclose(turn, np.eye(3))), None
+        misfit = misfit or Misfit(path, f"does not fit it: {max(fits, key=lambda x: x.near).why}")
     return None, misfit
 
 
@@ -179,33 +193,40 @@ def of_file(path: Path, middle: F64) -> Lights | None:
 
 def _meshes(capture: Path) -> list[Path]:
     """Files that may be the proxy, the likeliest first."""
-    stem = capture.name.split(".")[0].lower()
+    stem = _stem(capture)
     names = [f"{stem}.proxy", "proxy", f"{stem}.mesh", "mesh", stem]
     there = [p for p in sorted(capture.parent.iterdir()) if p.suffix.lower() in _MESHES and p != capture]
     return [p for name in names for p in there if p.stem.lower() == name]
 
 
-def _mesh(path: Path) -> ProxyMesh | None:
-    from mirelight.io.mesh import read_mesh
-
-    try:
-        return read_mesh(path, textures=False)
-    except InputError:
-        return None
+def _stem(capture: Path) -> str:
+    return capture.name.split(".")[0].lower()
 
 
-def _fits(cloud: SplatCloud, mesh: ProxyMesh, turn: F64) -> bool:
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """How a mesh lies to the splats."""
+
+    near: float  # share of the splats that lie near it
+    why: str  # why it does not fit; empty where it does
+
+
+def _fit(cloud: SplatCloud, mesh: ProxyMesh, turn: F64) -> _Fit:
     """Whether most splats lie near a mesh, and the mesh near the splats."""
     from scipy.spatial import cKDTree
 
     from mirelight.proxy.sampling import spread
 
     solid = cloud.means[cloud.opacities > 0.3].astype(np.float64)
-    if len(solid) < 10 or not len(mesh.faces):
-        return False
+    if len(solid) < _FEWEST:
+        return _Fit(0.0, f"too few splats show to tell ({len(solid)})")
     means = solid[:: max(1, len(solid) // _POINTS)] @ turn.T
     low, high = np.quantile(means, [0.01, 0.99], axis=0)
     size = float(np.linalg.norm(high - low))
     points = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), 4 * _POINTS)
     there, back = cKDTree(points).query(means)[0], cKDTree(means).query(points)[0]
-    return bool((there < _NEAR * size).mean() > _MOST and (back < 2 * _NEAR * size).mean() > _MOST / 2)
+    near, met = float((there < _NEAR * size).mean()), float((back < 2 * _NEAR * size).mean())
+    if not near > _MOST:
+        away = f"{1 - near:.0%} of the splats lie off it, half of all {np.median(there):.3g} units and more"
+        return _Fit(near, f"{away} (`mirelight proxy --fit` can register it)")
+    return _Fit(near, "" if met > _MOST / 2 else f"{1 - met:.0%} of it has no splats near")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight import colour, conventions
-from mirelight.errors import InputError
+from mirelight.errors import InputError, printable
 from mirelight.first import beside, captured, up, view
 from mirelight.model import F64, Camera, SplatCloud
 from mirelight.sh import C0
@@ -63,7 +63,8 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     if wish.light and wish.light not in LIGHTS:
         _asked(Path(wish.light), np.zeros(3))  # refused before the capture is looked at, which takes longer
     cloud = splats.read(capture)
-    _refuse_far(capture, cloud)
+    if cloud.too_far:
+        raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
     cameras = beside.cameras(capture)
     found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
     turn = conventions.rotation_from_euler(found.euler)
@@ -75,9 +76,9 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     known = None if proxy is None else captured.find(world, proxy, turn)
     named = _Names(folder)
     if proxy is None:
-        _refuse_few(capture, cloud)
+        _refuse_no_surface(capture, cloud, misfit)
     lines = [
-        f"# {capture.name}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
+        f"# {printable(capture.name)}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
         *_splats(capture, cloud, found, named),
         *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
         *_cameras(cameras, wish, named),
@@ -99,24 +100,15 @@ class _Names:
         return json.dumps(Path(os.path.relpath(path.resolve(), self._folder)).as_posix(), ensure_ascii=False)
 
 
-def _refuse_far(capture: Path, cloud: SplatCloud) -> None:
-    """Single precision leaves nothing of a small thing far from the origin."""
-    low, high = np.quantile(cloud.means.astype(np.float64), [0.01, 0.99], axis=0)
-    size, far = float(np.linalg.norm(high - low)), float(np.abs((low + high) / 2).max())
-    if size > 0 and float(np.spacing(np.float32(far))) > 1e-4 * size:
-        found = f"it lies {far:.3g} units from the origin and is {size:.3g} in size"
-        raise InputError(capture, found, "single precision is too coarse there: move it to the origin before saving")
+def _refuse_no_surface(capture: Path, cloud: SplatCloud, misfit: beside.Misfit | None) -> None:
+    """A job without a mesh renders nothing, and of some splats none can be made."""
+    from mirelight.proxy.capture import solid_part
 
-
-def _refuse_few(capture: Path, cloud: SplatCloud) -> None:
-    """No mesh can be made of a few splats, and a job without one renders nothing."""
-    from mirelight.model.scene import SOLID
-    from mirelight.proxy.capture import FEWEST
-
-    showing = int((cloud.opacities >= SOLID).sum())
-    if showing < FEWEST:
-        found = f"{showing} splats show, too few for a surface that light could fall on"
-        raise InputError(capture, found, "give a capture, or put a mesh beside it: proxy.glb")
+    try:
+        solid_part(cloud, capture)
+    except InputError as refused:
+        other = "put a mesh beside it: proxy.glb" if misfit is None else f"{misfit.path.name} beside it {misfit.why}"
+        raise InputError(capture, refused.found, f"{refused.remedy}; {other}") from None
 
 
 def _splats(capture: Path, cloud: SplatCloud, found: up.Up, named: _Names) -> Iterator[str]:
@@ -148,12 +140,12 @@ def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, name
 
 
 def _made(
-    cameras: beside.Cameras | None, cloud: SplatCloud, room: bool, misfit: Path | None, named: _Names
+    cameras: beside.Cameras | None, cloud: SplatCloud, room: bool, misfit: beside.Misfit | None, named: _Names
 ) -> Iterator[str]:
     """A mesh made from the splats, with the capture's cameras where they help."""
     yield ""
     if misfit is not None:
-        yield f"# {misfit.name} beside the capture does not fit it (`mirelight proxy` can register it)."
+        yield f"# {printable(misfit.path.name)} beside the capture {misfit.why}; one is made in its place."
     yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
     if cameras is None:
         yield 'proxy = "splats"'

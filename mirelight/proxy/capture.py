@@ -9,7 +9,7 @@ import numpy as np
 
 from mirelight import conventions
 from mirelight.errors import InputError
-from mirelight.model import F64, SplatCloud
+from mirelight.model import F64, SplatCloud, shown
 from mirelight.model.scene import SOLID
 from mirelight.proxy.types import Int
 
@@ -41,8 +41,34 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     Raises:
         InputError: too few splats, none that shows, all in one place, or too far from the origin.
     """
+    solid, middle, half = solid_part(splats, source)
+    inside = solid[(np.abs(splats.means[solid] - middle) <= half).all(axis=1)]
+    kept = take(splats, inside)
+    low, high = (f(kept.means, axis=0).astype(np.float64) for f in (np.min, np.max))
+    middle, half = (low + high) / 2, (high - low) / 2
+    means = kept.means.astype(np.float64) - middle
+    radius = float(np.linalg.norm(means, axis=1).max())
+    kept = replace(kept, means=means.astype(np.float32))
+    shape = np.sort(kept.scales[:: max(len(kept) // _SAMPLE, 1)], axis=1)
+    surfels = bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < SURFEL)
+    if len(kept) > MOST_SPLATS:
+        from mirelight.proxy.joining import joined
+
+        kept = joined(kept, MOST_SPLATS)
+    spacing = _spacing(kept.means.astype(np.float64))
+    if not spacing > 0:
+        raise InputError(source, "most splats lie in the same place as another", "check the file")
+    return Capture(kept, middle, half, radius, spacing, surfels)
+
+
+def solid_part(splats: SplatCloud, source: str | Path) -> tuple[Int, F64, F64]:
+    """Rows of splats that show, strays among them; middle (3,) and half the extent (3,) of a box that holds the rest.
+
+    Raises:
+        InputError: too few splats, none that shows, all in one place, or too far from the origin.
+    """
     if len(splats) < FEWEST:
-        raise InputError(source, f"{len(splats)} splats, too few for a surface", "give a capture")
+        raise InputError(source, f"{shown.count(len(splats), 'splat')}, too few for a surface", "give a capture")
     with np.errstate(over="ignore", invalid="ignore"):
         sound = np.isfinite(splats.means).all(axis=1) & np.isfinite(splats.scales).all(axis=1)
         sound &= np.isfinite(splats.quats).all(axis=1) & (np.linalg.norm(splats.quats, axis=1) > 0)
@@ -61,23 +87,7 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
         found = f"it lies {np.abs(middle).max():.3g} units from the origin and is {2 * size:.3g} in size"
         remedy = "numbers of single precision are too coarse there: move it to the origin before it is saved"
         raise InputError(source, found, remedy)
-    inside = solid[(np.abs(splats.means[solid] - middle) <= half).all(axis=1)]
-    kept = take(splats, inside)
-    low, high = (f(kept.means, axis=0).astype(np.float64) for f in (np.min, np.max))
-    middle, half = (low + high) / 2, (high - low) / 2
-    means = kept.means.astype(np.float64) - middle
-    radius = float(np.linalg.norm(means, axis=1).max())
-    kept = replace(kept, means=means.astype(np.float32))
-    shape = np.sort(kept.scales[:: max(len(kept) // _SAMPLE, 1)], axis=1)
-    surfels = bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < SURFEL)
-    if len(kept) > MOST_SPLATS:
-        from mirelight.proxy.joining import joined
-
-        kept = joined(kept, MOST_SPLATS)
-    spacing = _spacing(kept.means.astype(np.float64))
-    if not spacing > 0:
-        raise InputError(source, "most splats lie in the same place as another", "check the file")
-    return Capture(kept, middle, half, radius, spacing, surfels)
+    return solid, middle, half
 
 
 def take(splats: SplatCloud, rows: Int) -> SplatCloud:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from mirelight import conventions
 from mirelight.cli.report import lines
@@ -18,9 +20,9 @@ from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, beside, job_text, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
-from mirelight.io.gltf.write import write_lights
+from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.io.inspect import of_job
-from mirelight.model import AreaLight, Camera, PointLight, SplatCloud
+from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
 from mirelight.scene import prepare
 
 from .clouds import ball, box_shell, on_surface, square
@@ -225,7 +227,7 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [x.name for x in work.lightings] == ["sun", "spots", "spots-2", "sunset"]
 
 
-@pytest.mark.parametrize("case", ["two", "nothing shows", "far away", "one place"])
+@pytest.mark.parametrize("case", ["two", "nothing shows", "far away", "one place", "too far for a proxy"])
 def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> None:
     whole = ball()
     bad = {
@@ -233,11 +235,75 @@ def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> No
         "nothing shows": replace(whole, opacities=np.zeros_like(whole.opacities)),
         "far away": replace(whole, means=whole.means + np.float32(1e6)),
         "one place": replace(whole, means=np.zeros_like(whole.means)),
+        "too far for a proxy": replace(whole, means=whole.means + np.float32(1e3)),
     }[case]
     path = tmp_path / "bad.ply"
     splats.write(bad, path)
-    with pytest.raises(InputError, match="too few for a surface" if case == "two" else None):
+    said = {"two": "2 splats, too few for a surface; ", "far away": "it lies 1e.06 units from the origin"}
+    with pytest.raises(InputError, match=said.get(case)):
         job_text(path, tmp_path)
+
+
+def flat(mesh: ProxyMesh) -> ProxyMesh:
+    return replace(mesh, vertices=mesh.vertices * np.array([1, 0, 0], np.float32))
+
+
+def moved(mesh: ProxyMesh) -> ProxyMesh:
+    return replace(mesh, vertices=mesh.vertices + np.array([0, 20, 0], np.float32))
+
+
+def grown(mesh: ProxyMesh) -> ProxyMesh:
+    """With a wall six times as large as the ball."""
+    wall = 6 * np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], np.float32) - np.array([0, 0, 30], np.float32)
+    faces = np.concatenate([mesh.faces, len(mesh.vertices) + np.array([[0, 1, 2]])])
+    return replace(mesh, vertices=np.concatenate([mesh.vertices, wall]), faces=faces.astype(np.int32))
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (moved, "does not fit it: 100% of the splats lie off it, half of all 19 units and more (`mirelight proxy"),
+        (grown, "does not fit it: 85% of it has no splats near"),
+        (flat, "cannot be used: a mesh without area"),
+    ],
+)
+def test_a_mesh_beside_a_capture_that_is_not_taken_is_said_with_why(
+    tmp_path: Path, change: Callable[[ProxyMesh], ProxyMesh], why: str
+) -> None:
+    splats.write(ball(), tmp_path / "capture.ply")
+    made = trimesh.creation.icosphere(subdivisions=3)
+    mesh = ProxyMesh(vertices=made.vertices.astype(np.float32), faces=made.faces.astype(np.int32))
+    write_glb(tmp_path / "proxy.glb", mesh)
+    assert "proxy.glb beside the capture" not in job_text(tmp_path / "capture.ply", tmp_path)
+    write_glb(tmp_path / "proxy.glb", change(mesh))
+    text = job_text(tmp_path / "capture.ply", tmp_path)
+    assert tomllib.loads(text)["proxy"] == "splats"
+    (line,) = [x for x in text.splitlines() if "proxy.glb" in x]
+    assert line.startswith(f"# proxy.glb beside the capture {why}") and line.endswith("; one is made in its place.")
+
+
+def test_the_same_splats_in_another_format_are_no_mesh_that_is_not_taken(tmp_path: Path) -> None:
+    splats.write(ball(), tmp_path / "capture.compressed.ply")
+    splats.write(ball(), tmp_path / "capture.ply")
+    assert "beside the capture " not in job_text(tmp_path / "capture.compressed.ply", tmp_path)
+
+
+def test_names_of_files_stay_within_their_comments(tmp_path: Path) -> None:
+    splats.write(ball(), tmp_path / "a\nb = 1.ply")
+    assert "b" not in tomllib.loads(job_text(tmp_path / "a\nb = 1.ply", tmp_path))
+
+
+def test_a_capture_too_far_for_single_precision_is_said_with_its_frames(tmp_path: Path) -> None:
+    """A job may go on; the same at the origin, and larger there, has nothing to say."""
+    for away, size, told in ((1e6, 1, True), (0, 1, False), (1e6, 1e4, False)):
+        m = np.diag([size, size, size, 1.0])
+        m[0, 3] = away
+        splats.write(splats.transform(ball(), m), tmp_path / "capture.ply")
+        lines: list[str] = []
+        work = job.load_text('splats = "capture.ply"', tmp_path / "job.toml")
+        assert prepare(work, report=lines.append).splats is not None
+        said = ["the capture lies 1e+06 units from the origin and is 3.42 in size: single precision is too coarse"]
+        assert [x.partition(" there;")[0] for x in lines] == (said if told else [])
 
 
 def test_the_same_view_and_light_at_any_scale(tmp_path: Path) -> None:

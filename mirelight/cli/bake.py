@@ -43,6 +43,7 @@ def run_bake(args: argparse.Namespace) -> int:
     from mirelight.io import splats
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
+    from mirelight.model.shown import count
     from mirelight.plan import plan
     from mirelight.scene import prepare
 
@@ -65,7 +66,7 @@ def run_bake(args: argparse.Namespace) -> int:
         comments = (f"relit by mirelight {__version__}: {work.source.name}, lighting {lighting.name}, {args.spp} spp",)
         splats.write(baked, out, comments=comments)
     if not args.quiet:
-        say.result(f"{out}: {len(baked):,} splats under {lighting.name!r}")
+        say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
         if len(table.splats or []) > 1:
             say.remark("several splat files are written as one, in world space")
     return 0

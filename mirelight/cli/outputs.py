@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.errors import OutputError
+from mirelight.io.atomic import output_error
 
 if TYPE_CHECKING:
     from mirelight.model import Job
@@ -24,10 +26,17 @@ def named(out: str, what: str, *suffixes: str) -> Path:
 
 
 def in_a_folder(*outs: Path) -> None:
-    """Raises OutputError where a file to write has no folder to stand in."""
+    """Raises OutputError where a file to write has no folder to stand in, none that can be written, or is one."""
     for out in outs:
         if not out.parent.is_dir():
             raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
+        if out.is_dir():
+            raise OutputError(f"{out}: cannot be written (it is a folder); nothing was written")
+        try:
+            with tempfile.TemporaryFile(dir=out.parent):
+                pass
+        except OSError as error:
+            raise output_error(out, error) from None
 
 
 def files_of(work: Job) -> tuple[Path, ...]:

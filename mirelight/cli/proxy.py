@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -115,18 +116,22 @@ def table(quality: ProxyQuality, before: ProxyQuality | None = None, *, own: boo
     size = quality.size
 
     def was(share: Callable[[ProxyQuality], float]) -> str:
-        return "" if before is None else f", {share(before):.1%} before"
+        value = math.nan if before is None else share(before)
+        return "" if math.isnan(value) else f", {value:.1%} before"  # what covered no splat had no gap
 
     yield f"  triangles    {quality.triangles:,}"
     yield (
         f"  uncovered    {quality.uncovered:.1%} of the splats' pixels{was(lambda x: x.uncovered)} "
         "(right proxies leave 3 to 13 %)"
     )
-    yield (
-        f"  depth gap    {quality.gap_median:.3g} units median, {quality.gap_95:.3g} at 95 % "
-        f"({quality.gap_median / size:.2%} and {quality.gap_95 / size:.2%} of the size"
-        f"{was(lambda x: x.gap_median / x.size)})"
-    )
+    if math.isnan(quality.gap_median):
+        yield "  depth gap    not known, as it covers none of the splats' pixels"
+    else:
+        yield (
+            f"  depth gap    {quality.gap_median:.3g} units median, {quality.gap_95:.3g} at 95 % "
+            f"({quality.gap_median / size:.2%} and {quality.gap_95 / size:.2%} of the size"
+            f"{was(lambda x: x.gap_median / x.size)})"
+        )
     yield f"  leaks        {quality.leaks:.1%} of the proxy's pixels show no splats{was(lambda x: x.leaks)}"
     other = (
         "the splats have no clear surface there"

@@ -49,6 +49,9 @@ def test_a_mesh_that_misfits_is_fitted(run: Run, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "off.glb fitted to the splats" in done.stdout
     assert "before" in done.stdout
+    write_glb(tmp_path / "far.glb", replace(own, vertices=own.vertices + np.float32(20)))
+    far = run("proxy", "ball.ply", "--fit", "far.glb", "-o", "from_far.glb")
+    assert "100.0% before" in far.stdout and "nan" not in far.stdout  # what covers nothing has no gap
     low, high = read_mesh(tmp_path / "fitted.glb").bounds
     np.testing.assert_allclose(low + high, 0, atol=0.05)
 

@@ -202,6 +202,10 @@ def test_an_output_folder_that_cannot_be(run: Run, folder: Path) -> None:
     done = run("render", "job.toml", "--out", "file/frames")
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1 and "file/frames: cannot be written" in done.stderr
+    done = run("render", "job.toml", "--out", "file")
+    assert done.returncode == 2 and done.stderr.endswith(
+        "file: cannot be written (it is a file, no folder); nothing half-written was left\n"
+    )
 
 
 def test_a_folder_without_permission(assets: Path) -> None:

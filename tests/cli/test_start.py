@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import jsonschema  # type: ignore[import-untyped]
@@ -92,6 +93,47 @@ def test_a_file_that_is_not_there(run: Run, name: str) -> None:
     done = run("render", name)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"mirelight: {name}: no such file; check the path\n"
+
+
+@pytest.mark.parametrize("command", ["estimate", "bake", "match"])
+def test_a_capture_in_place_of_a_job(run: Run, folder: Path, command: str) -> None:
+    target = ["--target", "x.png"] if command == "match" else []
+    done = run(command, "splats.ply", "-o", "found.ply" if command == "bake" else "found.toml", *target)
+    said = "splats.ply: a capture or a mesh, not a job; name a job file; mirelight new splats.ply writes one"
+    assert (done.returncode, done.stderr) == (2, f"mirelight: {said}\n")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["new", "none.ply", "-o", "closed/a.toml"],
+        ["proxy", "none.ply", "-o", "closed/a.glb"],
+        ["bake", "none.toml", "-o", "closed/a.ply"],
+        ["estimate", "none.toml", "-o", "closed/a.toml"],
+        ["match", "none.toml", "--target", "none.png", "-o", "closed/a.toml"],
+    ],
+    ids=lambda x: x[0],
+)
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(arguments: list[str]) -> None:
+    """Root may write anywhere, so the process first becomes nobody where it is root's."""
+    program = f"""
+import os, sys
+import mirelight.cli.bake, mirelight.cli.estimate, mirelight.cli.match, mirelight.cli.new, mirelight.cli.proxy
+import mirelight.baking, mirelight.estimate, mirelight.first, mirelight.io.job.build, mirelight.matching
+import mirelight.proxy
+from mirelight.io.job import parse, write
+import mirelight.io.splats, mirelight.scene, mirelight.plan  # everything is imported now
+if os.geteuid() == 0:
+    os.seteuid(65534)
+sys.exit(mirelight.cli.main({arguments!r}))
+"""
+    with tempfile.TemporaryDirectory() as name:  # pytest's own folders are closed to others
+        folder = Path(name)
+        folder.chmod(0o755)
+        (folder / "closed").mkdir(mode=0o555)
+        done = subprocess.run([COMMAND[0], "-c", program], cwd=folder, capture_output=True, text=True, check=False)
+    said = f"{arguments[-1]}: cannot be written (no permission to write there); nothing half-written was left"
+    assert (done.returncode, done.stderr) == (2, f"mirelight: {said}\n")
 
 
 def test_three_mistakes_give_three_lines(run: Run, folder: Path) -> None:

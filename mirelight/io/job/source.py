@@ -19,6 +19,7 @@ from mirelight.io.job.mistakes import MOST, Mistake, locate
 from mirelight.io.job.overrides import Override
 from mirelight.io.job.words import label
 
+_SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb")
 _MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
 
 
@@ -113,6 +114,9 @@ def _text(path: Path) -> str:
     try:
         return raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as e:
+        if path.suffix.lower() in _SPLATS:
+            remedy = f"name a job file; mirelight new {path} writes one"
+            raise InputError(path, "a capture or a mesh, not a job", remedy) from None
         line = raw[: e.start].count(b"\n") + 1
         raise InputError(f"{path}:{line}", "bytes that are not UTF-8", "save the job file as UTF-8 text") from None
 

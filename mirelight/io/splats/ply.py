@@ -17,7 +17,7 @@ from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
-from mirelight.io.splats.ply_header import Element, PlyHeader, blocks, comment_lines, read_ply_header
+from mirelight.io.splats.ply_header import NO_SPLATS, Element, PlyHeader, blocks, comment_lines, read_ply_header
 from mirelight.model import F32, SplatCloud
 from mirelight.sh import COEFFICIENTS, degree_of
 
@@ -142,7 +142,7 @@ def _vertex(header: PlyHeader) -> Element:
     missing = [name for name in needed if name not in vertex.names]
     if missing:
         found = f"no property {missing[0]!r}" + (f" (and {len(missing) - 1} more)" if len(missing) > 1 else "")
-        raise header.fail(found, "a mesh or point cloud has no splats; give a Gaussian-splat PLY")
+        raise header.fail(found, NO_SPLATS)
     return vertex
 
 

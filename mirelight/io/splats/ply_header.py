@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mirelight.errors import InputError, printable
 from mirelight.io.safety import open_binary
 
+NO_SPLATS = "a mesh or point cloud has no splats; give a Gaussian-splat PLY"
 _LONGEST_HEADER = 1 << 18  # bytes
 _TYPES = {
     "char": "i1",
@@ -153,6 +154,8 @@ def _parse(
                 comments.append(line.strip().partition(" ")[2].strip())
             case ["format", kind, _]:
                 if kind not in _BYTE_ORDERS:
+                    if not any("f_dc_0" in x or "packed_position" in x for x in lines):
+                        raise header.fail("no property 'f_dc_0'", NO_SPLATS)
                     raise header.fail(f"format {kind[:30]}", "save the file as binary_little_endian")
                 order = _BYTE_ORDERS[kind]
             case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 16:

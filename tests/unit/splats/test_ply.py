@@ -292,6 +292,14 @@ def test_bad_headers_are_named(tmp_path: Path, name: str) -> None:
     assert "\n" not in str(raised.value)
 
 
+def test_a_mesh_as_text_has_no_splats(tmp_path: Path) -> None:
+    """What to do is not to save it as binary."""
+    path = tmp_path / "mesh.ply"
+    path.write_text("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n")
+    with pytest.raises(InputError, match="a mesh or point cloud has no splats"):
+        splats.read(path)
+
+
 def test_truncated_and_empty_files(tmp_path: Path) -> None:
     body = truth.ply_bytes(*truth.inria_rows(truth.cloud(5, 1)))
     path = tmp_path / "cut.ply"

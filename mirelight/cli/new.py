@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mirelight.io.job.overrides import Override
     from mirelight.model import Job
 
-_BESIDE = " beside the capture "  # in the comment on a mesh that is not taken
+_BESIDE = " beside the capture "  # in comments on meshes and cameras that are not taken
 _SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf")
 
 
@@ -63,7 +63,8 @@ def refuse_capture(path: str) -> None:
 
 
 def first_job(path: str, light: str, overrides: list[Override], note: Callable[[str], None]) -> Job:
-    """The job that `mirelight new` would write here, without a file; `note` hears of a mesh that is not taken.
+    """The job that `mirelight new` would write here, without a file; `note` hears of meshes and cameras that are not
+    taken.
 
     Raises:
         InputError: the capture or the light cannot be used.

@@ -40,7 +40,7 @@ class Proxy:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """A mesh file that was looked at and is not taken."""
+    """A file of a mesh or cameras that was looked at and is not taken."""
 
     path: Path
     why: str  # words that follow its name
@@ -79,7 +79,7 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
             mesh = read_mesh(path, textures=False)
         except InputError as refused:
             if path.stem.lower() != _stem(capture):  # of the same name may be the same splats in another format
-                misfit = misfit or Misfit(path, f"cannot be used: {one_line(refused.found)}")
+                misfit = misfit or Misfit(path, _why(refused))
             continue
         fits = [_fit(cloud, mesh, x) for x in (turn, np.eye(3))]
         for turned, fit in enumerate(fits):
@@ -89,20 +89,22 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
     return None, misfit
 
 
-def cameras(capture: Path) -> Cameras | None:
-    """The capture's cameras beside it."""
+def cameras(capture: Path) -> tuple[Cameras | None, Misfit | None]:
+    """The capture's cameras beside it, and else the first file of cameras that cannot be used."""
     from mirelight.io.cameras import open_file
 
+    misfit: Misfit | None = None
     for name in _CAMERAS:
         path = capture.parent / name
         if path.exists():
             try:
                 found = open_file(path).read()
-            except InputError:
+            except InputError as refused:
+                misfit = misfit or Misfit(path, _why(refused))
                 continue
             if found:
-                return Cameras(path, tuple(found))
-    return None
+                return Cameras(path, tuple(found)), None
+    return None, misfit
 
 
 def around(found: Cameras, cloud: SplatCloud) -> bool:
@@ -197,6 +199,10 @@ def _meshes(capture: Path) -> list[Path]:
     names = [f"{stem}.proxy", "proxy", f"{stem}.mesh", "mesh", stem]
     there = [p for p in sorted(capture.parent.iterdir()) if p.suffix.lower() in _MESHES and p != capture]
     return [p for name in names for p in there if p.stem.lower() == name]
+
+
+def _why(refused: InputError) -> str:
+    return one_line(f"cannot be used: {refused.field and f'{refused.field}: '}{refused.found}")
 
 
 def _stem(capture: Path) -> str:

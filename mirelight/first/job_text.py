@@ -65,7 +65,7 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     cloud = splats.read(capture)
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
-    cameras = beside.cameras(capture)
+    cameras, unread = beside.cameras(capture)
     found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
     turn = conventions.rotation_from_euler(found.euler)
     m = np.eye(4)
@@ -81,7 +81,7 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
         f"# {printable(capture.name)}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
         *_splats(capture, cloud, found, named),
         *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
-        *_cameras(cameras, wish, named),
+        *_cameras(cameras, unread, wish, named),
         *_camera(seen, wish),
         *_captured(seen, proxy, known),
         *_lightings(capture, world, seen, wish, proxy, 1.0 if known is None else known.level, named),
@@ -163,8 +163,11 @@ def _made(
         yield with_them
 
 
-def _cameras(found: beside.Cameras | None, wish: Wish, named: _Names) -> Iterator[str]:
+def _cameras(found: beside.Cameras | None, unread: beside.Misfit | None, wish: Wish, named: _Names) -> Iterator[str]:
     """A few of the capture's own cameras, as large as the first picture."""
+    if unread is not None:
+        yield ""
+        yield f"# {unread.path.name} beside the capture {unread.why}; a camera is placed without."
     if found is None:
         return
     count = len(found.cameras)

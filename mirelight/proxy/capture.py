@@ -15,6 +15,7 @@ from mirelight.proxy.types import Int
 
 FEWEST = 50  # splats that a surface takes
 SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08, captures 0.2-0.4)
+SMALLEST = 1e-12  # world units: squares of distances in what is smaller leave single precision (1e-10 is as 1)
 FLAT = 0.5  # smallest over middle axis, below which a splat has a normal of its own
 STRAY = 0.002  # share of the splats at either end of an axis that may be strays
 MARGIN = 0.25  # of the box that holds the rest: how far the capture reaches beyond it
@@ -81,6 +82,8 @@ def solid_part(splats: SplatCloud, source: str | Path) -> tuple[Int, F64, F64]:
     size = float(np.linalg.norm(half))
     if not size > 0:
         raise InputError(source, "all splats lie in one place", "check the file")
+    if size < SMALLEST:
+        raise InputError(source, f"it is {2 * size:.3g} units in size", "scale it up before it is saved")
     half = np.maximum(half, 0.05 * size)  # a flat capture has no extent along one axis
     step = float(np.spacing(np.float32(np.abs(middle).max())))
     if step > 2e-5 * size:

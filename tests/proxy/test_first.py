@@ -282,6 +282,16 @@ def test_a_mesh_beside_a_capture_that_is_not_taken_is_said_with_why(
     assert line.startswith(f"# proxy.glb beside the capture {why}") and line.endswith("; one is made in its place.")
 
 
+def test_cameras_beside_a_capture_that_cannot_be_used_are_said_with_why(tmp_path: Path) -> None:
+    splats.write(ball(), tmp_path / "capture.ply")
+    (tmp_path / "transforms.json").write_text('{"frames": 3}', encoding="utf-8")
+    text = job_text(tmp_path / "capture.ply", tmp_path)
+    assert "cameras_from" not in tomllib.loads(text) and len(tomllib.loads(text)["cameras"]) == 1
+    (line,) = [x for x in text.splitlines() if "transforms.json" in x]
+    assert line.startswith("# transforms.json beside the capture cannot be used: frames: ")
+    assert line.endswith("; a camera is placed without.")
+
+
 def test_the_same_splats_in_another_format_are_no_mesh_that_is_not_taken(tmp_path: Path) -> None:
     splats.write(ball(), tmp_path / "capture.compressed.ply")
     splats.write(ball(), tmp_path / "capture.ply")

@@ -109,6 +109,10 @@ def joined_clouds(*clouds: SplatCloud) -> SplatCloud:
 # --- captures without a surface --------------------------------------------------------------------------------------
 
 
+def scaled(cloud: SplatCloud, by: float) -> SplatCloud:
+    return replace(cloud, means=cloud.means * np.float32(by), scales=cloud.scales * np.float32(by))
+
+
 def fog() -> SplatCloud:
     rng = np.random.default_rng(0)
     n = 4000
@@ -126,6 +130,7 @@ BAD: dict[str, tuple[Callable[[], SplatCloud], str]] = {
     "a million units away": (lambda: ball(centre=(1e6, 0, 0)), "from the origin"),
     "all in one place": (lambda: replace(ball(), means=np.ones((4000, 3), np.float32)), "in one place"),
     "fog": (fog, "no surface"),
+    "next to no size": (lambda: scaled(ball(), 1e-18), "it is 5.17e-18 units in size; scale it up"),
     "splats of no size": (lambda: replace(ball(), scales=np.full((4000, 3), 1e-20, np.float32)), "no surface"),
 }
 

@@ -67,7 +67,7 @@ def run_mix(args: argparse.Namespace) -> int:
     folder = Path(args.out)
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")
-    new = not folder.exists()
+    new = [x for x in (folder, *folder.parents) if not x.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -76,9 +76,9 @@ def run_mix(args: argparse.Namespace) -> int:
         with claimed(folder):
             _mix(args, work, wanted, saved)
     except MirelightError:
-        if new:
-            with suppress(OSError):  # it holds something
-                folder.rmdir()
+        with suppress(OSError):  # of one that holds something
+            for made in new:
+                made.rmdir()
         raise
     return 0
 

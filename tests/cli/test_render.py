@@ -288,6 +288,16 @@ def test_input_found_bad_before_any_frame_leaves_nothing(
     assert sorted(folder.rglob("*")) == before
 
 
+def test_a_page_of_bad_input_leaves_nothing(run: Run, folder: Path) -> None:
+    (folder / "proxy.glb").unlink()
+    line = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 1]], np.int32))
+    write_glb(folder / "proxy.glb", line, [PointLight(name="lamp", position=np.zeros(3))])
+    before = sorted(folder.rglob("*"))
+    done = run("mix", "job.toml", "-o", "page/of/it", "--set", 'captured="day"')
+    assert done.returncode == 2 and "a mesh without area" in done.stderr
+    assert sorted(folder.rglob("*")) == before
+
+
 def test_input_found_bad_later_takes_nothing_away(run: Run, folder: Path) -> None:
     assert run("render", "job.toml", "--camera", "front").returncode == 0
     before = sorted(folder.rglob("*"))

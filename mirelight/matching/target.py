@@ -94,7 +94,8 @@ def read_target(path: str | Path, mask: str | Path | None, tone: ToneCurve) -> T
     if mask is not None:
         counts = _mask(existing(mask))
         if abs(counts.shape[1] / counts.shape[0] * values.shape[0] / values.shape[1] - 1) > _SHAPE:
-            raise InputError(mask, "another shape than the picture's", "save it at the picture's size")
+            found = " for a picture of ".join(f"{x.shape[1]} x {x.shape[0]} pixels" for x in (counts, values))
+            raise InputError(mask, found, "save it at the picture's size")
         counts = resized(counts, (values.shape[0], values.shape[1]))
     return Target(path=path, values=values, linear=linear, mask=counts)
 

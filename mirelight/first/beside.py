@@ -81,10 +81,11 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
             if path.stem.lower() != _stem(capture):  # of the same name may be the same splats in another format
                 misfit = misfit or Misfit(path, _why(refused))
             continue
-        fits = [_fit(cloud, mesh, x) for x in (turn, np.eye(3))]
-        for turned, fit in enumerate(fits):
-            if not fit.why:
-                return Proxy(path, bool(turned) and not np.allclose(turn, np.eye(3))), None
+        fits = list[_Fit]()
+        for turned, axes in ((False, turn), (True, np.eye(3))):
+            fits.append(_fit(cloud, mesh, axes))
+            if not fits[-1].why:
+                return Proxy(path, turned and not np.allclose(turn, np.eye(3))), None
         misfit = misfit or Misfit(path, f"does not fit it: {max(fits, key=lambda x: x.near).why}")
     return None, misfit
 

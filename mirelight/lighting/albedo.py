@@ -245,8 +245,7 @@ def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> 
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     color = np.minimum(deposits.color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
     values = np.concatenate([color, light, np.ones((len(light), 1))], axis=1)
-    sums = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
-    samples = _at_vertices(shape, deposits, count[:, None])
+    sums, samples = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
     c, e, w = np.split(_means(shape, sums, samples, filling), [3, 6], axis=1)
     found = np.pi * c / np.maximum(e + FLOOR * mean * w, 1e-300)
     return np.asarray(np.clip(found, DARKEST, BRIGHTEST), dtype=np.float32)
@@ -260,7 +259,7 @@ def _whitest(shape: _Shape, deposits: Deposits, light: F64) -> F64:
     """
     if not light.any():  # then nothing is told at all
         return np.full(light.shape, np.inf)
-    sums = _around(shape, deposits, np.column_stack([light, np.ones(len(light))]) * deposits.weight[:, None])
+    sums, _ = _around(shape, deposits, np.column_stack([light, np.ones(len(light))]) * deposits.weight[:, None])
     around = sums[:, :3] / np.maximum(sums[:, 3:], 1e-300)
     there = (around[shape.corner] * deposits.corners[:, :, None]).sum(axis=1)
     return np.asarray(np.maximum(light, there) * BRIGHTEST / np.pi)
@@ -283,23 +282,24 @@ def _overexposed(shape: _Shape, deposits: Deposits, light: F64) -> NDArray[np.bo
     if white.sum() <= (brightest >= 1 + CLIPPED).sum():  # brightness goes on past white: nothing is clipped there
         return np.zeros(len(bright), bool)
     values = np.stack([bright, bright & white], axis=1) * deposits.weight[:, None]
-    sums = _around(shape, deposits, values)
+    sums, _ = _around(shape, deposits, values)
     clipped = (sums[:, 1] > _MANY * sums[:, 0])[shape.corner].any(axis=1)
     return np.asarray(bright & clipped)
 
 
-def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64 | None = None) -> F64:
-    """(M, C) sums of values (N, C) that count as so many samples (N,) at the vertices met, pooled with those around.
+def _around(shape: _Shape, deposits: Deposits, values: F64, count: F64 | None = None) -> tuple[F64, F64]:
+    """(M, C) sums of values (N, C) that count as so many samples (N,) at the vertices met, pooled with those around;
+    (M, 1) how many samples each vertex has of its own.
 
     Vertices at which no splat has weight have 0. `count`: None stands for one sample each.
     """
     count = np.ones(len(values)) if count is None else count
-    sums = _at_vertices(shape, deposits, np.concatenate([values, count[:, None]], axis=1))
-    known = sums[:, -1] > 0
+    sums, samples = np.split(_at_vertices(shape, deposits, np.column_stack([values, count])), [-1], axis=1)
+    known = samples[:, 0] > 0
     at = shape.mesh.vertices[shape.met[known]].astype(np.float64)
-    out = np.zeros((len(sums), values.shape[1]))
-    out[known] = pooled(sums[known, :-1], sums[known, -1], at, shape.way[shape.met[known]], shape.spacing)
-    return out
+    out = np.zeros(sums.shape)
+    out[known] = pooled(sums[known], samples[known, 0], at, shape.way[shape.met[known]], shape.spacing)
+    return out, samples
 
 
 def _at_vertices(shape: _Shape, deposits: Deposits, values: F64) -> F64:

@@ -93,10 +93,11 @@ def read_target(path: str | Path, mask: str | Path | None, tone: ToneCurve) -> T
     counts: F32 = np.ones(values.shape[:2], np.float32)
     if mask is not None:
         counts = _mask(existing(mask))
-        if abs(counts.shape[1] / counts.shape[0] * values.shape[0] / values.shape[1] - 1) > _SHAPE:
-            found = " for a picture of ".join(f"{x.shape[1]} x {x.shape[0]} pixels" for x in (counts, values))
+        (h, w), (rows, columns) = counts.shape, values.shape[:2]
+        if abs(w / h * rows / columns - 1) > _SHAPE:
+            found = f"{w} x {h} pixels for a picture of {columns} x {rows} pixels"
             raise InputError(mask, found, "save it at the picture's size")
-        counts = resized(counts, (values.shape[0], values.shape[1]))
+        counts = resized(counts, (rows, columns))
     return Target(path=path, values=values, linear=linear, mask=counts)
 
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from mirelight.io.job.overrides import Override
     from mirelight.model import Job
 
-_BESIDE = " beside the capture "  # in comments on meshes and cameras that are not taken
 _SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf")
 
 
@@ -33,16 +32,16 @@ def add_new(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
 
 def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
-    from mirelight.first import Wish, job_text
+    from mirelight.first import Wish, job_for
     from mirelight.io.atomic import atomic_path
 
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
-    text = job_text(_capture(args.capture), out.parent, Wish(light=args.light))
+    found = job_for(_capture(args.capture), out.parent, Wish(light=args.light))
     with atomic_path(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    for line in _said(text, "Up, which", "As captured", _BESIDE):
+        temporary.write_text(found.text, encoding="utf-8")
+    for line in (found.up, *found.not_taken, found.as_captured):
         say.result(line)
     say.result(f"{out} is written; go on with: mirelight render {out}")
     return 0
@@ -69,19 +68,14 @@ def first_job(path: str, light: str, overrides: list[Override], note: Callable[[
     Raises:
         InputError: the capture or the light cannot be used.
     """
-    from mirelight.first import Wish, job_text
+    from mirelight.first import Wish, job_for
     from mirelight.io import job
 
     capture = _capture(path)
-    text = job_text(capture, Path.cwd(), Wish(light=light))
-    for line in _said(text, _BESIDE):
+    found = job_for(capture, Path.cwd(), Wish(light=light))
+    for line in found.not_taken:
         note(line)
-    return job.load_text(text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)
-
-
-def _said(text: str, *words: str) -> list[str]:
-    """Those of a job's comments that hold one of some words."""
-    return [x.removeprefix("# ") for x in text.splitlines() if x.startswith("# ") and any(word in x for word in words)]
+    return job.load_text(found.text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)
 
 
 def _capture(name: str) -> Path:

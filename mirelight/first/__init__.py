@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from mirelight.first.job_text import Wish, job_text
+from mirelight.first.job_text import FirstJob, Wish, job_for
 
-__all__ = ["Wish", "job_text"]
+__all__ = ["FirstJob", "Wish", "job_for"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mirelight import colour
-from mirelight.errors import InputError, one_line
+from mirelight.errors import InputError, one_line, printable
 from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
 
 MOST_LIGHTS = 3  # files of lights that are taken
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _PANORAMAS = (".hdr", ".exr")
+_MADE = "one is made in its place"
 _CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
 _POINTS = 5_000
 _FEWEST = 10  # opaque splats, by which a fit can be told
@@ -40,10 +41,14 @@ class Proxy:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """A file of a mesh or cameras that was looked at and is not taken."""
+    """A file of a mesh or cameras that was looked at and is not taken; its text is a line that says so."""
 
     path: Path
     why: str  # words that follow its name
+    instead: str  # what is done without it
+
+    def __str__(self) -> str:
+        return f"{printable(self.path.name)} beside the capture {self.why}; {self.instead}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +84,14 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
             mesh = read_mesh(path, textures=False)
         except InputError as refused:
             if path.stem.lower() != _stem(capture):  # of the same name may be the same splats in another format
-                misfit = misfit or Misfit(path, _why(refused))
+                misfit = misfit or Misfit(path, _why(refused), _MADE)
             continue
         fits = list[_Fit]()
         for turned, axes in ((False, turn), (True, np.eye(3))):
             fits.append(_fit(cloud, mesh, axes))
             if not fits[-1].why:
                 return Proxy(path, turned and not np.allclose(turn, np.eye(3))), None
-        misfit = misfit or Misfit(path, f"does not fit it: {max(fits, key=lambda x: x.near).why}")
+        misfit = misfit or Misfit(path, f"does not fit it: {max(fits, key=lambda x: x.near).why}", _MADE)
     return None, misfit
 
 
@@ -101,7 +106,7 @@ def cameras(capture: Path) -> tuple[Cameras | None, Misfit | None]:
             try:
                 found = open_file(path).read()
             except InputError as refused:
-                misfit = misfit or Misfit(path, _why(refused))
+                misfit = misfit or Misfit(path, _why(refused), "a camera is placed without")
                 continue
             if found:
                 return Cameras(path, tuple(found)), None

@@ -46,7 +46,17 @@ class Wish:
     resolution: tuple[int, int] = (960, 540)
 
 
-def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
+@dataclass(frozen=True, slots=True)
+class FirstJob:
+    """A job, and lines of it for people."""
+
+    text: str
+    up: str  # how many splats, and which way is up in them
+    as_captured: str  # how bright they are
+    not_taken: tuple[str, ...]  # what beside the capture is of no use, and why
+
+
+def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     """The job.
 
     Args:
@@ -77,9 +87,10 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
     named = _Names(folder)
     if proxy is None:
         _refuse_no_surface(capture, cloud, misfit)
+    which_way = _up(cloud, found)
     lines = [
         f"# {printable(capture.name)}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
-        *_splats(capture, cloud, found, named),
+        *_splats(capture, which_way, found, named),
         *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
         *_cameras(cameras, unread, wish, named),
         *_camera(seen, wish),
@@ -87,7 +98,8 @@ def job_text(capture: Path, folder: Path, wish: Wish = Wish()) -> str:
         *_lightings(capture, world, seen, wish, proxy, 1.0 if known is None else known.level, named),
         *_rest(),
     ]
-    return "\n".join(lines) + "\n"
+    not_taken = tuple(str(x) for x in (misfit, unread) if x is not None)
+    return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, not_taken)
 
 
 class _Names:
@@ -111,10 +123,14 @@ def _refuse_no_surface(capture: Path, cloud: SplatCloud, misfit: beside.Misfit |
         raise InputError(capture, refused.found, f"{refused.remedy}; {other}") from None
 
 
-def _splats(capture: Path, cloud: SplatCloud, found: up.Up, named: _Names) -> Iterator[str]:
-    yield ""
+def _up(cloud: SplatCloud, found: up.Up) -> str:
     lost = f" ({cloud.dropped:,} more with NaN, infinite or absurd values are left out)" if cloud.dropped else ""
-    yield f"# {len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
+    return f"{len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
+
+
+def _splats(capture: Path, which_way: str, found: up.Up, named: _Names) -> Iterator[str]:
+    yield ""
+    yield f"# {which_way}"
     if found.guessed:
         yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
     place = _placed(found)
@@ -145,7 +161,7 @@ def _made(
     """A mesh made from the splats, with the capture's cameras where they help."""
     yield ""
     if misfit is not None:
-        yield f"# {printable(misfit.path.name)} beside the capture {misfit.why}; one is made in its place."
+        yield f"# {misfit}"
     yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
     if cameras is None:
         yield 'proxy = "splats"'
@@ -167,7 +183,7 @@ def _cameras(found: beside.Cameras | None, unread: beside.Misfit | None, wish: W
     """A few of the capture's own cameras, as large as the first picture."""
     if unread is not None:
         yield ""
-        yield f"# {unread.path.name} beside the capture {unread.why}; a camera is placed without."
+        yield f"# {unread}"
     if found is None:
         return
     count = len(found.cameras)
@@ -203,8 +219,7 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
 
 def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.Known | None) -> Iterator[str]:
     yield ""
-    white = f"{seen.white:.1%} of their pixels are white"
-    yield f"# As captured, the splats' mean luminance is {seen.luminance:.2f}; {white}."
+    yield f"# {seen.brightness}"
     if known is not None:
         return
     if seen.room:

@@ -32,6 +32,12 @@ class FirstView:
     luminance: float  # mean of the splats' pixels as captured, linear
     white: float  # share of them at the end of a channel
 
+    @property
+    def brightness(self) -> str:
+        """How bright it is, a line for people."""
+        white = f"{self.white:.1%} of their pixels are white"
+        return f"As captured, the splats' mean luminance is {self.luminance:.2f}; {white}."
+
 
 def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, outside: bool = False) -> FirstView:
     """The view to show first.

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight import conventions
+from mirelight import cli, conventions
 from mirelight.cli.report import lines
 from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
-from mirelight.first import Wish, beside, job_text, up
+from mirelight.first import Wish, beside, job_for, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
 from mirelight.io.gltf.write import write_glb, write_lights
@@ -100,14 +100,14 @@ def test_a_floor_and_nothing_else() -> None:
 def test_a_shipped_capture_alone(name: str, tmp_path: Path) -> None:
     capture = tmp_path / "capture.compressed.ply"
     shutil.copy(SCENES / name / "splats.compressed.ply", capture)
-    text = job_text(capture, tmp_path)
+    text = job_for(capture, tmp_path).text
     table = tomllib.loads(text)
     assert table["proxy"] == "splats" and table["splats"] == capture.name
     work = job.load_text(text, tmp_path / "job.toml")
     (camera,) = work.cameras
     assert -camera.world_from_camera[2, 2] < -0.5  # both scenes are open towards +Z
     assert camera.position[1] > 0 and [x.name for x in work.lightings] == ["sun"]
-    light = tomllib.loads(job_text(capture, tmp_path, Wish(light="point")))["lightings"][0]["lights"][0]
+    light = tomllib.loads(job_for(capture, tmp_path, Wish(light="point")).text)["lightings"][0]["lights"][0]
     assert light["type"] == "point" and light["position"][1] > 0
 
 
@@ -115,7 +115,7 @@ def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Pa
     write_lights(tmp_path / "none.glb", [PointLight(name="off", position=np.zeros(3), intensity=0)])
     for name, found in (("none.glb", "no light in it; give sun, point"), ("missing.hdr", "no such file; give sun")):
         with pytest.raises(InputError, match=f"{name}: {found}"):
-            job_text(tmp_path / "not-there.ply", tmp_path, Wish(light=str(tmp_path / name)))
+            job_for(tmp_path / "not-there.ply", tmp_path, Wish(light=str(tmp_path / name)))
 
 
 def cameras_beside(folder: Path, count: int, width: int, **lens: float) -> None:
@@ -138,7 +138,7 @@ def test_cameras_beside_a_capture_are_rendered_too(
     """A few of them, no wider than the first picture; they say which way is up; bent lenses become pinholes."""
     splats.write(ball(), tmp_path / "capture.ply")
     cameras_beside(tmp_path, count, width, **lens)
-    text = job_text(tmp_path / "capture.ply", tmp_path, Wish(light="sun"))
+    text = job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).text
     work = job.load_text(text, tmp_path / "job.toml")
     assert work.cameras[0].name == "first" and len(work.cameras) == 1 + min(count, 3)
     assert all(x.width == min(width, 960) for x in work.cameras[1:])
@@ -157,7 +157,7 @@ def test_cameras_beside_a_capture_close_its_proxy(tmp_path: Path, where: str) ->
     if where == "elsewhere":
         away = splats.transform(cloud, np.array([[1.0, 0, 0, 60], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
         splats.write(away, tmp_path / "capture.ply")
-    text = job_text(tmp_path / "capture.ply", tmp_path, Wish(light="sun"))
+    text = job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).text
     line = 'proxy = { path = "splats", cameras = "transforms.json" }'
     if where == "outside":
         assert line in text.splitlines()
@@ -213,7 +213,7 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
     )
     monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: light)
     monkeypatch.setattr("mirelight.lighting.captured_level", lambda *_: 4.0)
-    text = job_text(tmp_path / "splats.compressed.ply", tmp_path)
+    text = job_for(tmp_path / "splats.compressed.ply", tmp_path).text
     table = tomllib.loads(text)
     work = job.load_text(text, tmp_path / "job.toml")
     if doubted:
@@ -241,7 +241,7 @@ def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> No
     splats.write(bad, path)
     said = {"two": "2 splats, too few for a surface; ", "far away": "it lies 1e.06 units from the origin"}
     with pytest.raises(InputError, match=said.get(case)):
-        job_text(path, tmp_path)
+        job_for(path, tmp_path)
 
 
 def flat(mesh: ProxyMesh) -> ProxyMesh:
@@ -274,33 +274,39 @@ def test_a_mesh_beside_a_capture_that_is_not_taken_is_said_with_why(
     made = trimesh.creation.icosphere(subdivisions=3)
     mesh = ProxyMesh(vertices=made.vertices.astype(np.float32), faces=made.faces.astype(np.int32))
     write_glb(tmp_path / "proxy.glb", mesh)
-    assert "proxy.glb beside the capture" not in job_text(tmp_path / "capture.ply", tmp_path)
+    assert "proxy.glb beside the capture" not in job_for(tmp_path / "capture.ply", tmp_path).text
     write_glb(tmp_path / "proxy.glb", change(mesh))
-    text = job_text(tmp_path / "capture.ply", tmp_path)
+    text = job_for(tmp_path / "capture.ply", tmp_path).text
     assert tomllib.loads(text)["proxy"] == "splats"
     (line,) = [x for x in text.splitlines() if "proxy.glb" in x]
     assert line.startswith(f"# proxy.glb beside the capture {why}") and line.endswith("; one is made in its place.")
 
 
-def test_cameras_beside_a_capture_that_cannot_be_used_are_said_with_why(tmp_path: Path) -> None:
+def test_cameras_beside_a_capture_that_cannot_be_used_are_said_with_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the job, and by the command, between what it says of the splats."""
     splats.write(ball(), tmp_path / "capture.ply")
     (tmp_path / "transforms.json").write_text('{"frames": 3}', encoding="utf-8")
-    text = job_text(tmp_path / "capture.ply", tmp_path)
+    assert cli.main(["new", str(tmp_path / "capture.ply"), "-o", str(tmp_path / "job.toml")]) == 0
+    text = (tmp_path / "job.toml").read_text(encoding="utf-8")
     assert "cameras_from" not in tomllib.loads(text) and len(tomllib.loads(text)["cameras"]) == 1
-    (line,) = [x for x in text.splitlines() if "transforms.json" in x]
-    assert line.startswith("# transforms.json beside the capture cannot be used: frames: ")
+    which_way, line, brightness, _ = capsys.readouterr().out.splitlines()
+    assert line.startswith("transforms.json beside the capture cannot be used: frames: ")
     assert line.endswith("; a camera is placed without.")
+    assert which_way.startswith("4,000 splats. Up, which is ") and brightness.startswith("As captured, the splats' ")
+    assert {f"# {x}" for x in (which_way, line, brightness)} <= set(text.splitlines())
 
 
 def test_the_same_splats_in_another_format_are_no_mesh_that_is_not_taken(tmp_path: Path) -> None:
     splats.write(ball(), tmp_path / "capture.compressed.ply")
     splats.write(ball(), tmp_path / "capture.ply")
-    assert "beside the capture " not in job_text(tmp_path / "capture.compressed.ply", tmp_path)
+    assert "beside the capture " not in job_for(tmp_path / "capture.compressed.ply", tmp_path).text
 
 
 def test_names_of_files_stay_within_their_comments(tmp_path: Path) -> None:
     splats.write(ball(), tmp_path / "a\nb = 1.ply")
-    assert "b" not in tomllib.loads(job_text(tmp_path / "a\nb = 1.ply", tmp_path))
+    assert "b" not in tomllib.loads(job_for(tmp_path / "a\nb = 1.ply", tmp_path).text)
 
 
 def test_a_capture_too_far_for_single_precision_is_said_with_its_frames(tmp_path: Path) -> None:
@@ -323,7 +329,7 @@ def test_the_same_view_and_light_at_any_scale(tmp_path: Path) -> None:
         m = np.diag([scale, scale, scale, 1.0])
         m[:3, 3] = 20 * scale
         splats.write(splats.transform(ball(), m), tmp_path / "capture.ply")
-        text = job_text(tmp_path / "capture.ply", tmp_path, Wish(light="point"))
+        text = job_for(tmp_path / "capture.ply", tmp_path, Wish(light="point")).text
         work = job.load_text(text, tmp_path / "job.toml")
         (lamp,) = work.lightings[0].lights
         assert isinstance(lamp, PointLight)
@@ -356,7 +362,7 @@ def test_splats_that_are_left_out_are_said_everywhere(tmp_path: Path) -> None:
     means = whole.means.copy()
     means[::4, 1] = np.nan
     splats.write(replace(whole, means=means), tmp_path / "capture.ply")
-    text = job_text(tmp_path / "capture.ply", tmp_path)
+    text = job_for(tmp_path / "capture.ply", tmp_path).text
     assert "# 3,000 splats (1,000 more with NaN, infinite or absurd values are left out). Up, which" in text
     work = job.load_text(text, tmp_path / "job.toml")
     told: list[str] = []

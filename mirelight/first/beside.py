@@ -12,10 +12,11 @@ from mirelight import colour
 from mirelight.errors import InputError, one_line, printable
 from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
 
-MOST_LIGHTS = 3  # files of lights that are taken
 if TYPE_CHECKING:
     from mirelight.io.cameras import FileCamera
 
+MOST_LIGHTS = 3  # files of lights that are taken, and lines on others
+NO_LIGHT = "give sun, point, an .hdr or .exr panorama, or a glTF with lights"
 _MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _PANORAMAS = (".hdr", ".exr")
 _MADE = "one is made in its place"
@@ -41,7 +42,7 @@ class Proxy:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """A file of a mesh or cameras that was looked at and is not taken; its text is a line that says so."""
+    """A file of a mesh, cameras or lights that was looked at and is not taken; its text is a line that says so."""
 
     path: Path
     why: str  # words that follow its name
@@ -148,40 +149,48 @@ def look_at(found: Cameras, cloud: SplatCloud) -> bool:
     return float(np.mean(sees)) > 0.5
 
 
-def lights(capture: Path, middle: F64, taken: Path | None) -> tuple[Lights, ...]:
-    """Files of lights beside a capture.
+def lights(capture: Path, middle: F64, taken: Path | None) -> tuple[tuple[Lights, ...], tuple[Misfit, ...]]:
+    """Files of lights beside a capture, and the first of those that cannot be used.
 
     Args:
         capture: the splat file.
         middle: (3,) of the capture, in the world.
         taken: the proxy's file, whose lights are left alone.
     """
-    found: list[Lights] = []
+    found, misfits = list[Lights](), list[Misfit]()
+    meshes = _meshes(capture)  # by their names, of which :func:`proxy` tells
     for path in sorted(capture.parent.iterdir()):
-        if path in (capture, taken) or len(found) == MOST_LIGHTS:
+        if len(found) == MOST_LIGHTS:
+            break
+        if path in (capture, taken) or path.name.startswith("."):
             continue
         try:
             one = of_file(path, middle)
-        except InputError:
+        except InputError as refused:
+            needs_more = refused.field == "extensionsRequired"  # splats or a mesh, and sound
+            if path not in meshes and not needs_more and len(misfits) < MOST_LIGHTS:
+                misfits.append(Misfit(path, _why(refused), "no light is taken from it"))
             continue
         if one is not None:
             found.append(one)
-    return tuple(found)
+    return tuple(found), tuple(misfits)
 
 
 def of_file(path: Path, middle: F64) -> Lights | None:
     """A file's light, brought to about the exposure of the capture; None where there is none in it.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or is a picture of another shape than a panorama's.
     """
     suffix = path.suffix.lower()
     if suffix in _PANORAMAS:
         from mirelight.io.environment import read_environment
 
         picture = read_environment(path)
-        if picture.shape[1] != 2 * picture.shape[0]:
-            return None
+        height, width = picture.shape[:2]
+        if width != 2 * height:
+            found = f"{width} x {height} pixels, and a panorama is twice as wide as high"
+            raise InputError(path, found, NO_LIGHT)
         rows = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)
         mean = float(np.average(colour.luminance(picture).mean(axis=1), weights=rows))
         return Lights(path, "panorama", 1 / mean) if mean > 0 else None

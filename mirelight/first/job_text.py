@@ -45,6 +45,11 @@ class Wish:
     light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
     resolution: tuple[int, int] = (960, 540)
 
+    @property
+    def file(self) -> Path | None:
+        """The file of lights that it names."""
+        return Path(self.light) if self.light and self.light not in LIGHTS else None
+
 
 @dataclass(frozen=True, slots=True)
 class FirstJob:
@@ -70,8 +75,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     """
     from mirelight.io import splats
 
-    if wish.light and wish.light not in LIGHTS:
-        _asked(Path(wish.light), np.zeros(3))  # refused before the capture is looked at, which takes longer
+    if wish.file is not None:
+        _asked(wish.file, np.zeros(3))  # refused before the capture is looked at, which takes longer
     cloud = splats.read(capture)
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
@@ -87,6 +92,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     named = _Names(folder)
     if proxy is None:
         _refuse_no_surface(capture, cloud, misfit)
+    lit, dark = _files(capture, seen.target, wish, proxy)
     which_way = _up(cloud, found)
     lines = [
         f"# {printable(capture.name)}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
@@ -95,10 +101,10 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         *_cameras(cameras, unread, wish, named),
         *_camera(seen, wish),
         *_captured(seen, proxy, known),
-        *_lightings(capture, world, seen, wish, proxy, 1.0 if known is None else known.level, named),
+        *_lightings(world, seen, wish, lit, dark, 1.0 if known is None else known.level, named),
         *_rest(),
     ]
-    not_taken = tuple(str(x) for x in (misfit, unread) if x is not None)
+    not_taken = tuple(str(x) for x in (misfit, unread, *dark) if x is not None)
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, not_taken)
 
 
@@ -238,27 +244,38 @@ def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.
 
 
 def _lightings(
-    capture: Path,
     world: SplatCloud,
     seen: view.FirstView,
     wish: Wish,
-    proxy: beside.Proxy | None,
+    lit: Sequence[beside.Lights],
+    dark: Sequence[beside.Misfit],
     level: float,
     named: _Names,
 ) -> Iterator[str]:
     """`level`: of the captured light, cd/m²; new light is as bright."""
     from mirelight.io.job.lighting import FreeNames
 
-    middle, names = seen.target, FreeNames()
-    if wish.light and wish.light not in LIGHTS:
-        yield from _file(_asked(Path(wish.light), middle), level, named, names)
-        return
-    kind = wish.light or ("point" if seen.room else "sun")
-    names.take("lamp" if kind == "point" else "sun")
-    yield from (_point(seen, world, level) if kind == "point" else _sun(seen, level))
-    if not wish.light:
-        for one in beside.lights(capture, middle, proxy.path if proxy else None):
-            yield from _file(one, level, named, names)
+    names = FreeNames()
+    if wish.file is None:
+        kind = wish.light or ("point" if seen.room else "sun")
+        names.take("lamp" if kind == "point" else "sun")
+        yield from (_point(seen, world, level) if kind == "point" else _sun(seen, level))
+    if dark:
+        yield ""
+        yield from (f"# {one}" for one in dark)
+    for one in lit:
+        yield from _file(one, level, named, names)
+
+
+def _files(
+    capture: Path, middle: F64, wish: Wish, proxy: beside.Proxy | None
+) -> tuple[tuple[beside.Lights, ...], tuple[beside.Misfit, ...]]:
+    """Files of lights that are wished for, and those beside the capture that cannot be used."""
+    if wish.file is not None:
+        return (_asked(wish.file, middle),), ()
+    if wish.light:
+        return (), ()
+    return beside.lights(capture, middle, None if proxy is None else proxy.path)
 
 
 def _asked(path: Path, middle: F64) -> beside.Lights:
@@ -266,7 +283,7 @@ def _asked(path: Path, middle: F64) -> beside.Lights:
     one = beside.of_file(path, middle) if path.exists() else None
     if one is None:
         found = "no light in it" if path.exists() else "no such file"
-        raise InputError(path, found, "give sun, point, an .hdr or .exr panorama, or a glTF with lights")
+        raise InputError(path, found, beside.NO_LIGHT)
     return one
 
 

@@ -20,6 +20,7 @@ from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, beside, job_for, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
+from mirelight.io.exr import write_exr
 from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.io.inspect import of_job
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
@@ -113,7 +114,13 @@ def test_a_shipped_capture_alone(name: str, tmp_path: Path) -> None:
 
 def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Path) -> None:
     write_lights(tmp_path / "none.glb", [PointLight(name="off", position=np.zeros(3), intensity=0)])
-    for name, found in (("none.glb", "no light in it; give sun, point"), ("missing.hdr", "no such file; give sun")):
+    write_exr(tmp_path / "flat.exr", {"": np.ones((2, 6, 3), np.float32)})
+    refused = {
+        "none.glb": "no light in it; give sun, point",
+        "missing.hdr": "no such file; give sun",
+        "flat.exr": "6 x 2 pixels, and a panorama is twice as wide as high; give sun",
+    }
+    for name, found in refused.items():
         with pytest.raises(InputError, match=f"{name}: {found}"):
             job_for(tmp_path / "not-there.ply", tmp_path, Wish(light=str(tmp_path / name)))
 
@@ -296,6 +303,36 @@ def test_cameras_beside_a_capture_that_cannot_be_used_are_said_with_why(
     assert line.endswith("; a camera is placed without.")
     assert which_way.startswith("4,000 splats. Up, which is ") and brightness.startswith("As captured, the splats' ")
     assert {f"# {x}" for x in (which_way, line, brightness)} <= set(text.splitlines())
+
+
+def test_lights_beside_a_capture_that_cannot_be_used_are_said_with_why(tmp_path: Path) -> None:
+    """Not of splats in glTF, of a mesh, or of what another system keeps beside a file; and of a few only."""
+    splats.write(ball(), tmp_path / "capture.ply")
+    splats.write(ball(), tmp_path / "capture.glb")
+    needs = {"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_gaussian_splatting"]}
+    (tmp_path / "a.gltf").write_text(json.dumps(needs), encoding="utf-8")
+    made = trimesh.creation.box()
+    mesh = ProxyMesh(vertices=made.vertices.astype(np.float32), faces=made.faces.astype(np.int32))
+    write_glb(tmp_path / "box.glb", mesh)
+    for name in ("proxy.glb", "a.glb", "b.hdr", "._b.hdr", "x.hdr", "y.hdr"):
+        (tmp_path / name).write_bytes(b"nothing of the kind")
+    write_exr(tmp_path / "c.exr", {"": np.ones((2, 6, 3), np.float32)})
+    shutil.copy(SCENES / "stage" / "spots.glb", tmp_path / "spots.glb")
+    found = job_for(tmp_path / "capture.ply", tmp_path)
+    work = job.load_text(found.text, tmp_path / "job.toml")
+    assert [x.name for x in work.lightings] == ["lamp", "spots"]
+    of_mesh, *of_lights = found.not_taken
+    assert of_mesh.startswith("proxy.glb beside the capture cannot be used: no glTF file")
+    assert of_lights == [
+        f"{name} beside the capture cannot be used: {why}; no light is taken from it."
+        for name, why in (
+            ("a.glb", "no glTF file: there is no JSON in it"),
+            ("b.hdr", "neither OpenEXR, Radiance HDR, PNG, JPEG nor WebP"),
+            ("c.exr", "6 x 2 pixels, and a panorama is twice as wide as high"),
+        )
+    ]
+    assert {f"# {line}" for line in found.not_taken} <= set(found.text.splitlines())
+    assert not job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).not_taken[1:]  # none is looked at
 
 
 def test_the_same_splats_in_another_format_are_no_mesh_that_is_not_taken(tmp_path: Path) -> None:

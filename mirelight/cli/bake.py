@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source
     from mirelight.model import Job, SplatCloud
 
-_SUFFIXES = (".compressed.ply", ".ply", ".sog", ".spz", ".splat", ".glb")
+_SUFFIXES = (".compressed.ply", ".ply", ".sog", ".spz", ".splat", ".glb")  # what io.splats.write writes
 _WORLD = ".glb"  # has a world of its own, which is the job's
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mirelight.cli import outputs, say
 from mirelight.errors import InputError
+from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 WIDEST = 480  # pixels of each of the three pictures
 SPP = 64  # noise would be taken for misfits
 _MOST_STOPS = 20.0
-_GLTF = (".glb", ".gltf")
 
 
 def add_estimate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -58,7 +58,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
 
-    out = outputs.named(args.out, "light is", ".toml", *_GLTF)
+    out = outputs.named(args.out, "light is", ".toml", *GLTF)
     work = job.load(args.job, [parse(text) for text in args.set])
     if work.splats is None or work.proxy is None:
         missing = "splats" if work.splats is None else "proxy"
@@ -68,7 +68,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     camera = _camera(work, args.camera)
     asked = work.captured.sky if work.captured is not None else None
     lights = asked.lights if isinstance(asked, EstimatedSky) else ()
-    if out.suffix.lower() in _GLTF:
+    if out.suffix.lower() in GLTF:
         for light in lights:
             check_light(out, light)
     found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure, lights)
@@ -105,7 +105,7 @@ def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[st
     def named(path: Path) -> str:
         return os.path.relpath(path.resolve(), work.source.resolve().parent).replace(os.sep, "/")
 
-    if out.suffix.lower() not in _GLTF:
+    if out.suffix.lower() not in GLTF:
         with atomic_path(out) as temporary:
             temporary.write_text(captured_text(lighting, named(exr), notes), encoding="utf-8")
         return f"{out}: paste it into {work.source.name} (the map is {exr.name})"

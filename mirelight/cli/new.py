@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 from mirelight.cli import outputs, say
 from mirelight.errors import InputError, OutputError
+from mirelight.io.suffixes import SPLATS
 
 if TYPE_CHECKING:
     from mirelight.io.job.overrides import Override
     from mirelight.model import Job
-
-_SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf")
 
 
 def add_new(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -54,7 +53,7 @@ def is_capture(path: str) -> bool:
 
 def refuse_capture(path: str) -> None:
     """Raises InputError where splats are given in place of a job, and nothing to light them by; or are not there."""
-    if path.lower().endswith(_SPLATS):
+    if path.lower().endswith(SPLATS):
         from mirelight.io.safety import existing
 
         existing(path)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mirelight.cli import outputs, say
 from mirelight.errors import InputError
+from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:
     from mirelight.model import Camera, ProxyMesh, SplatCloud
@@ -92,7 +93,7 @@ def _made(
 
 def _cameras(path: str) -> list[Camera]:
     """Of a file in the splats' axes."""
-    if path.lower().endswith((".glb", ".gltf")):
+    if path.lower().endswith(GLTF):
         from mirelight.io.gltf.scene import read_cameras
 
         found = [x.to_camera(*_SIZE) for x in read_cameras(Path(path))]

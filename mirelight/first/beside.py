@@ -10,6 +10,7 @@ import numpy as np
 
 from mirelight import colour
 from mirelight.errors import InputError, one_line, printable
+from mirelight.io.suffixes import GLTF, MESHES
 from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 MOST_LIGHTS = 3  # files of lights that are taken, and lines on others
 NO_LIGHT = "give sun, point, an .hdr or .exr panorama, or a glTF with lights"
-_MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _PANORAMAS = (".hdr", ".exr")
 _MADE = "one is made in its place"
 _CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
@@ -194,7 +194,7 @@ def of_file(path: Path, middle: F64) -> Lights | None:
         rows = np.sin((np.arange(len(picture)) + 0.5) / len(picture) * np.pi)
         mean = float(np.average(colour.luminance(picture).mean(axis=1), weights=rows))
         return Lights(path, "panorama", 1 / mean) if mean > 0 else None
-    if suffix in (".glb", ".gltf"):
+    if suffix in GLTF:
         from mirelight.io.gltf.beyond import punctual
         from mirelight.io.gltf.scene import read_lights
 
@@ -212,7 +212,7 @@ def _meshes(capture: Path) -> list[Path]:
     """Files that may be the proxy, the likeliest first."""
     stem = _stem(capture)
     names = [f"{stem}.proxy", "proxy", f"{stem}.mesh", "mesh", stem]
-    there = [p for p in sorted(capture.parent.iterdir()) if p.suffix.lower() in _MESHES and p != capture]
+    there = [p for p in sorted(capture.parent.iterdir()) if p.suffix.lower() in MESHES and p != capture]
     return [p for name in names for p in there if p.stem.lower() == name]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import conventions
+from mirelight.io.suffixes import GLTF
 from mirelight.model import F64, SplatCloud
 
 LEAST_FLOOR = (
@@ -59,7 +60,7 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
     if taken is not None:
         return Up(_neat(taken), f"from {len(cameras)} cameras of the capture", False)
     floor = _floor(cloud)
-    gltf = path.suffix.lower() in (".glb", ".gltf")
+    gltf = path.suffix.lower() in GLTF
     habit = np.array([0.0, 1.0 if gltf else -1.0, 0.0])
     usual = "+Y is up in glTF" if gltf else "-Y is up in most captures"
     if floor is None:

@@ -28,10 +28,10 @@ from mirelight.io.facts import (
     rounded,
 )
 from mirelight.io.safety import existing, open_binary, read_bytes
+from mirelight.io.suffixes import GLTF
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
 
-_GLTF = (".glb", ".gltf")
-_MESHES = (".obj", ".stl")
+_MESHES = (".obj", ".stl")  # and nothing else; other meshes' files may as well hold splats
 _PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp")
 _HEAD = 64 * 2**10  # bytes in which a PLY header names its first properties
 _LONGEST_JSON = 256 * 2**20
@@ -53,7 +53,7 @@ def inspect(path: str | Path) -> Facts:
     if path.is_file() and (suffix in _PICTURES):
         return _picture(path)
     if path.is_file() and (suffix in _MESHES or _is_mesh(path, suffix)):
-        return _gltf(path) if suffix in _GLTF else _mesh(path)
+        return _gltf(path) if suffix in GLTF else _mesh(path)
     if path.is_file() and suffix not in splats.SUFFIXES:
         known = ", ".join((".toml", *splats.SUFFIXES, *_MESHES, *_PICTURES))
         raise InputError(path, f"of no known kind ({suffix or 'no suffix'})", f"known are {known}")
@@ -73,7 +73,7 @@ def _is_mesh(path: Path, suffix: str) -> bool:
     if head[:4] == b"glTF":
         return b"KHR_gaussian_splatting" not in head
     is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{"
-    return is_json and suffix in _GLTF and b"KHR_gaussian_splatting" not in read_bytes(path, _LONGEST_JSON)
+    return is_json and suffix in GLTF and b"KHR_gaussian_splatting" not in read_bytes(path, _LONGEST_JSON)
 
 
 def _splats(path: Path) -> SplatFacts:

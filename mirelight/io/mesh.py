@@ -19,10 +19,9 @@ from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.obj import obj_companions, read_obj
 from mirelight.io.safety import contained, existing, open_binary, read_whole, require_memory
+from mirelight.io.suffixes import GLTF, MESHES
 from mirelight.io.surface import filled_normals, transformed_normals
 from mirelight.model import F32, I32, Material, ProxyMesh, triangles
-
-SUFFIXES = (".glb", ".gltf", ".ply", ".obj", ".stl")
 
 _FARTHEST = 1e9  # world units, the bound of all lengths in a job; squares of much more have no place in float32
 _MAX_HEADER = 1 << 16  # bytes of a PLY header that are looked at
@@ -57,9 +56,9 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
 
 def _read(path: Path, textures: bool) -> ProxyMesh:
     suffix = path.suffix.lower()
-    if path.is_dir() or suffix not in SUFFIXES:
-        raise InputError(path, "not a mesh file", "give one of " + ", ".join(SUFFIXES))
-    if suffix in (".glb", ".gltf"):
+    if path.is_dir() or suffix not in MESHES:
+        raise InputError(path, "not a mesh file", "give one of " + ", ".join(MESHES))
+    if suffix in GLTF:
         mesh = read_scene(path, textures=textures).mesh
         if mesh is None:
             raise InputError(path, "no triangles in its scene (points and lines do not count)", "give a mesh")

@@ -17,8 +17,9 @@ from mirelight.compositor.engine import Loaded, corners_of, loaded_ply
 from mirelight.compositor.source import uploaded
 from mirelight.io import splats as files
 from mirelight.io.atomic import atomic_path
-from mirelight.io.splats import compressed_ply, external, ply, sog
+from mirelight.io.splats import compressed_ply, ply, sog
 from mirelight.io.splats.ply_header import read_ply_header
+from mirelight.io.suffixes import CONVERTED
 from mirelight.model import F64, Job, SplatCloud, SplatFile
 
 Kind = Literal["ply", "compressed", "sog", "sog folder"]  # what the engine reads by itself
@@ -133,7 +134,7 @@ def _renamed(head: sog.SogHead, names: dict[str, str]) -> dict[str, Any]:
 
 def _kind(file: SplatFile) -> Kind | None:
     """None: the engine does not read it, or not as mirelight does."""
-    if file.lod is not None or file.path.suffix.lower() in external.SUFFIXES:
+    if file.lod is not None or file.path.suffix.lower() in CONVERTED:
         return None
     found = files.summary(file.path)
     if found.format.startswith("SOG v"):

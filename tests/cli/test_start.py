@@ -16,6 +16,7 @@ import pytest
 
 import mirelight
 from mirelight import cli
+from mirelight.io.suffixes import SPLATS
 
 from .conftest import COMMAND, Run
 
@@ -105,6 +106,15 @@ def test_a_capture_in_place_of_a_job(run: Run, folder: Path, command: str) -> No
     done = run(command, "splats.ply", "-o", "found.ply" if command == "bake" else "found.toml", *target)
     said = "splats.ply: a capture or a mesh, not a job; name a job file; mirelight new splats.ply writes one"
     assert (done.returncode, done.stderr) == (2, f"mirelight: {said}\n")
+
+
+@pytest.mark.parametrize("suffix", SPLATS)
+def test_a_capture_without_light(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"capture{suffix}"
+    path.write_text("splats")
+    assert cli.main(["render", str(path)]) == 2
+    said = f"{path}: splats, not a job; add --light sun, or write a job with: mirelight new {path}"
+    assert capsys.readouterr().err == f"mirelight: {said}\n"
 
 
 @pytest.mark.parametrize(

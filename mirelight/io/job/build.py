@@ -14,7 +14,7 @@ from mirelight import model
 from mirelight.conventions import Matrix
 from mirelight.io.job import camera_files, cameras, lighting, mixing, moments, moving, placing, sweep
 from mirelight.io.job.camera_file_tables import CamerasFromTable
-from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY, SPLATS
+from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.light_tables import LightUnit, Lit
 from mirelight.io.job.mistakes import Mistake
@@ -23,6 +23,7 @@ from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
+from mirelight.io.suffixes import GLTF
 from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud, SplatFile
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
@@ -65,7 +66,7 @@ class Assets:
     def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
         """The proxy in world space; gray where its colours come from the splats."""
         path, m = self.path(table.path), placing.matrix(table.transform)
-        if path.suffix.lower() in GLTF_SUFFIXES:
+        if path.suffix.lower() in GLTF:
             from mirelight.io.gltf.meshopt import refuse_without_decoder
 
             refuse_without_decoder(path)
@@ -327,7 +328,7 @@ def _of_proxy(table: JobTable, assets: Assets) -> tuple[Lighting, ...]:
     """The lights of the proxy's file, where the job says nothing of light."""
     lights: tuple[Light, ...] = ()
     is_silent = not {"lights", "lights_from", "environment", "lightings"} & table.model_fields_set
-    if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
+    if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(GLTF):
         found, m = assets.gltf_lights(PROXY)
         lights = lighting.unique([placing.placed_light(light, m) for light in found])
     return (Lighting(name="lighting", lights=lights),) if lights else ()

@@ -12,13 +12,14 @@ import numpy as np
 from mirelight import conventions
 from mirelight.conventions import Matrix
 from mirelight.io.job.camera_file_tables import CamerasFromTable
-from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
+from mirelight.io.job.fields import PROXY
 from mirelight.io.job.lighting import choose
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import SplatsTable, Transform
 from mirelight.io.job.words import shown_path
+from mirelight.io.suffixes import GLTF
 from mirelight.model import Camera
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def cameras_from(
         files: reads them.
         wrong: gets what is wrong.
     """
-    if table.path == PROXY or table.path.lower().endswith(GLTF_SUFFIXES):
+    if table.path == PROXY or table.path.lower().endswith(GLTF):
         found = _gltf(table, at, resolution, splats, files, wrong)
     else:
         found = _captured(table, at, resolution, splats, files, wrong)

@@ -28,13 +28,14 @@ from mirelight.io.job.camera_tables import (
     SphereTable,
     TurntableTable,
 )
-from mirelight.io.job.fields import GLTF_SUFFIXES, PROXY
+from mirelight.io.job.fields import PROXY
 from mirelight.io.job.lighting import FreeNames
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand
 from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.tables import JobTable
+from mirelight.io.suffixes import GLTF
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
 from mirelight.viewing import Judge, is_room
 
@@ -120,7 +121,7 @@ def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mista
     around = _Around(captured, resolution, splats, files, wrong)
     found = _inline(table.cameras, resolution, scene, around) + captured
     if not table.cameras and not table.cameras_from:
-        if table.proxy is not None and table.proxy.path.lower().endswith(GLTF_SUFFIXES):
+        if table.proxy is not None and table.proxy.path.lower().endswith(GLTF):
             placed, m = files.gltf_cameras(PROXY)
             found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
         found = found or [_seeing_all(scene, resolution)]

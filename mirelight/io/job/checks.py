@@ -11,6 +11,7 @@ from mirelight.io.job.light_tables import ESTIMATE
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
+from mirelight.io.suffixes import GLTF
 from mirelight.model.profiles import COMPARING
 
 _LIT = ("lights", "lights_from", "environment")
@@ -105,7 +106,7 @@ def _needs_proxy(data: dict[str, Any]) -> Iterator[Mistake]:
         return  # said already
     proxy = data["proxy"]
     path = proxy.get("path") if isinstance(proxy, dict) else proxy
-    is_gltf = isinstance(path, str) and path.lower().endswith((".glb", ".gltf"))
+    is_gltf = isinstance(path, str) and path.lower().endswith(GLTF)
     if is_gltf:
         return
     users = [((*where, "lights_from"), table.get("lights_from")) for where, table in _lit_tables(data)]

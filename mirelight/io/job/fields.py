@@ -144,7 +144,6 @@ def _existing(value: str, info: ValidationInfo) -> str:
 
 
 AssetPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing)]
-GLTF_SUFFIXES = (".glb", ".gltf")
 PROXY = "proxy"  # in lights_from and cameras_from: the proxy's own file
 SPLATS = "splats"  # as the proxy's path: it is made from them
 

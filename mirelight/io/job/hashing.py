@@ -13,6 +13,7 @@ from urllib.parse import unquote
 
 from mirelight.errors import InputError
 from mirelight.io.safety import open_binary, require_memory
+from mirelight.io.suffixes import GLTF
 
 _MOST_JSON = 256 * 2**20  # bytes of JSON that the readers read
 _INDICES = ("lod-meta.json", "meta.json")  # what names the files of a folder of splats
@@ -49,7 +50,7 @@ def companions(path: Path) -> set[Path]:
     """The existing files, beside or below `path`, that reading it would open too; empty where it is damaged."""
     suffix = path.suffix.lower()
     try:
-        if suffix in (".glb", ".gltf"):
+        if suffix in GLTF:
             return set(_named(path, _gltf_names(path)))
         if suffix in (".obj", ".ply"):
             from mirelight.io import mesh

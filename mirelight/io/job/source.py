@@ -18,8 +18,8 @@ from mirelight.io.job.limits import large_numbers, load_toml
 from mirelight.io.job.mistakes import MOST, Mistake, locate
 from mirelight.io.job.overrides import Override
 from mirelight.io.job.words import label
+from mirelight.io.suffixes import SPLATS
 
-_SPLATS = (".ply", ".spz", ".sog", ".splat", ".glb")
 _MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
 
 
@@ -114,7 +114,7 @@ def _text(path: Path) -> str:
     try:
         return raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as e:
-        if path.suffix.lower() in _SPLATS:
+        if path.suffix.lower() in SPLATS:
             remedy = f"name a job file; mirelight new {path} writes one"
             raise InputError(path, "a capture or a mesh, not a job", remedy) from None
         line = raw[: e.start].count(b"\n") + 1

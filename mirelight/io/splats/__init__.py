@@ -18,13 +18,13 @@ from mirelight.io.splats import compressed_ply, dot_splat, external, ply, sog, s
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import read_ply_header
+from mirelight.io.suffixes import CONVERTED, GLTF, SPLATS
 from mirelight.model import SplatCloud
 
 __all__ = ["SUFFIXES", "SplatFileInfo", "merge", "read", "summary", "transform", "write"]
 
-SUFFIXES = (".ply", ".spz", ".sog", ".splat", ".glb", ".gltf", ".json", *external.SUFFIXES)  # what splat files end in
+SUFFIXES = (*SPLATS, ".json")  # of what can be read: a SOG may be a folder, with its meta.json
 
-_GLTF = (".glb", ".gltf")
 _READABLE = "read are PLY, compressed PLY, SPZ, SOG, .splat, glTF with KHR_gaussian_splatting and lod-meta.json"
 
 
@@ -113,9 +113,9 @@ def _by_content(path: Path, lod: int | None) -> _Format:
     with open_binary(path) as file:
         head = file.read(64)
     suffix = path.suffix.lower()
-    if not head and suffix not in _GLTF:
+    if not head and suffix not in GLTF:
         raise InputError(path, "empty file", "give a capture")
-    if suffix in external.SUFFIXES:
+    if suffix in CONVERTED:
         return _Format(lambda: external.summary(path, lod), lambda: external.read(path, lod), levels=True)
     if head[:3] == b"ply":
         form = compressed_ply if compressed_ply.is_compressed(read_ply_header(path)) else ply
@@ -124,7 +124,7 @@ def _by_content(path: Path, lod: int | None) -> _Format:
         return _Format(lambda: spz.summary(path), lambda: spz.read(path))
     if head[:2] == b"PK":
         return _sog(sog.open_bundle(path), path)
-    if head[:4] == b"glTF" or suffix in _GLTF:
+    if head[:4] == b"glTF" or suffix in GLTF:
         from mirelight.io.splats import khr
 
         return _Format(lambda: khr.summary(path), lambda: khr.read(path))

@@ -12,7 +12,6 @@ from mirelight.io.splats import ply
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.model import SplatCloud
 
-SUFFIXES = (".ksplat", ".lcc", ".lcc2")
 _LEVELLED = (".lcc", ".lcc2")  # these hold levels of detail, of which one is taken
 _TIMEOUT = 900  # seconds; a city-sized LCC takes minutes
 

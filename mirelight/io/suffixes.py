@@ -1,0 +1,8 @@
+"""Suffixes that tell what a file is before it is opened; a reader looks at its content."""
+
+from __future__ import annotations
+
+GLTF = (".glb", ".gltf")
+MESHES = (*GLTF, ".ply", ".obj", ".stl")
+CONVERTED = (".ksplat", ".lcc", ".lcc2")  # splats that splat-transform reads
+SPLATS = (".ply", ".spz", ".sog", ".splat", *GLTF, *CONVERTED)  # not .json, which may be a SOG's, and cameras as well

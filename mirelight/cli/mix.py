@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.cli import say
 from mirelight.errors import InputError, MirelightError
-from mirelight.io.atomic import output_error
+from mirelight.io.folders import NewFolders
 
 if TYPE_CHECKING:
     from mirelight.mixing import Exported
@@ -67,18 +66,13 @@ def run_mix(args: argparse.Namespace) -> int:
     folder = Path(args.out)
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")
-    new = [x for x in (folder, *folder.parents) if not x.exists()]
+    new = NewFolders(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from None
-    try:
+        new.make()
         with claimed(folder):
             _mix(args, work, wanted, saved)
     except MirelightError:
-        with suppress(OSError):  # of one that holds something
-            for made in new:
-                made.rmdir()
+        new.remove()
         raise
     return 0
 

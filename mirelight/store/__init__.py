@@ -21,6 +21,7 @@ from mirelight import keys
 from mirelight.errors import OutputError
 from mirelight.io import image, owner
 from mirelight.io.atomic import output_error, owner_of
+from mirelight.io.folders import NewFolders
 from mirelight.model import (
     F32,
     Camera,
@@ -68,7 +69,7 @@ class Store:
         self._index: Index | None = None
         self._ballast = Ballast(aside)
         self._run = ""
-        self._made: list[Path] = []  # folders that opening made, outer ones first
+        self._new = NewFolders(self.folder, *self._aside.values())
         self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
 
     def open(self) -> None:
@@ -78,11 +79,8 @@ class Store:
         Raises:
             OutputError: they cannot be written.
         """
-        inner = (self.folder / ASIDE, *self._aside.values())
-        self._made = [x for x in (*reversed(self.folder.parents), self.folder, *inner) if not x.exists()]
+        self._new.make()
         try:
-            for folder in (self.folder, *self._aside.values()):
-                folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=self.folder):
                 pass
         except OSError as e:
@@ -117,16 +115,15 @@ class Store:
         no plan of what cannot be made. Whatever was there before, was made, or is another process's, stays."""
         self.close()
         aside = self.folder / ASIDE
-        if aside not in self._made:
+        if aside not in self._new:
             return
         held = [x for x in aside.rglob("*") if not x.is_dir()]
         plans = (aside, self._aside["plans"])  # the index of what is to be kept, and the plan
         if all(x.parent in plans and x.suffix == ".json" and x.name[0] != "." for x in held):
-            with suppress(OSError):  # of folders that hold something by now
+            with suppress(OSError):  # of another process, that takes them away as well
                 for path in held:
                     path.unlink()
-                for folder in reversed(self._made):
-                    folder.rmdir()
+            self._new.remove()
 
     # --- frames ---
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mirelight import advice, backend, extras, keys, needs, relighting
+from mirelight import advice, backend, extras, keys, needs, relighting, viewing
 from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
@@ -171,18 +171,20 @@ class Scene:
         cloud = None if self.job.splats is None else self.job.splats.value
         if cloud is not None and cloud.dropped:
             self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
-        if cloud is not None and cloud.too_far:
-            self._tell(
-                f"the capture {cloud.too_far}; move it, its mesh and cameras to the origin before they are saved"
-            )
+        if cloud is not None and (line := viewing.too_far(cloud)):
+            self._tell(line)
         return cloud
 
     @cached_property
     def mesh(self) -> ProxyMesh | None:
         """The proxy as the job names it: read, or made from the splats unless it was kept from an earlier time."""
         job = self.job
-        if job.proxy is None or job.made_proxy is None:
-            return None if job.proxy is None else job.proxy.value
+        if job.proxy is None:
+            return None
+        if job.made_proxy is None:
+            if line := viewing.too_far(job.proxy.value):
+                self._tell(line)
+            return job.proxy.value
         found = self.kept.mesh(self.keys.made_proxy)
         if found is not None:
             job.made_proxy.supply(found)

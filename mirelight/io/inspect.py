@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight import viewing
 from mirelight.errors import InputError
 from mirelight.io.facts import (
     CameraFacts,
@@ -93,7 +94,7 @@ def _splats(path: Path) -> SplatFacts:
         median_scale=rounded(np.median(cloud.scales)) if len(cloud) else None,
         mean_opacity=rounded(np.mean(cloud.opacities)) if len(cloud) else None,
         memory=_cloud_bytes(cloud),
-        notes=info.notes,
+        notes=(*info.notes, *_far(cloud)),
     )
 
 
@@ -115,9 +116,8 @@ def _gltf(path: Path) -> MeshFacts:
     facts = _mesh_facts(path, scene.mesh, lights, cameras)
     if scene.blender is None or not scene.lights:
         return facts
-    return replace(
-        facts, notes=(blender.note(path.name, scene.blender, 'in a job: lights_from with unit = "blender"'),)
-    )
+    note = blender.note(path.name, scene.blender, 'in a job: lights_from with unit = "blender"')
+    return replace(facts, notes=(*facts.notes, note))
 
 
 def _mesh_facts(
@@ -135,7 +135,14 @@ def _mesh_facts(
         memory=_mesh_bytes(mesh),
         lights=lights,
         cameras=cameras,
+        notes=_far(mesh),
     )
+
+
+def _far(*things: SplatCloud | ProxyMesh | None) -> tuple[str, ...]:
+    """Lines on what lies where single precision is too coarse."""
+    lines = [viewing.too_far(x) for x in things if x is not None]
+    return tuple(x for x in lines if x)
 
 
 # --- images ----------------------------------------------------------------------------------------------------------
@@ -209,7 +216,7 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         profile=work.compositor.profile,
         output=str(work.output.directory),
         memory=_render_bytes(splats, proxy, work.cameras, work.lightings, denoise=work.render.denoise),
-        notes=work.notes,
+        notes=(*work.notes, *_far(splats, proxy)),
     )
 
 

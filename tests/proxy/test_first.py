@@ -21,8 +21,9 @@ from mirelight.first import Wish, beside, job_for, up
 from mirelight.first.job_text import _candela
 from mirelight.io import job, splats
 from mirelight.io.exr import write_exr
+from mirelight.io.facts import MeshFacts, SplatFacts
 from mirelight.io.gltf.write import write_glb, write_lights
-from mirelight.io.inspect import of_job
+from mirelight.io.inspect import inspect, of_job
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
 from mirelight.scene import prepare
 
@@ -346,17 +347,30 @@ def test_names_of_files_stay_within_their_comments(tmp_path: Path) -> None:
     assert "b" not in tomllib.loads(job_for(tmp_path / "a\nb = 1.ply", tmp_path).text)
 
 
-def test_a_capture_too_far_for_single_precision_is_said_with_its_frames(tmp_path: Path) -> None:
-    """A job may go on; the same at the origin, and larger there, has nothing to say."""
-    for away, size, told in ((1e6, 1, True), (0, 1, False), (1e6, 1e4, False)):
-        m = np.diag([size, size, size, 1.0])
-        m[0, 3] = away
-        splats.write(splats.transform(ball(), m), tmp_path / "capture.ply")
-        lines: list[str] = []
-        work = job.load_text('splats = "capture.ply"', tmp_path / "job.toml")
-        assert prepare(work, report=lines.append).splats is not None
-        said = ["the capture lies 1e+06 units from the origin and is 3.42 in size: single precision is too coarse"]
-        assert [x.partition(" there;")[0] for x in lines] == (said if told else [])
+@pytest.mark.parametrize(("away", "size", "told"), [(1e6, 1, True), (0, 1, False), (1e6, 1e4, False)])
+def test_what_is_too_far_for_single_precision_is_said(tmp_path: Path, away: float, size: float, told: bool) -> None:
+    """With frames and by inspect, of splats, a mesh, and a job. A job may go on; the same at the origin, and larger
+    there, has nothing to say."""
+    m = np.diag([size, size, size, 1.0])
+    m[0, 3] = away
+    splats.write(splats.transform(ball(), m), tmp_path / "capture.ply")
+    made = trimesh.creation.icosphere().apply_transform(m)
+    sphere = ProxyMesh(vertices=made.vertices.astype(np.float32), faces=made.faces.astype(np.int32))
+    write_glb(tmp_path / "proxy.glb", sphere)
+    work = job.load_text('splats = "capture.ply"\nproxy = "proxy.glb"', tmp_path / "job.toml")
+    lines: list[str] = []
+    scene = prepare(work, report=lines.append)
+    assert scene.splats is not None and scene.mesh is not None
+    coarse = "single precision is too coarse there; move capture, mesh and cameras to the origin before they are saved"
+    said = [
+        f"the {what} lies 1e+06 units from the origin and is {across} in size: {coarse}" if told else ""
+        for what, across in (("capture", 3.42), ("mesh", 3.46))
+    ]
+    assert lines == [x for x in said if x]
+    for name, its in (("capture.ply", said[:1]), ("proxy.glb", said[1:])):
+        facts = inspect(tmp_path / name)
+        assert isinstance(facts, SplatFacts | MeshFacts) and list(facts.notes) == [x for x in its if x]
+    assert of_job(work, tmp_path / "job.toml").notes == tuple(lines)
 
 
 def test_the_same_view_and_light_at_any_scale(tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "lighting",
         "compositor",
         "view_light",
+        "viewing",
     }
     | {"estimate", "surface_light", "splat_light", "relighting"},
     "stages": {"model", "keys", "needs", "provenance", "relighting", "scene", "view_light"},

@@ -35,6 +35,7 @@ _BRIGHT = 0.05  # share of the surface that a lamp may make white
 _FROM_LEFT = (-0.75, 0.8, 0.45)  # towards the light: along the picture's right, up, towards the camera
 _DIGITS = 4
 _SAMPLE = 20_000  # splats that are looked at
+_DEEP = 0.01  # of what pixels blend: beyond, it may be fog, and a closer look takes some seconds
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
 
 
@@ -91,7 +92,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     known = None if proxy is None else captured.find(world, proxy, turn)
     named = _Names(folder)
     if proxy is None:
-        _refuse_no_surface(capture, cloud, misfit)
+        _refuse_no_surface(capture, world, seen, misfit)
     lit, dark = _files(capture, seen.target, wish, proxy)
     which_way = _up(cloud, found)
     lines = [
@@ -118,12 +119,15 @@ class _Names:
         return json.dumps(Path(os.path.relpath(path.resolve(), self._folder)).as_posix(), ensure_ascii=False)
 
 
-def _refuse_no_surface(capture: Path, cloud: SplatCloud, misfit: beside.Misfit | None) -> None:
+def _refuse_no_surface(capture: Path, world: SplatCloud, seen: view.FirstView, misfit: beside.Misfit | None) -> None:
     """A job without a mesh renders nothing, and of some splats none can be made."""
     from mirelight.proxy.capture import solid_part
+    from mirelight.proxy.make import refuse_fog
 
     try:
-        solid_part(cloud, capture)
+        solid_part(world, capture)
+        if seen.depth > _DEEP:
+            refuse_fog(world, capture)
     except InputError as refused:
         other = "put a mesh beside it: proxy.glb" if misfit is None else f"{misfit.path.name} beside it {misfit.why}"
         raise InputError(capture, refused.found, f"{refused.remedy}; {other}") from None

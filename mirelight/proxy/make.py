@@ -63,7 +63,7 @@ def make(
     report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)
     maps = DepthMaps(capture, settings)
-    method: Method = settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
+    method = _method(capture, settings)
     if method == "cells":
         soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
@@ -88,22 +88,48 @@ def make(
     )
 
 
+def refuse_fog(splats: SplatCloud, source: str | Path) -> None:
+    """What :func:`make` does before it makes anything of splats: a look at them from around.
+
+    Raises:
+        InputError: splats that have no surface: too few, transparent, fog, too far from the origin.
+        BackendError: the variant cannot run here.
+    """
+    capture = look_at_capture(splats, source)
+    if _method(capture, _DEFAULT) == "depth":
+        _seen_around(capture, DepthMaps(capture, _DEFAULT), quiet, source)
+
+
+def _method(capture: Capture, settings: ProxySettings) -> Method:
+    return settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
+
+
 def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path) -> Soup:
     """By depth maps."""
-    pixels = int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
-    cameras = around(capture.splats.means, capture.radius, ORBIT, pixels)
-    views = [maps.of(camera) for camera in _counted(cameras, part(report, 0.0, 0.3))]
-    _refuse_fog(capture, views, source)
+    views = _seen_around(capture, maps, part(report, 0.0, 0.3), source)
+    footprint = float(np.median([np.linalg.norm(x.camera.position) / x.camera.fx for x in views]))
     hidden = hidden_share(capture, views)
     if settings.views == "inside" or (settings.views == "auto" and hidden > HIDDEN):
-        inner = from_points(places(capture), pixels, 1e-3 * capture.radius)
+        inner = from_points(places(capture), _pixels(capture), 1e-3 * capture.radius)
         more = views + [maps.of(camera) for camera in _counted(inner, part(report, 0.3, 0.5))]
         if settings.views == "inside" or hidden_share(capture, more) < 0.5 * hidden:  # else it is hidden in the solid
             views = more
-    footprint = float(np.median([np.linalg.norm(camera.position) / camera.fx for camera in cameras]))
     grid = fuse(views, capture.half, CELL * footprint, part(report, 0.5, 0.9))
     report("finding the surface", 0.9)
     return closed(smoothed(without_crumbs(surface_of(grid))))
+
+
+def _seen_around(capture: Capture, maps: DepthMaps, report: Progress, source: str | Path) -> list[DepthMap]:
+    """Views from around. Raises InputError: they show no surface."""
+    cameras = around(capture.splats.means, capture.radius, ORBIT, _pixels(capture))
+    views = [maps.of(camera) for camera in _counted(cameras, report)]
+    _refuse_depth(capture, views, source)
+    return views
+
+
+def _pixels(capture: Capture) -> int:
+    """Along the longer side of a view."""
+    return int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
 
 
 def _counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
@@ -112,7 +138,7 @@ def _counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
         yield camera
 
 
-def _refuse_fog(capture: Capture, views: list[DepthMap], source: str | Path) -> None:
+def _refuse_depth(capture: Capture, views: list[DepthMap], source: str | Path) -> None:
     opaque = np.array([float((view.alpha > OPAQUE).mean()) for view in views])
     remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
     if opaque.mean() < LEAST_OPAQUE:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,6 +41,17 @@ def ball(count: int = 4000, *, thin: float = 0.3, centre: tuple[float, float, fl
     """A ball of radius 1."""
     n = sphere_points(count)
     return on_surface(n + np.array(centre), n, 0.7 * np.sqrt(4 * np.pi / count), thin=thin)
+
+
+def fog(opacity: float) -> SplatCloud:
+    """Blobs all through a ball."""
+    n = 4000
+    return replace(
+        ball(n),
+        means=np.random.default_rng(0).normal(size=(n, 3)).astype(np.float32),
+        scales=np.full((n, 3), 0.15, np.float32),
+        opacities=np.full(n, opacity, np.float32),
+    )
 
 
 def square(side: float, step: float, normal_axis: int, offset: float) -> tuple[F64, F64]:

@@ -25,9 +25,10 @@ from mirelight.io.facts import MeshFacts, SplatFacts
 from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.io.inspect import inspect, of_job
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
+from mirelight.proxy import make
 from mirelight.scene import prepare
 
-from .clouds import ball, box_shell, on_surface, square
+from .clouds import ball, box_shell, fog, on_surface, square
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -250,6 +251,21 @@ def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> No
     said = {"two": "2 splats, too few for a surface; ", "far away": "it lies 1e.06 units from the origin"}
     with pytest.raises(InputError, match=said.get(case)):
         job_for(path, tmp_path)
+
+
+def test_fog_is_refused_by_the_line_of_the_proxys_maker(tmp_path: Path) -> None:
+    """Splats that blend nearly as deep, of which it makes one, are not."""
+    path = tmp_path / "capture.glb"  # whose axes are the world's
+    splats.write(fog(0.15), path)
+    with pytest.raises(InputError) as made:
+        make(splats.read(path), source=path)
+    with pytest.raises(InputError) as found:
+        job_for(path, tmp_path)
+    assert made.value.found.startswith("no surface: splats blend over a depth of 14% of its radius")
+    assert str(found.value) == f"{made.value}; put a mesh beside it: proxy.glb"
+    splats.write(fog(0.5), path)
+    assert make(splats.read(path)).mesh.faces.size
+    assert tomllib.loads(job_for(path, tmp_path).text)["proxy"] == "splats"
 
 
 def flat(mesh: ProxyMesh) -> ProxyMesh:

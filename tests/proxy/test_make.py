@@ -15,7 +15,7 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import ProxyMesh, SplatCloud
 from mirelight.proxy import MadeProxy, ProxySettings, make
 
-from .clouds import ball, box_shell
+from .clouds import ball, box_shell, fog
 
 
 @cache
@@ -113,23 +113,12 @@ def scaled(cloud: SplatCloud, by: float) -> SplatCloud:
     return replace(cloud, means=cloud.means * np.float32(by), scales=cloud.scales * np.float32(by))
 
 
-def fog() -> SplatCloud:
-    rng = np.random.default_rng(0)
-    n = 4000
-    return replace(
-        ball(n),
-        means=rng.normal(size=(n, 3)).astype(np.float32),
-        scales=np.full((n, 3), 0.15, np.float32),
-        opacities=np.full(n, 0.05, np.float32),
-    )
-
-
 BAD: dict[str, tuple[Callable[[], SplatCloud], str]] = {
     "two splats": (lambda: ball(2), "2 splats, too few"),
     "all transparent": (lambda: replace(ball(), opacities=np.zeros(4000, np.float32)), "0 of 4000 splats show"),
     "a million units away": (lambda: ball(centre=(1e6, 0, 0)), "from the origin"),
     "all in one place": (lambda: replace(ball(), means=np.ones((4000, 3), np.float32)), "in one place"),
-    "fog": (fog, "no surface"),
+    "fog": (lambda: fog(0.05), "no surface"),
     "next to no size": (lambda: scaled(ball(), 1e-18), "it is 5.17e-18 units in size; scale it up"),
     "splats of no size": (lambda: replace(ball(), scales=np.full((4000, 3), 1e-20, np.float32)), "no surface"),
 }

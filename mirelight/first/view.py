@@ -31,7 +31,7 @@ class FirstView:
     room: bool  # seen from inside
     luminance: float  # mean of the splats' pixels as captured, linear
     white: float  # share of them at the end of a channel
-    depth: float  # of what they blend, as a share of the capture's radius: from a surface's 0.003 to 0.02 of fog
+    depth: float  # of what they blend, as a share of the capture's radius
 
     @property
     def brightness(self) -> str:

@@ -18,7 +18,7 @@ from mirelight.cli.report import lines
 from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, beside, job_for, up
-from mirelight.first.job_text import _candela
+from mirelight.first.lighting import _candela
 from mirelight.io import job, splats
 from mirelight.io.exr import write_exr
 from mirelight.io.facts import MeshFacts, SplatFacts

@@ -74,6 +74,7 @@ def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
         for lighting in (recipe.captured, *recipe.lightings):
             writing.write_lighting(lighting, folder)
         writing.write_job(recipe, folder)
+        writing.write_cameras([x.resized(*PHOTOGRAPH) for x in recipe.orbit], folder)
     if only == ["job"]:
         return
     looks = recipe.looks()

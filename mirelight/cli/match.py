@@ -46,6 +46,7 @@ def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         action="append",
         help="where the picture counts: white yes, black no; one for each picture, or none",
     )
+    parser.add_argument("--keep-colours", action="store_true", help="find intensities only; colours stay as they are")
     parser.add_argument("--rotate", action="store_true", help="find the environment's rotation, too")
     parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
@@ -83,6 +84,7 @@ def run_match(args: argparse.Namespace) -> int:
             shots,
             lighting,
             free=args.lights,
+            keep_colours=args.keep_colours,
             rotate=args.rotate,
             report=report,
         )
@@ -129,8 +131,10 @@ def _line(layer: LayerMatch) -> str:
 
 
 def _percent(layer: LayerMatch) -> str:
-    """How far red, green and blue may be off; a question mark where that is more than they are."""
-    return "(" + ", ".join("?" if x > 1 else f"{100 * x:.2g}" for x in layer.relative_uncertainty) + ") %"
+    """How far red, green and blue, or all of it, may be off; a question mark where that is more than they are."""
+    off = layer.relative_uncertainty
+    said = ["?" if x > 1 else f"{100 * x:.2g}" for x in ([off.max()] if layer.keeps_colour else off)]
+    return f"{said[0]} %" if layer.keeps_colour else f"({', '.join(said)}) %"
 
 
 def _say(quiet: bool) -> Callable[[str], None] | None:

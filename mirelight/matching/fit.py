@@ -42,6 +42,7 @@ class LayerMatch:
     uncertainty: F64  # (3,) how far `after` may be off (`uncertain`); 0 where it was not to be changed, inf: unknown
     seen: bool  # False: the picture says nothing about it, and it stays as it was
     fixed: bool = False  # it was not to be changed
+    keeps_colour: bool = False  # one factor was found for all its channels
 
     @property
     def relative_uncertainty(self) -> F64:
@@ -68,6 +69,7 @@ def match(
     lighting: Lighting,
     *,
     free: Sequence[str] | None = None,
+    keep_colours: bool = False,
     rotate: bool = False,
     report: Report = lambda what, done: None,
 ) -> Match:
@@ -76,8 +78,10 @@ def match(
     Args:
         scene: a prepared job with splats and a proxy, in a mode that is linear in light.
         shots: one or more pictures, each with the camera from which it was taken.
-        lighting: where the lights stand; their intensities and colours are only said as what was before.
+        lighting: where the lights stand; their intensities (and colours, but to keep them) are only said as what was
+            before.
         free: names of the layers to find (None: all); others stay as they are.
+        keep_colours: find one factor for each, and not one for each channel.
         rotate: search the environment's rotation, too.
         report: hears what is being done.
 
@@ -85,14 +89,15 @@ def match(
         InputError: a job whose light is not linear; unknown names; no environment to turn; a picture that does not fit.
     """
     _require_linear(scene, lighting, free, rotate)
+    wish = _Wish(free, keep_colours)
     for camera, target in shots:
         target.require_shape(camera.height, camera.width)
     rotation: float | None = None
     if rotate:
-        rotation = _rotation(scene, shots, lighting, free, report)
+        rotation = _rotation(scene, shots, lighting, wish, report)
         assert lighting.environment is not None
         lighting = replace(lighting, environment=replace(lighting.environment, rotation=rotation))
-    fit = _Fit(scene, shots, lighting, free, lambda done: report("tracing the lights", done))
+    fit = _Fit(scene, shots, lighting, wish, lambda done: report("tracing the lights", done))
     report("fitting", 0.0)
     found = fit.layers(fit.solved())
     return Match(
@@ -128,11 +133,19 @@ def _require_linear(scene: Scene, lighting: Lighting, free: Sequence[str] | None
 # --- one rotation ----------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """What of the lights is to be found."""
+
+    free: Sequence[str] | None  # names of the layers; None: all
+    keep_colours: bool
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Solution:
     """Weights with which the frames come closest to the pictures, with or without the ratio's floor."""
 
-    columns: list[Column]  # of the free layers, each with three channels
+    columns: list[Column]  # of the free layers: one for each channel, or one
     found: F64  # (n,) their weights
     told: Bool  # (n,) whether the pictures tell anything of each
     weights: dict[str, F64]  # (3,) of all layers; what is not told of stays
@@ -149,7 +162,7 @@ class _Fit:
         scene: Scene,
         shots: Shots,
         lighting: Lighting,
-        free: Sequence[str] | None,
+        wish: _Wish,
         report: Callable[[float], None],
     ) -> None:
         units = white(lighting)
@@ -159,8 +172,11 @@ class _Fit:
 
         self._views = [Columns(scene, camera, units, target, said(k)) for k, (camera, target) in enumerate(shots)]
         self._before = {x.layer: np.asarray(x.weight, np.float64) for x in terms(lighting)}
-        names = [name for name in self._before if free is None or name in free]
-        self._free = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(names)}  # where their columns are
+        names = [name for name in self._before if wish.free is None or name in wish.free]
+        self._whole = wish.keep_colours
+        each = 1 if self._whole else 3
+        self._free = {name: slice(each * i, each * i + each) for i, name in enumerate(names)}  # where their columns are
+        self._tint = _tints(lighting) if self._whole else dict.fromkeys(names, np.ones(3))
         self._counts = np.concatenate([x.counts for x in self._views])
         self._target = np.concatenate([x.target for x in self._views])
         self._unlit = {k: np.concatenate([x.unlit[k] for x in self._views]) for k in self._views[0].unlit}
@@ -179,11 +195,14 @@ class _Fit:
         """With this light (P, 3) where no lamp's falls."""
         fixed = [name for name in self._before if name not in self._free]
         rest: F64 = np.sum([unlit, *(self._alone[n] * self._before[n] for n in fixed)], axis=0)
-        columns = [Column(self._alone[name], k) for name in self._free for k in range(3)]
+        channels = (None,) if self._whole else range(3)
+        columns = [Column(self._alone[name] * self._tint[name], k) for name in self._free for k in channels]
         counts = self._counts
         for _ in range(_CLAMP_ROUNDS):
             found, told = closest(columns, self._target, rest, counts, self._gain)
-            weights = self._before | {name: found[at] for name, at in self._free.items() if told[at].any()}
+            weights = self._before | {
+                name: found[at] * self._tint[name] for name, at in self._free.items() if told[at].any()
+            }
             lit: F64 = np.sum([self._alone[n] * weights[n] for n in weights], axis=0)
             held, straight = self._relit(weights), self._unlit[True] + lit
             left = self._counts * (np.abs(held - straight) <= _CLAMPED * np.abs(straight) + 1e-6)
@@ -210,9 +229,10 @@ class _Fit:
                 name=name,
                 before=before,
                 after=x.weights[name],
-                uncertainty=off[self._free[name]] if name in self._free else np.zeros(3),
+                uncertainty=_times(off[self._free[name]], self._tint[name]) if name in self._free else np.zeros(3),
                 seen=name not in self._free or bool(x.told[self._free[name]].any()),
                 fixed=name not in self._free,
+                keeps_colour=self._whole,
             )
             for name, before in self._before.items()
         )
@@ -229,7 +249,7 @@ class _Fit:
         return float((counts * (a - b) ** 2).sum() / counts.sum())
 
 
-def _rotation(scene: Scene, shots: Shots, lighting: Lighting, free: Sequence[str] | None, report: Report) -> float:
+def _rotation(scene: Scene, shots: Shots, lighting: Lighting, wish: _Wish, report: Report) -> float:
     """Degrees of the environment that come closest: in steps all around, then by halves about the best."""
     around = lighting.environment
     assert around is not None
@@ -243,7 +263,7 @@ def _rotation(scene: Scene, shots: Shots, lighting: Lighting, free: Sequence[str
         if turn not in known:
             report("turning the environment", len(known) / count)
             turned = replace(lighting, environment=replace(around, rotation=_upright(around.rotation + turn)))
-            known[turn] = _Fit(scene, small, turned, free, lambda done: None).solved().residual
+            known[turn] = _Fit(scene, small, turned, wish, lambda done: None).solved().residual
         return known[turn]
 
     best = min(steps, key=error)
@@ -281,6 +301,25 @@ def white(lighting: Lighting) -> Lighting:
     )
 
 
+def _times(off: F64, tint: F64) -> F64:
+    """(3,) doubts of a colour's channels; what has no light of a channel has no doubt of it, be the rest unknown."""
+    return np.where(tint > 0, off, 0.0) * tint
+
+
+def _tints(lighting: Lighting) -> dict[str, F64]:
+    """(3,) the colour of each layer, 1 in its strongest channel; lights that are off have one, too."""
+    around, sky = lighting.environment, lighting.sky
+    lit = replace(
+        lighting,
+        lights=tuple(x if x.intensity else replace(x, intensity=1.0) for x in lighting.lights),
+        environment=around and replace(around, intensity=around.intensity or 1.0),
+        sky=sky and replace(sky, intensity=sky.intensity or 1.0),
+        mix=tuple(x for x in lighting.mix if x.factor.any()),
+    )
+    weights = {x.layer: np.asarray(x.weight, np.float64) for x in terms(lit)}
+    return {name: x / x.max() if x.max() > 0 else np.ones(3) for name, x in weights.items()}
+
+
 def _with(lighting: Lighting, weights: dict[str, F64]) -> Lighting:
     """The lighting with the weights as intensities and colours; what has no colour of its own gets a factor."""
     around, sky = lighting.environment, lighting.sky
@@ -301,8 +340,12 @@ def _with(lighting: Lighting, weights: dict[str, F64]) -> Lighting:
 def _light(light: Light, weight: F64) -> Light:
     """`weight`: colour times intensity, or what multiplies them for a light of a group."""
     total = weight if light.group is None else weight * light.color * light.intensity
-    top = float(total.max())
-    return replace(light, color=_colour(total / top) if top > 0 else light.color, intensity=_rounded(top))
+    top, strongest = float(total.max()), float(light.color.max())
+    if top <= 0:
+        return replace(light, intensity=0.0)
+    if strongest > 0 and np.allclose(total / top * strongest, light.color, rtol=1e-9, atol=0):
+        return replace(light, intensity=_rounded(top / strongest))  # a colour that stays is written as it was
+    return replace(light, color=_colour(total / top), intensity=_rounded(top))
 
 
 def _colour(values: F64) -> F64:

@@ -25,7 +25,12 @@ class Column:
     """One unknown: what its unit adds to the picture, in one channel."""
 
     picture: F64  # (P, 3) linear light
-    channel: int  # 0, 1 or 2: the one that it touches
+    channel: int | None  # 0, 1 or 2: the one that it touches; None: all three, so that it keeps its colour
+
+    @property
+    def touched(self) -> slice:
+        """The channels that it touches."""
+        return slice(None) if self.channel is None else slice(self.channel, self.channel + 1)
 
 
 def nonnegative(gram: F64, moment: F64) -> F64:
@@ -123,25 +128,25 @@ def summed(columns: list[Column], weights: F64, shape: tuple[int, ...]) -> F64:
     """(P, 3) the columns times their weights."""
     out = np.zeros(shape)
     for column, weight in zip(columns, weights, strict=True):
-        out[:, column.channel] += weight * column.picture[:, column.channel]
+        out[:, column.touched] += weight * column.picture[:, column.touched]
     return out
 
 
 def _power(column: Column, weight: F64) -> float:
-    return float(((column.picture[:, column.channel] * weight[:, column.channel]) ** 2).sum())
+    return float(((column.picture[:, column.touched] * weight[:, column.touched]) ** 2).sum())
 
 
 def normal_equations(columns: list[Column], target: F64, weight: F64) -> tuple[F64, F64]:
-    """(n, n) sum of w a b over columns a and b of one channel, 0 of two; (n,) sum of w a times the target (P, 3)."""
+    """(n, n) sum of w a b over the channels that both columns touch; (n,) sum of w a times the target (P, 3)."""
     n = len(columns)
     gram, moment = np.zeros((n, n)), np.zeros(n)
     for k in range(3):
-        own = [i for i, c in enumerate(columns) if c.channel == k]
+        own = [i for i, c in enumerate(columns) if c.channel in (k, None)]
         if not own:
             continue
         a = np.stack([columns[i].picture[:, k] for i in own])
         weighted = a * weight[:, k]
         for row, i in enumerate(own):  # sums of fixed order, whatever the number of threads
-            gram[i, own] = (weighted[row] * a).sum(axis=1)
-        moment[own] = (weighted * target[:, k]).sum(axis=1)
+            gram[i, own] += (weighted[row] * a).sum(axis=1)
+        moment[own] += (weighted * target[:, k]).sum(axis=1)
     return gram, moment

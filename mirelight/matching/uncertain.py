@@ -34,7 +34,7 @@ def uncertainties(
     the same way. What a light's error does to the whole of the picture alike, no residual shows.
 
     Args:
-        columns: n of them.
+        columns: n of them, of single channels or of all three.
         weights: (n,) those found.
         told: (n,) whether the picture tells anything of each.
         target: (P, 3) linear light.
@@ -51,16 +51,22 @@ def uncertainties(
     weight = slope**2 * counts
     off = (seen_value(target, gain) - seen_value(model, gain)) * slope * counts
     out = np.full(len(columns), np.inf)
-    for k in range(3):
-        own = [i for i, c in enumerate(columns) if c.channel == k and told[i]]
+    for channel in {c.channel: None for c in columns}:
+        own = [i for i, c in enumerate(columns) if c.channel == channel and told[i]]
         if not own:
             continue
         gram, _ = normal_equations([columns[i] for i in own], off, weight)
         size = np.sqrt(np.diag(gram))
-        pulls = np.array([np.bincount(tile, off[:, k] * columns[i].picture[:, k]) for i in own]) / size[:, None]
+        pulls = np.array([_by_tile(columns[i], off, tile) for i in own]) / size[:, None]
         values, vectors = np.linalg.eigh(gram / np.outer(size, size))
         alike = values <= _ALIKE * values[-1]
         solved = vectors[:, ~alike] @ ((vectors[:, ~alike].T @ pulls) / values[~alike, None])
         unknown = (np.abs(vectors[:, alike]) > _PART).any(axis=1)
         out[own] = np.where(unknown, np.inf, np.abs(solved).sum(axis=1) / size)
     return out
+
+
+def _by_tile(column: Column, off: F64, tile: Int) -> F64:
+    """(T,) how much each tile asks for more of a column."""
+    more = (off[:, column.touched] * column.picture[:, column.touched]).sum(axis=1)
+    return np.asarray(np.bincount(tile, more), np.float64)

@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mirelight.backend import mitsuba
 from mirelight.io import splats as splat_files
+from mirelight.io.cameras.transforms import lens_entry, matrix_entry
 from mirelight.io.gltf.write import write_glb
-from mirelight.model import Environment, Lighting, ProxyMesh, SplatCloud, SunLight
+from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
 from scenegen.recipe import Recipe
 from scenegen.truth import F32
 
-SPLATS, PROXY, JOB = "splats.compressed.ply", "proxy.glb", "job.toml"
+SPLATS, CAMERAS, PROXY, JOB = "splats.compressed.ply", "transforms.json", "proxy.glb", "job.toml"
 
 
 def write_splats(cloud: SplatCloud, folder: Path) -> None:
     """The capture."""
     splat_files.write(cloud, folder / SPLATS)
+
+
+def write_cameras(cameras: Sequence[Camera], folder: Path) -> None:
+    """Those of the capture's photographs, in the splats' own axes; the photographs themselves are not kept."""
+    frames = []
+    for i, camera in enumerate(cameras):
+        pose = [[round(x, 9) + 0.0 for x in row] for row in matrix_entry(camera, np.eye(4))]
+        lens = {k: round(x, 6) if isinstance(x, float) else x for k, x in lens_entry(camera).items()}
+        frames.append(json.dumps({"file_path": f"{i:02}.png", **lens, "transform_matrix": pose}))
+    (folder / CAMERAS).write_text('{"frames": [\n' + ",\n".join(frames) + "\n]}\n", encoding="utf-8")
 
 
 def write_proxy(mesh: ProxyMesh, recipe: Recipe, folder: Path) -> None:

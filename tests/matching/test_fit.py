@@ -175,6 +175,39 @@ def test_other_lights_stay(scene: Scene) -> None:
     assert [x.fixed for x in found.layers] == [False, True, True, True]
 
 
+def test_intensities_alone_are_found_and_colours_stay(scene: Scene, true: F32) -> None:
+    """A light that is off has a colour, too; and one that has no blue gets none."""
+    yellow = lamp("yellow", (0, 1.0, -2.0), (1, 0.8, 0.0), 6.0)
+    lit = replace(TRUE, lights=(*TRUE.lights, yellow))
+    start = replace(
+        lit,
+        lights=(
+            replace(lit.lights[0], intensity=0.0),
+            replace(lit.lights[1], intensity=50.0),
+            *lit.lights[2:4],
+            replace(yellow, intensity=0.1),
+        ),
+        mix=(*lit.mix, LayerFactor(layer="right", factor=np.zeros(3))),
+    )
+    found = match(scene, [(CAMERA, target(picture(scene, lit)))], start, keep_colours=True)
+    np.testing.assert_allclose(weights(found.lighting), weights(lit), rtol=0.01, atol=1e-6)
+    assert all(x.keeps_colour and x.seen and (x.relative_uncertainty < 0.05).all() for x in found.layers)
+
+
+def test_one_factor_is_the_best_for_all_channels(scene: Scene, true: F32) -> None:
+    """Colours that are wrong stay wrong, and the intensity makes the best of them."""
+    wrong = replace(
+        TRUE, lights=(replace(TRUE.lights[0], color=np.array([0.9, 0.6, 0.2]), intensity=3.0), *TRUE.lights[1:])
+    )
+    shots = [(CAMERA, target(true))]
+    found = match(scene, shots, wrong, free=["left"], keep_colours=True)
+    left = found.lighting.lights[0]
+    np.testing.assert_array_equal(left.color, wrong.lights[0].color)
+    asked = TRUE.lights[0].color * 8 / left.color  # by each channel
+    assert asked.min() < left.intensity < asked.max()
+    assert found.psnr_before < found.psnr_after < match(scene, shots, wrong, free=["left"]).psnr_after
+
+
 def test_a_light_that_the_picture_does_not_show_stays(scene: Scene) -> None:
     below = lamp("below", (0, -5, 0), (1, 1, 1), 7.0)  # under the floor, which is seen from above
     found = match(scene, [(CAMERA, target(picture(scene)))], replace(START, lights=(*START.lights, below)))

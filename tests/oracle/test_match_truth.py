@@ -14,8 +14,10 @@ SCENES = Path(__file__).parents[2] / "scenes"
 SETTINGS = ["render.spp=64", "render.denoise=true", "relight.texture_scale=0.5"]
 
 
-def found(scene: str, lighting: str, cameras: list[str]) -> tuple[LayerMatch, ...]:
-    job = mirelight.load(SCENES / scene / "job.toml", SETTINGS)
+def found(
+    scene: str, lighting: str, cameras: list[str], *more: str, keep_colours: bool = False
+) -> tuple[LayerMatch, ...]:
+    job = mirelight.load(SCENES / scene / "job.toml", [*SETTINGS, *more])
     light = next(x for x in job.lightings if x.name == lighting)
     pictures = SCENES / scene / "truth"
     shots = [
@@ -23,7 +25,7 @@ def found(scene: str, lighting: str, cameras: list[str]) -> tuple[LayerMatch, ..
         for camera in job.cameras
         if camera.name in cameras
     ]
-    return match(prepare(job), shots, light).layers
+    return match(prepare(job), shots, light, keep_colours=keep_colours).layers
 
 
 def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures() -> None:
@@ -35,6 +37,14 @@ def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures()
         "well lamp",
         "environment",
     ]
+    for layer in layers:
+        np.testing.assert_allclose(layer.after, layer.before, rtol=0.1, err_msg=layer.name)
+
+
+def test_every_intensity_of_the_gels_is_within_a_tenth_in_two_pictures() -> None:
+    """Their environment is a fiftieth of the pictures' light."""
+    layers = found("stage", "gels", ["front", "low"], "relight.texture_scale=1", keep_colours=True)
+    assert [x.name for x in layers if x.seen] == ["magenta", "cyan", "amber", "environment"]
     for layer in layers:
         np.testing.assert_allclose(layer.after, layer.before, rtol=0.1, err_msg=layer.name)
 

@@ -107,7 +107,7 @@ def status(path: str | Path) -> Status:
         in_flight=in_flight,
         failed=tuple(Failed(name, row.error.strip().rpartition("\n")[2]) for name, row in failed.items()),
         missing=tuple(name for name in waiting if name not in busy and name not in failed),
-        seconds_left=None if seconds is None else round(seconds, 1),
+        seconds_left=None if seconds is None else round(seconds, 3),
         command=shlex.join(["mirelight", "render", newest.job, *newest.settings]),
     )
 

@@ -15,7 +15,6 @@ from typing import TypeVar
 import numpy as np
 
 from mirelight.model import F64, AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
-from mirelight.model.scene import COARSEST
 from mirelight.model.triangles import crossed
 
 _POINTS = 12_000  # spread evenly over the proxy, on its triangles in turn, and of the splats
@@ -71,17 +70,8 @@ def views(
 def too_far(what: SplatCloud | ProxyMesh) -> str:
     """A line on splats or a mesh so far from the origin that single precision is too coarse there; empty where it is
     not."""
-    name, why = ("capture", what.too_far) if isinstance(what, SplatCloud) else ("mesh", _mesh_too_far(what))
+    name, why = "capture" if isinstance(what, SplatCloud) else "mesh", what.too_far
     return f"the {name} {why}; move capture, mesh and cameras to the origin before they are saved" if why else ""
-
-
-def _mesh_too_far(mesh: ProxyMesh) -> str:
-    """As `SplatCloud.too_far`; a mesh has no strays, so its bounds tell."""
-    low, high = (corner.astype(np.float64) for corner in mesh.bounds)
-    size, far = float(np.linalg.norm(high - low)), float(np.abs((low + high) / 2).max())
-    if not 0 < COARSEST * size < float(np.spacing(np.float32(far))):
-        return ""
-    return f"lies {far:.3g} units from the origin and is {size:.3g} in size: single precision is too coarse there"
 
 
 def is_room(inside: Sequence[bool]) -> bool:

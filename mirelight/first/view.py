@@ -71,16 +71,15 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     else:
         room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
         views = list(_inside(low, high) if room else _outside(points, middle))
-    shown = [(_score(compositor.composite(camera, depth=True), middle, radius), camera) for camera in views]
-    score, chosen = max(shown, key=lambda x: x[0])
+    shown = (compositor.composite(camera, depth=True) for camera in views)
+    score, layer = max(((_score(x, middle, radius), x) for x in shown), key=lambda x: x[0])
     if not score > 0:
         raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")
-    layer = compositor.composite(chosen, depth=True)
     on = layer.transmittance < 0.5
     deep = float(np.median(np.abs(layer.depth - layer.median_depth)[on])) / radius if on.any() else np.inf
     light = colour.srgb_decode(layer.color[on] / (1 - layer.transmittance[on, None])) if on.any() else np.zeros((1, 3))
     white = float((light.max(axis=-1) > 0.99).mean())
-    return FirstView(chosen, middle, room, float(colour.luminance(light).mean()), white, deep)
+    return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
 
 
 def _bounds(points: F64) -> tuple[F64, F64]:

@@ -51,7 +51,7 @@ def uncertainties(
     weight = slope**2 * counts
     off = (seen_value(target, gain) - seen_value(model, gain)) * slope * counts
     out = np.full(len(columns), np.inf)
-    for channel in {c.channel: None for c in columns}:
+    for channel in dict.fromkeys(c.channel for c in columns):
         own = [i for i, c in enumerate(columns) if c.channel == channel and told[i]]
         if not own:
             continue

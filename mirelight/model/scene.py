@@ -11,7 +11,7 @@ import numpy as np
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 
-COARSEST = 1e-4  # of a capture's size: the step between its numbers (at 2e-4 frames still agree to 70 dB, at 2e-2 40)
+_COARSEST = 1e-4  # of a capture's size: the step between its numbers (at 2e-4 frames still agree to 70 dB, at 2e-2 40)
 _SAMPLE = 20_000  # splats that are looked at
 SOLID = 0.02  # opacity below which a splat shows too little to be part of a surface
 
@@ -57,10 +57,7 @@ class SplatCloud(ArrayHolder):
         if not len(means):
             return ""
         low, high = np.quantile(means, [0.01, 0.99], axis=0)
-        size, far = float(np.linalg.norm(high - low)), float(np.abs((low + high) / 2).max())
-        if not 0 < COARSEST * size < float(np.spacing(np.float32(far))):
-            return ""
-        return f"lies {far:.3g} units from the origin and is {size:.3g} in size: single precision is too coarse there"
+        return _too_far(low, high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,6 +135,20 @@ class ProxyMesh(ArrayHolder):
         return f"ProxyMesh({len(self.faces):,} faces, {len(self.vertices):,} vertices, {albedo}{corners})"
 
     @property
+    def too_far(self) -> str:
+        """As :attr:`SplatCloud.too_far`; a mesh has no strays, so its bounds tell."""
+        low, high = self.bounds
+        return _too_far(low.astype(np.float64), high.astype(np.float64))
+
+    @property
     def bounds(self) -> tuple[F32, F32]:
         """Lowest and highest corner, (3,) each."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+
+def _too_far(low: F64, high: F64) -> str:
+    """Why single precision is too coarse in a box, in words that follow "it"; empty where it is not."""
+    size, far = float(np.linalg.norm(high - low)), float(np.abs((low + high) / 2).max())
+    if not 0 < _COARSEST * size < float(np.spacing(np.float32(far))):
+        return ""
+    return f"lies {far:.3g} units from the origin and is {size:.3g} in size: single precision is too coarse there"

@@ -7,13 +7,12 @@ import os
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mirelight import cli
 from mirelight.io import splats
-from mirelight.model import SplatCloud
 
+from ..proxy.clouds import on_surface, square
 from .conftest import COMMAND
 
 ASCII = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"}
@@ -92,24 +91,10 @@ def test_wrong_arguments_are_one_line(folder: Path, arguments: list[str]) -> Non
     [["new", "floor.ply", "-o", "\x1b[2J.toml"], ["render", "job.toml", "-o", "\x1b[2J", "--camera", "front"]],
 )
 def test_names_of_output_do_not_act_on_the_terminal(folder: Path, arguments: list[str]) -> None:
-    write_floor(folder / "floor.ply")
+    splats.write(on_surface(*square(4, 0.1, 1, 0), 0.1, thin=0.02), folder / "floor.ply")
     done = subprocess.run([*COMMAND, *arguments], cwd=folder, capture_output=True)
     assert done.returncode == 0
     assert b"\\x1b[2J" in done.stdout and b"\x1b" not in done.stdout + done.stderr
-
-
-def write_floor(path: Path) -> None:
-    """A capture with a surface: discs side by side."""
-    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-2, 2, 40), np.linspace(-2, 2, 40)))
-    n = len(x)
-    cloud = SplatCloud(
-        means=np.stack([x, np.zeros(n), z], axis=1).astype(np.float32),
-        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
-        scales=np.tile(np.array([0.1, 0.002, 0.1], np.float32), (n, 1)),
-        opacities=np.full(n, 0.95, np.float32),
-        sh=np.zeros((n, 1, 3), np.float32),
-    )
-    splats.write(cloud, path)
 
 
 def test_commands_print_through_one_module() -> None:

@@ -94,10 +94,11 @@ OWN = ['proxy={path="splats",albedo="splats",cameras="transforms.json"}', "camer
 
 @cache
 def tracer(name: str, proxy: Proxy) -> Tracer:
-    gray = scene(name).proxy
-    assert gray is not None
-    found = scene(name) if proxy == "colored" else job.load(SCENES / name / "job.toml", OWN)
-    mesh = gray.value if proxy == "gray" else prepare(found).proxy
+    if proxy == "gray":
+        gray = scene(name).proxy
+        mesh = None if gray is None else gray.value
+    else:
+        mesh = prepare(scene(name) if proxy == "colored" else job.load(SCENES / name / "job.toml", OWN)).proxy
     assert mesh is not None
     return Tracer(mesh, RenderSettings(spp=32, max_depth=6, seed=1))
 

@@ -43,6 +43,7 @@ class Around:
     key: str  # of a map (h, w, 3) of linear radiance, or of suns (n, 7): the way they shine, lux, degrees across
     rotation: float = 0.0  # degrees, of a map
     intensity: float = 1.0  # multiplies it
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # linear, multiplies it, too: of what is traced as it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ class UnitLight:
 
     name: str  # unique; that of its layer in the first lighting that has it
     kind: str  # lamp, sun, area, group, environment, sky, or whole: a lighting that was traced as it is
-    lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they are; none of skies
+    lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they shine; none of skies
     group: int  # index of the set that it was traced in
     layer: str  # its layer there; "": all of them
     around: tuple[Around, ...] = ()  # of environments and skies
@@ -200,8 +201,14 @@ def _key(value: Any) -> str:
 
 def _unit(data: dict[str, Any]) -> UnitLight:
     lights = tuple(_light(x) for x in data["lights"])
-    around = tuple(Around(_key(x["key"]), float(x["rotation"]), float(x["intensity"])) for x in data["around"])
+    around = tuple(_around(x) for x in data["around"])
     return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"], around)
+
+
+def _around(data: dict[str, Any]) -> Around:
+    red, green, blue = data.get("color", (1.0, 1.0, 1.0))
+    color = float(red), float(green), float(blue)
+    return Around(_key(data["key"]), float(data["rotation"]), float(data["intensity"]), color)
 
 
 def _light(data: dict[str, Any]) -> Light:

@@ -201,7 +201,8 @@ class DataSet:
             for around in unit.around:
                 of_sky = self.suns(around)
                 if of_sky is None:
-                    maps.append(Map(self._kept_array(around.key), around.rotation, factor * around.intensity))
+                    strength = factor * around.intensity * np.asarray(around.color)
+                    maps.append(Map(self._kept_array(around.key), around.rotation, strength))
                 else:
                     suns += [replace(sun, lux=factor * sun.lux) for sun in of_sky]
         return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
@@ -211,8 +212,8 @@ class DataSet:
         values = self._kept_array(around.key)
         if values.ndim == 3:
             return None
-        wide = values.astype(np.float64)
-        return tuple(Sun(row[:3], row[3:6] * around.intensity, float(row[6])) for row in wide)
+        wide, strength = values.astype(np.float64), around.intensity * np.asarray(around.color)
+        return tuple(Sun(row[:3], row[3:6] * strength, float(row[6])) for row in wide)
 
     def _kept_array(self, key: str) -> F32:
         found = self._scene.array(key)

@@ -107,8 +107,8 @@ def _sky(work: Job, exposure: float, lights: tuple[Light, ...]) -> EstimatedSky:
     from mirelight.model import EstimatedSky
 
     assert work.splats is not None and work.proxy is not None
-    named = {"splats": work.splats.digest, "proxy": work.proxy.digest}
-    return EstimatedSky(**named, seed=work.render.seed, exposure=exposure, lights=lights)
+    splats, proxy = work.splats.digest, work.proxy.digest
+    return EstimatedSky(splats=splats, proxy=proxy, seed=work.render.seed, exposure=exposure, lights=lights)
 
 
 def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[str]) -> str:

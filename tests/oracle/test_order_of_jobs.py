@@ -50,8 +50,9 @@ lights = [
 ]
 environment = { sky = { elevation = 40, azimuth = 30 }, intensity = 0.0001 }
 """
+RATIO = 'proxy={path="proxy.glb",albedo=0.5}', "relight.mode=ratio"
 PAIRS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {  # job, settings of one and of the other
-    "the engine's profile": ("lit", (), ("profile=playcanvas",)),
+    "the engine's profile": ("lit", RATIO, (*RATIO, "profile=playcanvas")),
     "one layer of all lights": ("lit", (), ("output.layers=false",)),
     "no EXR": ("lit", (), ("output.exr=false",)),
     "splat by splat, another seed": ("lit", ("relight.per=splat",), ("relight.per=splat", "render.seed=3")),

@@ -35,6 +35,7 @@ from mirelight.model import (
 )
 from mirelight.model.planes import AOVS, MATTES
 from mirelight.plan import plan
+from mirelight.scene import prepare
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
@@ -405,6 +406,15 @@ def test_content_is_in_the_keys_of_what_it_decides(what: str) -> None:
 def test_where_a_lighting_has_its_own_way_the_job_s_counts_for_nothing() -> None:
     own = replace(ROOM, lightings=(replace(DAY, relight=RelightSettings(mode="ratio", delta=0.5)),))
     assert different(own, replace(own, relight=replace(own.relight, delta=0.25))) == set()
+
+
+def test_a_scene_takes_over_a_level_of_its_own_kind_alone() -> None:
+    """As after an edit of the job's profile."""
+    known = prepare(JOB)
+    vars(known)["captured_level"] = 0.5  # as if it had been found
+    same = replace(JOB, relight=replace(JOB.relight, delta=0.5))
+    assert vars(prepare(same, like=known)).get("captured_level") == 0.5
+    assert "captured_level" not in vars(prepare(replace(JOB, render=RenderSettings(profile="playcanvas")), like=known))
 
 
 # --- what is in no key -----------------------------------------------------------------------------------------------

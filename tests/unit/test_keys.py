@@ -357,6 +357,13 @@ def test_every_artefact_has_its_place_in_the_table() -> None:
     assert set(DECIDES) == set(NAMES)
 
 
+def test_every_part_of_a_job_has_its_place() -> None:
+    """Who adds one says what it decides: settings in DECIDES, content in IN_ROOM."""
+    content = {"splats", "proxy", "made_proxy", "albedo_from_splats", "cameras", "lightings", "pooled", "captured"}
+    in_no_key = {"source", "splat_files", "inputs", "notes"}
+    assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
+
+
 SURE = {"mitsuba", "drjit", "llvm", "numpy", "scipy"}
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -39,6 +39,7 @@ class Shot:
     camera: str  # "" of pictures that do not say
     lighting: str  # the same
     pixels: Callable[[], NDArray[np.uint8]]  # (H, W, 3) display values
+    file: Path | None = None  # that they are read from; None: mixed from layers
 
 
 def find(paths: Sequence[Path]) -> list[Shot]:
@@ -54,7 +55,7 @@ def find(paths: Sequence[Path]) -> list[Shot]:
     for path in paths:
         found = of_folder(path) if path.is_dir() else [_of_file(path)]
         several = len(paths) > 1 and path.is_dir()
-        out += [Shot(f"{path.name}/{x.name}", x.camera, x.lighting, x.pixels) for x in found] if several else found
+        out += [replace(x, name=f"{path.name}/{x.name}") for x in found] if several else found
     return out
 
 
@@ -68,16 +69,16 @@ def of_folder(folder: Path) -> list[Shot]:
     planned = PlannedRuns(folder / ".mirelight" / "plans").frames()
     there = [(x, files[x.name]) for x in planned if x.name in files]
     if there:
-        return [Shot(x.name, x.camera, x.lighting, partial(read_display, path)) for x, path in there]
+        return [Shot(x.name, x.camera, x.lighting, partial(read_display, path), path) for x, path in there]
     said = {name: _said(path) for name, path in files.items()}
     own = {name: x for name, x in said.items() if x is not None}
     if own:
-        return [Shot(name, *x, partial(read_display, files[name])) for name, x in own.items()]
+        return [Shot(name, *x, partial(read_display, files[name]), files[name]) for name, x in own.items()]
     if (folder / LAYERS).is_file():
         return _mixed(dataset.open(folder))
     if not files:
         raise InputError(folder, "no frames there", "render the job first, or name picture files")
-    return [Shot(name, "", "", partial(read_display, path)) for name, path in files.items()]
+    return [Shot(name, "", "", partial(read_display, path), path) for name, path in files.items()]
 
 
 def wanted(
@@ -125,7 +126,7 @@ def _of_file(path: Path) -> Shot:
         found = f"a file of type {path.suffix or 'unknown'}"
         raise InputError(path, found, "give PNG, JPEG, WebP or EXR files, or a folder")
     camera, lighting = _said(path) or ("", "")
-    return Shot(path.stem, camera, lighting, partial(read_display, path))
+    return Shot(path.stem, camera, lighting, partial(read_display, path), path)
 
 
 def _files(folder: Path) -> dict[str, Path]:

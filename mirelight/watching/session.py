@@ -19,8 +19,9 @@ from mirelight.plan import FrameTask, Group, light_keys, plan
 from mirelight.scene import Scene, prepare
 from mirelight.showing.preview import Pace, quick_frame, quick_job
 from mirelight.store import Store
+from mirelight.store.folder import ASIDE
 
-FOLDER = "watch"  # inside the output folder: of each frame the newest picture that there is
+FOLDER = Path(ASIDE) / "watch"  # inside the output folder: of each frame the newest picture that there is
 
 
 class Session:
@@ -96,7 +97,7 @@ class Session:
                 shutil.rmtree(self._live, ignore_errors=True)
             self._live = live
             try:
-                live.mkdir(exist_ok=True)
+                live.mkdir(parents=True, exist_ok=True)
             except OSError as e:
                 raise output_error(live, e) from None
         return self._store

@@ -81,7 +81,7 @@ class Watched:
 
     @property
     def live(self) -> Path:
-        return self.out / "watch" / "front.night.png"
+        return self.out / ".mirelight" / "watch" / "front.night.png"
 
 
 @pytest.fixture
@@ -226,7 +226,7 @@ class Process:
     @property
     def mistakes(self) -> list[str]:
         """What was said of anything but pictures."""
-        return [line for line in self.said if "front.night: " not in line and "out/watch" not in line]
+        return [line for line in self.said if "front.night: " not in line and "out/.mirelight/watch" not in line]
 
     def wait(self, text: str, count: int) -> None:
         self._until(lambda: sum(text in line for line in self.said) >= count, 240)
@@ -257,7 +257,7 @@ def process(folder: Path) -> Iterator[Process]:
 
 def test_a_process_follows_edits_until_ctrl_c(process: Process, folder: Path) -> None:
     process.wait("front.night: done", 1)
-    assert (folder / "out" / "watch" / "front.night.png").is_file()
+    assert (folder / "out" / ".mirelight" / "watch" / "front.night.png").is_file()
     saved(process.job, JOB.replace("intensity = 20", "intensity = 'bright'"))
     process.wait("job.toml:", 1)
     assert "lights[0].intensity" in next(x for x in process.said if "job.toml:" in x)
@@ -269,7 +269,7 @@ def test_a_process_follows_edits_until_ctrl_c(process: Process, folder: Path) ->
     process.wait("front.night: done", 2)
     assert process.end() == 0
     assert not any("Traceback" in line for line in process.said), process.said
-    assert not (folder / "out" / "watch").exists()
+    assert not (folder / "out" / ".mirelight" / "watch").exists()
     assert not list((folder / "out").glob(".front*"))
 
 

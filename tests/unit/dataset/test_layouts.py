@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import tarfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from PIL import Image
 
 from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, straight_rgba, world_of
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
+from mirelight.dataset.layouts.hub import write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat
 from mirelight.dataset.layouts.pictures import file_names
@@ -314,3 +316,15 @@ def test_the_same_bytes_again(tmp_path: Path) -> None:
     assert len(names) > 15
     for file in names:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_long_names_in_shards(tmp_path: Path) -> None:
+    """Beyond the 100 characters that a tar's own header holds."""
+    seen = [replace(c, name=f"{c.name} {'x' * 90}") for c in cameras()[:2]]
+    for lighting in ("noon", "n" * 120):
+        frames = pictures(seen, lighting=lighting)
+        with Files(tmp_path / lighting) as files:
+            write_hub(files, iter(frames), Shared())
+        with tarfile.open(tmp_path / lighting / "shards" / "train-000000.tar") as shard:
+            names = shard.getnames()
+        assert {name.partition(".")[0] for name in names} == {f"{lighting}__{frame.view}" for frame in frames}

@@ -91,7 +91,7 @@ class Index:
     captured_level: str | None  # key of an array
     relight: RelightSettings
     display: DisplaySettings
-    denoised: bool
+    denoised: bool  # the job's own frames are, after mixing; the layers are as traced
     profile: str
     linear: bool  # composites hold linear light
 

@@ -163,7 +163,7 @@ class Session:
                 trouble = ""
             except _EndedError:
                 continue
-            except (MirelightError, RuntimeError, MemoryError) as error:  # the page lives on, and can ask for other things
+            except (MirelightError, RuntimeError, MemoryError) as error:  # the page lives on
                 trouble = self._said(error, work[2])
                 self._tell(trouble)
                 self._give_up(work[2])

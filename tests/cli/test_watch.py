@@ -207,6 +207,45 @@ def test_what_a_file_names_is_watched_and_mistakes_are_no_hindrance(folder: Path
     assert files_of(job, ["mesh.obj"]) == {job, folder / "mesh.obj", folder / "mesh.mtl"}
 
 
+def test_a_folder_of_the_users_stays_as_it_is(watched: Watched) -> None:
+    own = watched.out / "watch"
+    own.mkdir(parents=True)
+    for name in ("front.night.png", "notes.txt"):
+        (own / name).write_text("mine")
+    watched.update(JOB.replace("spp = 64", "spp = 1"))
+    assert watched.live.is_file()
+    watched.session.close()
+    assert not watched.live.exists()
+    assert {path.name: path.read_text() for path in own.iterdir()} == {
+        "front.night.png": "mine",
+        "notes.txt": "mine",
+    }
+
+
+def test_a_setting_for_speed_writes_over_no_finished_frames(folder: Path) -> None:
+    job = folder / "job.toml"
+    text = JOB.replace("spp = 64", "spp = 1")
+    saved(job, text)
+
+    def begin(*settings: str, out: str | None = None) -> Session:
+        session = Session(Order(job=str(job), settings=settings, out=out))
+        session.update(Silent(), lambda task, what: None)
+        return session
+
+    begin().close()
+    finals = {path: path.read_bytes() for path in (folder / "out").glob("front.*")}
+    assert finals
+    with pytest.raises(InputError, match=r"front\.night\.\w+ is 64 x 48, which --set would write over; name another"):
+        begin("resolution_scale=0.5")
+    assert {path: path.read_bytes() for path in finals} == finals
+    session = begin("resolution_scale=0.5", out=str(folder / "small"))
+    saved(job, text.replace("[64, 48]", "[48, 48]"))  # the job itself changes: its frames follow
+    session.update(Silent(), lambda task, what: None)
+    session.close()
+    assert picture(folder / "small" / "front.night.png").shape == (24, 24, 3)
+    begin("display.exposure=1").close()
+
+
 # --- the command ---
 
 

@@ -107,7 +107,7 @@ def traced(job: Job, layer: str, made: layers.MixLayers) -> np.ndarray:
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (RuntimeError("jit_run(): a kernel failed\n  it is said in more lines\nno room in the arena"), "no room in the arena"),
+        (RuntimeError("a kernel failed\n  it is said in more lines\nno room in the arena"), "no room in the arena"),
         (RuntimeError(), "no reason was given"),
         (MemoryError(), "not enough memory"),
     ],

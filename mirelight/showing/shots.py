@@ -24,6 +24,7 @@ from mirelight.farm.order import named
 from mirelight.io.display import SUFFIXES, read_display
 from mirelight.io.exr import read_header
 from mirelight.io.frame_texts import CAMERA, PROVENANCE, read_text
+from mirelight.io.image import read_fingerprint
 from mirelight.io.png import encode_display, read_png_text
 from mirelight.model import Profile
 from mirelight.store.planned import PlannedRuns
@@ -135,9 +136,18 @@ def _files(folder: Path) -> dict[str, Path]:
     entries = [x for x in folder.iterdir() if x.suffix.lower() in order and not x.name.startswith(".")]
     out: dict[str, Path] = {}
     for path in sorted(entries, key=lambda x: (_natural(x.stem), order[x.suffix.lower()])):
-        if path.is_file() and not _ASIDE.search(path.stem):
+        if path.is_file() and not _is_aside(path):
             out.setdefault(path.stem, path)
     return out
+
+
+def _is_aside(path: Path) -> bool:
+    """Whether a file shows a frame that is not done, and is not one of a lighting that is called so."""
+    found = _ASIDE.search(path.stem)
+    if found is None:
+        return False
+    said = _said(path)
+    return said is None or not said[1].endswith(found[1]) or read_fingerprint(path) is None
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -12,7 +12,7 @@ from mirelight import executor, load, stages
 from mirelight.model import Frame, Job
 from mirelight.plan import FrameTask, plan
 from mirelight.scene import prepare
-from mirelight.showing import preview
+from mirelight.showing import preview, shots
 from mirelight.showing.preview import Previews
 from mirelight.store import Store
 
@@ -124,6 +124,8 @@ def test_frames_of_lightings_called_preview_and_partial_are_frames(folder: Path)
     store.drop_preview(task)
     assert {path: path.read_bytes() for path in kept} == kept
     assert all(store.has(x) for x in (*others.tasks, task))
+    store.put_preview(others.tasks[0], frame)
+    assert {x.name for x in shots.of_folder(folder / "out")} == {x.name for x in (*others.tasks, task)}
     store.close()
 
 

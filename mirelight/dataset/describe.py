@@ -35,13 +35,10 @@ def describe(plan: Plan) -> Index:
     for group in plan.groups:
         camera = group.camera
         seen = relighting.lighting_camera(camera, job.relight)
-        frame = group.tasks[0].name
-        lighting = group.tasks[0].lighting
         views.append(
             KeptView(
                 camera=camera,
                 light_size=(seen.height, seen.width),
-                frame=frame if lighting is None else frame[: frame.rfind(".")],
                 composite=None if job.splats is None else made.composite(camera),
                 groups=tuple(made.light(one, seen) for one in known.sets.values()),
                 glow=made.light(GLOW, seen),

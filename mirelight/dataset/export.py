@@ -24,7 +24,7 @@ from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
-from mirelight.model import DatasetSettings, Job, Layout, PointLight, SpotLight, digest
+from mirelight.model import DatasetSettings, HeldOut, Job, Layout, PointLight, SpotLight, digest
 
 __all__ = ["LAYOUTS", "Progress", "Silent", "check", "export"]
 
@@ -109,6 +109,10 @@ def export(
     heard.started(len(names) * len(data.cameras))
     for line in chosen.advice(settings):
         heard.note(line)
+    if data.index.denoised:
+        heard.note(
+            "frames of a data set are mixed from light as traced, not denoised: more render.spp makes them cleaner"
+        )
     with Files(out, heard.finished) as files:
         frames = _Frames(data, chosen, world)
         writer.write(files, frames, shared)
@@ -188,8 +192,12 @@ class _Chosen:
         counts = {part: len(frames) for part, frames in self.frames().items()}
         if settings.held_out and not counts["seen"]:
             yield "no frame is left to train on: lower --held-out, or choose another --seed"
-        elif settings.held_out and counts["seen"] == sum(counts.values()):
+        elif settings.held_out and counts["seen"] == sum(counts.values()) and self._could_split(settings.split):
             yield "no frame is held out (names are chosen by a hash): raise --held-out, or choose another --seed"
+
+    def _could_split(self, by: HeldOut) -> bool:
+        """Whether there are names to hold one out of; of a single one nobody expects that."""
+        return (by != "lighting" and len(self.cameras) > 1) or (by != "camera" and self.count > 1)
 
 
 class _Frames:

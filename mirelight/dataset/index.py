@@ -75,7 +75,6 @@ class KeptView:
 
     camera: Camera
     light_size: tuple[int, int]  # rows and columns of the light's pictures
-    frame: str  # names of its frames, by lighting: "FRAME.LIGHTING"
     composite: str | None  # key; None: the job has no splats
     groups: tuple[str, ...]  # keys of the traced sets
     glow: str  # key of what the proxy's own surfaces send out; there is no such file where nothing glows
@@ -93,7 +92,7 @@ class Index:
     captured_level: str | None  # key of an array
     relight: RelightSettings
     display: DisplaySettings
-    denoised: bool
+    denoised: bool  # the job's own frames are, after mixing; the layers are as traced
     profile: str
     linear: bool  # composites hold linear light
 
@@ -189,7 +188,7 @@ def _view(data: dict[str, Any]) -> KeptView:
     rows, columns = data["light_size"]
     groups = tuple(_key(x) for x in data["groups"])
     composite = None if data["composite"] is None else _key(data["composite"])
-    return KeptView(Camera(**camera), (rows, columns), str(data["frame"]), composite, groups, _key(data["glow"]))
+    return KeptView(Camera(**camera), (rows, columns), composite, groups, _key(data["glow"]))
 
 
 def _key(value: Any) -> str:

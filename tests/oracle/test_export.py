@@ -557,6 +557,27 @@ hdr = false
 """
 
 
+def test_a_denoised_job_of_one_camera_is_exported_as_it_was_traced(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As `mirelight new` writes it: nothing has to be rendered again, and nobody speaks of a split."""
+    path = folder.parent / "one.toml"
+    path.write_text(JOB.replace("frames = 3", "frames = 1") + '[dataset]\nlayouts = ["nerf"]\n')
+    for name in ("true", "false"):
+        command = ["render", str(path), "-o", str(tmp_path / name), "--set", f"render.denoise={name}"]
+        assert cli.main([*command, "--set", "render.spp=1", "--set", "output.exr=false"]) == 0
+        said = capsys.readouterr()
+        assert ("not denoised: more render.spp" in said.err) == (name == "true")
+        assert "held out" not in said.err and "--seed" not in said.err and "5 frames in" in said.out
+        export(tmp_path / name, tmp_path / f"set {name}", "nerf")
+        capsys.readouterr()
+    one, other = (dataset.open(tmp_path / name) for name in ("true", "false"))
+    assert len(one) == len(other) == 5
+    assert np.array_equal(one.frame(0, "lamps"), other.frame(0, "lamps"))
+    page = (tmp_path / "set true" / "README.md").read_text()
+    assert "All frames are to train on: none is held out." in page and "by a hash" not in page
+
+
 def test_a_job_writes_its_data_sets_once_all_frames_are_there(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,7 +7,6 @@ artefacts (traced unit lights, so that a changed colour or intensity traces noth
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import AbstractContextManager, suppress
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 
 from mirelight import keys
 from mirelight.errors import OutputError
-from mirelight.io import image, owner
-from mirelight.io.atomic import output_error, owner_of
+from mirelight.io import image
+from mirelight.io.atomic import clear, output_error
 from mirelight.io.folders import NewFolders
 from mirelight.model import (
     F32,
@@ -44,10 +43,9 @@ from mirelight.store.folder import ASIDE
 from mirelight.store.index import Index, digest_of
 from mirelight.store.journal import FileRow, Journal, Row, sync_folder
 from mirelight.store.planned import PlannedRuns
+from mirelight.store.touching import Toucher
 
 __all__ = ["Index", "Row", "Store", "write"]
-
-_STALE = 600.0  # seconds after which another machine's temporary file counts as left behind
 
 
 class Store:
@@ -63,11 +61,12 @@ class Store:
         aside = self.folder / ASIDE
         self._aside = {name: aside / name for name in ("journal", "claims", "light", "scene", "plans")}
         self._journal = Journal(self._aside["journal"])
-        self._claims = Claims(self._aside["claims"])
+        self._toucher = Toucher()
+        self._claims = Claims(self._aside["claims"], self._toucher)
         self._light, self._scene = Artefacts(self._aside["light"]), Artefacts(self._aside["scene"])
         self.planned = PlannedRuns(self._aside["plans"])
         self._index: Index | None = None
-        self._ballast = Ballast(aside)
+        self._ballast = Ballast(aside, self._toucher)
         self._run = ""
         self._new = NewFolders(self.folder, *self._aside.values())
         self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
@@ -86,8 +85,8 @@ class Store:
         except OSError as e:
             raise output_error(self.folder, e) from None
         for folder in (self.folder, *self._aside.values()):
-            _clear(folder)
-        _clear(self._ballast.folder)
+            clear(folder)
+        clear(self._ballast.folder)
         self._claims.clear()
         self._ballast.take()
 
@@ -107,7 +106,7 @@ class Store:
         self._claims.close()
         self._ballast.free()
         for folder in (self.folder, *self._aside.values(), self._ballast.folder):
-            _clear(folder)
+            clear(folder)
         self._claims.clear()
 
     def withdraw(self) -> None:
@@ -330,17 +329,3 @@ def _stamped(frame: Frame, key: str) -> Frame:
 def _file_row(path: Path, key: str) -> FileRow:
     status = path.stat()
     return FileRow(key, status.st_size, status.st_mtime_ns, digest_of(path))
-
-
-def _clear(folder: Path) -> None:
-    """Remove temporary files whose process has ended; another machine's once they are old by the folder's own clock."""
-    with suppress(OSError), tempfile.TemporaryFile(dir=folder) as probe, os.scandir(folder) as entries:
-        now = os.fstat(probe.fileno()).st_mtime
-        for entry in entries:
-            holder = owner_of(entry.name)
-            if holder is None:
-                continue
-            running = owner.runs(holder)
-            with suppress(OSError):
-                if running is False or (running is None and now - entry.stat().st_mtime > _STALE):
-                    Path(entry.path).unlink()

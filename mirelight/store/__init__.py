@@ -7,8 +7,12 @@ artefacts (traced unit lights, so that a changed colour or intensity traces noth
 
 from __future__ import annotations
 
+import hashlib
+import math
+import os
+import re
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +25,7 @@ from mirelight.errors import OutputError
 from mirelight.io import image
 from mirelight.io.atomic import clear, output_error
 from mirelight.io.folders import NewFolders
+from mirelight.io.safety import read_file
 from mirelight.model import (
     F32,
     Camera,
@@ -63,7 +68,10 @@ class Store:
         self._journal = Journal(self._aside["journal"])
         self._toucher = Toucher()
         self._claims = Claims(self._aside["claims"], self._toucher)
-        self._light, self._scene = Artefacts(self._aside["light"]), Artefacts(self._aside["scene"])
+        self._job = str(job.source.absolute())
+        maker = hashlib.sha256(self._job.encode(errors="surrogateescape")).hexdigest()[:16]
+        self._light, self._scene = (Artefacts(self._aside[name], maker) for name in ("light", "scene"))
+        self._opened = 0.0  # by the folder's own clock
         self.planned = PlannedRuns(self._aside["plans"])
         self._index: Index | None = None
         self._ballast = Ballast(aside, self._toucher)
@@ -80,8 +88,8 @@ class Store:
         """
         self._new.make()
         try:
-            with tempfile.TemporaryFile(dir=self.folder):
-                pass
+            with tempfile.TemporaryFile(dir=self.folder) as probe:
+                self._opened = os.fstat(probe.fileno()).st_mtime
         except OSError as e:
             raise output_error(self.folder, e) from None
         for folder in (self.folder, *self._aside.values()):
@@ -101,13 +109,15 @@ class Store:
             self._ballast.free()
 
     def close(self) -> None:
-        """No more writing by this process. What is left of others that were killed meanwhile is cleared away."""
+        """No more writing by this process. What is left of others that were killed meanwhile is cleared away, and of
+        what a scene needs besides light the oldest, beyond a reserve."""
         self._journal.close()
         self._claims.close()
         self._ballast.free()
         for folder in (self.folder, *self._aside.values(), self._ballast.folder):
             clear(folder)
         self._claims.clear()
+        self._scene.tidy(self._named(), self._opened)
 
     def withdraw(self) -> None:
         """Close, and where nothing came of the run take away what opening made: bad input leaves no empty folders, and
@@ -130,6 +140,15 @@ class Store:
         """What is there now, from the journal and one look at the folder."""
         self._index = Index(self.folder, self._journal.rows())
         return self._index
+
+    @property
+    def bad_rows(self) -> int:
+        """Lines of the journal that are no rows, of those that were read."""
+        return self._journal.bad
+
+    def hear(self, tell: Callable[[str], None]) -> None:
+        """Have what is found damaged, and is made again, said."""
+        self._light.tell = self._scene.tell = tell
 
     def refresh(self) -> None:
         """Take what other processes have written into the journal since it was read."""
@@ -293,8 +312,17 @@ class Store:
         self._journal.add(Row(name, {}, round(seconds, 3)))
 
     def tidy(self, used: Collection[str]) -> None:
-        """See :meth:`mirelight.store.artefacts.Artefacts.tidy`."""
-        self._light.tidy(used)
+        """See :meth:`mirelight.store.artefacts.Artefacts.tidy`; what other jobs keep instead of frames is in use."""
+        others = (run for run in self.planned.runs() if run.job != self._job)
+        wanted = {key for run in others for keys in run.layers.values() for key in keys}
+        self._light.tidy({*used, *wanted, *self._named()}, math.inf)
+
+    def _named(self) -> set[str]:
+        """What the index of a data set names."""
+        try:
+            return set(re.findall("[0-9a-f]{16,}", read_file(self.folder / ASIDE / "dataset.json").decode()))
+        except (OSError, ValueError):
+            return set()
 
 
 def write(frame: Frame, path: str | Path, job: Job | None = None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -101,7 +102,7 @@ def test_a_row_that_grows_is_read_when_it_is_whole(tmp_path: Path) -> None:
 
 @each
 def test_artefacts(tmp_path: Path, make: Make) -> None:
-    for suffix in ("npy", "npz", "light"):
+    for suffix in ("array", "light"):
         make(tmp_path / f"a.{suffix}")
     kept = Artefacts(tmp_path)
     assert kept.array("a") is None
@@ -129,9 +130,14 @@ def test_artefacts(tmp_path: Path, make: Make) -> None:
     ],
 )
 def test_artefacts_with_other_heads(tmp_path: Path, head: bytes) -> None:
-    text = arrays._MAGIC + head + b"\n"
-    (tmp_path / "a.light").write_bytes(text + bytes(-len(text) % arrays._ALIGN) + b"1234")
+    line = head.replace(b'"bytes":4', b'"crc":%d,"bytes":4' % zlib.crc32(b"1234")) + b"\n"
+    start = len(arrays._MAGIC) + 9
+    line = line[:-1].ljust(-(start + len(line)) % arrays._ALIGN + len(line) - 1) + b"\n"
+    for suffix in ("array", "light"):
+        whole = arrays._MAGIC + b"%08x\n" % zlib.crc32(line) + line + b"1234"
+        (tmp_path / f"a.{suffix}").write_bytes(whole)
     kept = Artefacts(tmp_path)
+    assert kept.array("a") is None and kept.mesh("a") is None
     assert kept.light("a", CAMERA) is None
     assert kept.composite("a", CAMERA, "physical", True) is None
     assert kept.cells("a") is None
@@ -220,7 +226,7 @@ def test_kept_values_that_are_none(tmp_path: Path, value: float) -> None:
     )
     kept.keep_composite("b", layer)
     assert kept.array("a") is not None and kept.composite("b", CAMERA, "physical", True) is not None
-    for name in ("a.npy", "b.light"):
+    for name in ("a.array", "b.light"):
         data = (tmp_path / name).read_bytes()
         (tmp_path / name).write_bytes(data[:-64] + np.full(16, value, np.float32).tobytes())
     assert kept.array("a") is None and kept.composite("b", CAMERA, "physical", True) is None

@@ -1,4 +1,4 @@
-"""Whether the values of a dataclass are of the types that its fields say: what is read from a file may hold anything."""
+"""Whether the values of a dataclass are of the types that its fields say: files may hold anything."""
 
 from __future__ import annotations
 

@@ -30,6 +30,7 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
+from mirelight.model.profiles import PROFILES
 
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
@@ -147,6 +148,8 @@ def _refused(constant: str) -> None:
 
 def _require_places(index: Index) -> None:
     """Raises ValueError: something names what is not there."""
+    if index.profile not in PROFILES:
+        raise ValueError("an unknown profile")
     counts = {len(view.groups) for view in index.views}
     if len(counts) != 1:
         raise ValueError("views of different sets")

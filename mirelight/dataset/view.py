@@ -296,7 +296,10 @@ class DataSet:
         buffers = [self._buffer(key, seen) for key in view.groups]
         planes = np.empty((3, len(index.units), seen.height * seen.width), dtype=np.float32)
         for i, unit in enumerate(index.units):
-            for layer_planes, values in zip(planes, _planar(buffers[unit.group], unit.layer), strict=True):
+            found = _planar(buffers[unit.group], unit.layer)
+            if found is None:
+                raise InputError(self.folder / indexing.FILE, f"no layer {unit.layer!r} is kept", _REMEDY)
+            for layer_planes, values in zip(planes, found, strict=True):
                 layer_planes[i] = values
         glow = self._buffer(view.glow, seen) if self._kept.path(view.glow).is_file() else None
         constant = None if glow is None else _planar(glow, "")
@@ -343,10 +346,12 @@ class DataSet:
         return found
 
 
-def _planar(buffer: LightingBuffer, layer: str) -> NDArray[np.float32]:
-    """(3, h w) radiance of a layer, or of all ("")."""
+def _planar(buffer: LightingBuffer, layer: str) -> NDArray[np.float32] | None:
+    """(3, h w) radiance of a layer, or of all (""); None where there is no such layer."""
     if layer:
-        chosen = next(x for x in buffer.layers if x.name == layer)
+        chosen = next((x for x in buffer.layers if x.name == layer), None)
+        if chosen is None:
+            return None
         total = chosen.direct + chosen.indirect
     else:
         total = buffer.beauty

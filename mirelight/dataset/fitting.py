@@ -20,7 +20,7 @@ def require(value: Any) -> None:
     Raises:
         TypeError: it does not.
     """
-    hints = _hints(type(value))
+    hints = _hints(type(value))  # type: ignore[arg-type]
     for field in fields(value):
         own = getattr(value, field.name)
         endless = field.name in _ENDLESS and own == math.inf

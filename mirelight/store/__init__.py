@@ -294,7 +294,7 @@ class Store:
         Raises:
             OutputError: layers alone are wanted, and it cannot be written.
         """
-        if self._output.store == "frames" or key in self._light.there():
+        if self._output.store == "frames" or self._light.is_whole(key):
             return
         if self._output.store == "layers":
             self._light.keep_composite(key, splats)

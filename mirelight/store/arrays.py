@@ -134,7 +134,7 @@ def _start(length: int) -> int:
 
 def _parts(values: NDArray[Any]) -> tuple[memoryview | bytes, bytes]:
     """The bytes of an array, and what fills up to the next one."""
-    whole = memoryview(np.ascontiguousarray(values)).cast("B") if values.size else b""
+    whole = np.ascontiguousarray(values).data.cast("B") if values.size else b""
     return whole, bytes(-values.nbytes % _ALIGN)
 
 

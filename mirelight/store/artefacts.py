@@ -115,6 +115,10 @@ class Artefacts:
         """
         self._write(key, _LIGHT, _own_arrays(splats))
 
+    def is_whole(self, key: str) -> bool:
+        """Whether such a composite or buffer is there, its bytes those that were written."""
+        return self._read(key, _LIGHT, lambda file: True) or False
+
     def path(self, key: str) -> Path:
         """The file of a composite or buffer."""
         return self._path(key, _LIGHT)

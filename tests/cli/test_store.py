@@ -24,6 +24,8 @@ from mirelight.io.atomic import atomic_path, clear, owner_of
 from mirelight.io.exr import read_exr
 from mirelight.io.image import read_fingerprint
 from mirelight.kept import KeptNowhere, made_once
+from mirelight.model import Job, OutputSettings
+from mirelight.store import Store, artefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
 from mirelight.store.index import Index
@@ -418,3 +420,46 @@ def test_a_bad_row_is_said_by_every_command(folder: Path, run: Run) -> None:
         done = run(*command)  # none ends in a traceback
         assert said in done.stdout + done.stderr, done
     assert "1 of them already there" in run(*job).stdout
+
+
+def test_kept_light_that_has_rotted_is_made_again_and_said(folder: Path, run: Run) -> None:
+    job = ("render", "job.toml", "--camera", "front")
+    assert run(*job).returncode == 0
+    out = folder / "out"
+    good = {path.name: path.read_bytes() for path in out.glob("front.*")}
+    for path in (out / ".mirelight" / "light").iterdir():
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 4
+        path.write_bytes(data)
+    for name in good:
+        (out / name).unlink()
+    done = run(*job)
+    assert done.returncode == 0 and "is damaged; what it held is made again" in done.stderr
+    assert {path.name: path.read_bytes() for path in out.glob("front.*")} == good
+    assert "damaged" not in run("verify", "out").stdout
+
+
+def test_layers_of_another_job_in_the_folder_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where they are the product, also those that another job has found made; its own that are out of use go."""
+    monkeypatch.setattr(artefacts, "_MOST_UNUSED", 0)
+    stores = [Store(Job(source=tmp_path / name, splats=None, output=OutputSettings(directory=tmp_path / "out")))
+              for name in ("a.toml", "b.toml")]  # fmt: skip
+    for name, store in zip("ab", stores, strict=True):
+        store.open()
+        for i in range(3):
+            store._light.keep_array(f"{name * 20}{i}", np.zeros(9))
+    plan = {
+        "job": str(tmp_path / "b.toml"),
+        "settings": [],
+        "whole": True,
+        "frames": [],
+        "layers": {"x": ["a" * 20 + "1"]},
+    }
+    aside = tmp_path / "out" / ".mirelight"
+    (aside / "plans" / "0.json").write_text(json.dumps(plan))
+    (aside / "dataset.json").write_text(json.dumps({"views": ["a" * 20 + "2"]}))
+    stores[0].tidy({"b" * 20})
+    left = [path.stem[-2:] for path in stores[0]._light.files()]
+    assert left == ["a1", "a2", "b0", "b1", "b2"]
+    for store in stores:
+        store.close()

@@ -115,4 +115,4 @@ def test_fifty_connections_at_once_are_all_taken(tmp_path: Path) -> None:
     """Before any of them is answered."""
     with _Server(("127.0.0.1", 0), BaseHTTPRequestHandler) as server, ExitStack() as held:
         for _ in range(50):
-            held.enter_context(socket.create_connection(server.server_address[:2], timeout=5))
+            held.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=5))

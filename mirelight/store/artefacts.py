@@ -71,7 +71,11 @@ class Artefacts:
     def mesh(self, key: str) -> ProxyMesh | None:
         """A kept mesh, vertices and faces alone; None where there is none, or it is damaged."""
         self._touch(key)
-        return self._read(key, _ARRAY, lambda file: ProxyMesh(**file.arrays))
+
+        def made(file: Arrays) -> ProxyMesh:
+            return ProxyMesh(vertices=file.arrays["vertices"], faces=file.arrays["faces"])
+
+        return self._read(key, _ARRAY, made)
 
     def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
         """Keep the vertices and faces of a mesh.

@@ -11,6 +11,7 @@ import shutil
 import signal
 import subprocess
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -214,7 +215,7 @@ def test_the_last_sign_of_life_counts_even_where_the_number_lives(tmp_path: Path
 def test_a_claim_that_was_just_taken_over_is_put_back(tmp_path: Path, change: str) -> None:
     """Two look at a dead claim; one takes it over before the other comes to rename it."""
     quick = Claims(tmp_path)
-    held = []
+    held: list[AbstractContextManager[bool]] = []
 
     class Late(Claims):
         def _removed(self, path: Path, seen: Any) -> bool:

@@ -297,7 +297,7 @@ def test_a_damaged_index_is_refused_in_a_line(tmp_path: Path, folders: tuple[Pat
     (tmp_path / ".mirelight").mkdir()
     for name in ("light", "scene"):
         (tmp_path / ".mirelight" / name).symlink_to(folders[1] / ".mirelight" / name)
-    wrong = [None, [], "../a", -1, 10**400]
+    wrong: list[Any] = [None, [], "../a", -1, 10**400]
     refused = 0
     for path in list(places(good))[1:]:
         for value in wrong:

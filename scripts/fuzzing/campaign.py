@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing.cases import CANARY, Case
+from fuzzing.case import CANARY, Case
 
 GOOD = ("ok", "refused")
 BAD = ("traceback", "crash", "hang", "memory", "output", "escape", "silent", "control", "noisy", "unclear")

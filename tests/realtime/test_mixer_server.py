@@ -296,7 +296,7 @@ def test_a_light_of_several_lightings_is_moved_in_all_of_them(folder: Path) -> N
     day, night = jobs.load(saved.path).lightings
     np.testing.assert_array_equal(cast(np.ndarray, position_of(day.lights[0])), [7, 8, 9])  # its own goes before
     np.testing.assert_array_equal(cast(np.ndarray, position_of(night.lights[0])), [4, 5, 6])
-    with pytest.raises(InputError, match="moved.day"):
+    with pytest.raises(InputError, match=r"moved\.day"):
         saved.save(b"[moved]\nday = [4, 5, 6]\n")
     saved.path.unlink()
 

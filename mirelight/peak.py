@@ -15,7 +15,8 @@ from mirelight.units import GLOW, LightSet
 _PROGRAM = 180 << 20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
 _SPLAT = 150  # bytes of a splat's work: projected record twice, keys, order
 _TRIANGLE = 220  # bytes of a triangle's work: Embree's tree over it
-_FRAME = 217  # bytes a pixel: composite, AOVs, and the frame while it is written
+_FRAME = 120  # bytes a pixel: composite, and the frame while it is written
+_LIGHTING = 97  # bytes a pixel of the lighting, which may have more or fewer than the frame: AOVs, what is mixed
 _LAYER = 25  # bytes a pixel of each layer of the lighting that is mixed
 _SET = 70  # bytes a pixel of a traced set of lights: its geometry and sums over its layers
 _SET_LAYER = 60  # bytes a pixel of each light in it
@@ -66,7 +67,7 @@ def _light_bytes(job: Job, camera: Camera, glows: bool) -> int:
         every |= own
         most = max(most, sum(own.values()) + _LAYER * layers + denoised)
         kept = max(kept, sum(own.values()))
-    return pixels * most + min(pixels * (sum(every.values()) - kept), _MOST_KEPT)
+    return pixels * (_LIGHTING + most) + min(pixels * (sum(every.values()) - kept), _MOST_KEPT)
 
 
 def _set_bytes(one: LightSet) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,9 @@ class Case:
     build: Callable[[Path], None]  # fills the folder
     bright: bool = False  # a finished frame must not be black
     streams: str = "kept"  # what stdout and stderr are, see STREAMS
+    codes: tuple[int, ...] = ()  # it must end with one of these; (): with any that its command has
+    after: Callable[[Path], str] | None = None  # says what is wrong with the folder when all is done; "": nothing
+    seconds: float = math.inf  # by the clock, that it may take
 
 
 def of_files(

@@ -8,16 +8,16 @@ import random
 import zipfile
 from collections.abc import Iterator
 
-from fuzzing import commands, damage, written
+from fuzzing import commands, damage, reviewed, written
 from fuzzing.case import Case, of_files
-from fuzzing.sound import TINY, WHOLE, base, job, scene
+from fuzzing.sound import CAMERA_FILES, TINY, WHOLE, base, job, scene
 
 
 def cases(count: int, seed: int = 1) -> Iterator[Case]:
     """`count` cases: the written ones first, then drawn ones."""
-    fixed = written.written()
+    fixed = [*written.written(), *reviewed.written()]
     yield from fixed[:count]
-    kinds = (_job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare, _cameras)
+    kinds = (reviewed.drawn, _job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare, _cameras)
     for number in range(max(count - len(fixed), 0)):
         rng = random.Random(f"{seed} {number}")
         yield commands.drawn(number, rng) if number % 2 else kinds[number // 2 % len(kinds)](number, rng)
@@ -141,17 +141,6 @@ def _gltf(number: int, rng: random.Random) -> Case:
     return of_files(
         f"{number} glTF {role}", ("render", "job.toml", *TINY, "--camera", "*"), {**files, "job.toml": text}
     )
-
-
-CAMERA_FILES = {
-    "transforms.json": b'{"camera_angle_x": 0.7, "w": 16, "h": 12, "frames": [{"file_path": "a.png", '
-    b'"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 1], [0, 0, 1, 6], [0, 0, 0, 1]]}]}',
-    "cameras.json": b'[{"id": 0, "img_name": "a", "width": 16, "height": 12, "position": [0, 1, 6], "rotation": '
-    b'[[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 20, "fy": 20}]',
-    "sparse/cameras.txt": b"1 PINHOLE 16 12 20 20 8 6\n",
-    "sparse/images.txt": b"1 1 0 0 0 0 1 6 1 a.png\n\n2 1 0 0 0 0 1 7 1 b.png\n\n",
-    "sparse/points3D.txt": b"",
-}
 
 
 def _cameras(number: int, rng: random.Random) -> Case:

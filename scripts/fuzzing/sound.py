@@ -150,3 +150,17 @@ def job(splats: str = "splats.ply", proxy: str = "proxy.glb", sky: str = "sky.pn
 def scene(**files: bytes) -> dict[str, bytes]:
     """The files of a sound scene, with others laid over them."""
     return {name: base()[name] for name in COMPANIONS} | files
+
+
+CAMERA_FILES = {
+    "transforms.json": b'{"camera_angle_x": 0.7, "w": 16, "h": 12, "frames": [{"file_path": "a.png", '
+    b'"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 1], [0, 0, 1, 6], [0, 0, 0, 1]]}]}',
+    "cameras.json": b'[{"id": 0, "img_name": "a", "width": 16, "height": 12, "position": [0, 1, 6], "rotation": '
+    b'[[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 20, "fy": 20}]',
+    "sparse/cameras.txt": b"1 PINHOLE 16 12 20 20 8 6\n",
+    "sparse/images.txt": b"1 1 0 0 0 0 1 6 1 a.png\n\n2 1 0 0 0 0 1 7 1 b.png\n\n",
+    "sparse/points3D.txt": b"",
+    "eyes.csv": b"x,y,z,target_x,target_y,target_z,width,height\n0,1,6,0,0,0,16,12\n0,1,7,0,0,0,16,12\n",
+    "camera_path.json": b'{"render_width": 16, "render_height": 12, "camera_path": [{"fov": 50, "aspect": 1.3, '
+    b'"camera_to_world": [1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 1, 6, 0, 0, 0, 1]}]}',
+}

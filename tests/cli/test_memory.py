@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,9 @@ import numpy as np
 import pytest
 
 from mirelight.io import splats
+from mirelight.io.facts import JobFacts
 from mirelight.io.gltf.write import write_glb
+from mirelight.io.inspect import inspect
 from mirelight.model import Material, ProxyMesh, SplatCloud
 
 SIZE = 960, 540
@@ -24,10 +25,8 @@ assert main(["render", sys.argv[1], "-o", sys.argv[1] + ".out", "-q"]) == 0
 print(next(x for x in Path("/proc/self/status").read_text().splitlines() if x.startswith("VmHWM")).split()[1])
 """
 SETTINGS = {  # lightings, lights in each, what else
-    "one light": (1, 1, ""),
     "lights in layers": (1, 5, ""),
     "lightings": (3, 2, ""),
-    "denoised": (1, 1, "denoise = true, "),
     "layers denoised": (2, 3, "denoise = true, "),
 }
 
@@ -66,17 +65,15 @@ def _job(folder: Path, name: str, size: tuple[int, int]) -> str:
 
 def _peaks(folder: Path, job: str) -> tuple[int, int]:
     """Bytes: what is said, and what is taken."""
-    said = subprocess.run(
-        [sys.executable, "-m", "mirelight", "inspect", "--json", job],
-        cwd=folder, capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
     ran = subprocess.run([sys.executable, "-c", RENDER, job], cwd=folder, capture_output=True, text=True, check=True)
-    return json.loads(said)["memory"], int(ran.stdout) * 1024
+    facts = inspect(folder / job)
+    assert isinstance(facts, JobFacts)
+    return facts.memory, int(ran.stdout) * 1024
 
 
 @pytest.fixture(scope="module")
 def program(folder: Path) -> tuple[int, int]:
-    return _peaks(folder, _job(folder, "one light", (16, 9)))
+    return _peaks(folder, _job(folder, "lightings", (16, 9)))
 
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peaks are read from Linux' /proc")
@@ -90,6 +87,6 @@ def test_the_memory_that_is_said_is_taken(folder: Path, program: tuple[int, int]
 
 
 def test_a_dry_run_says_the_memory_too(folder: Path) -> None:
-    job = _job(folder, "one light", (16, 9))
+    job = _job(folder, "lightings", (16, 9))
     command = [sys.executable, "-m", "mirelight", "render", job, "--dry-run"]
     assert "MB of new files, 18" in subprocess.run(command, cwd=folder, capture_output=True, text=True).stdout

@@ -9,12 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight import keys, needs, relighting
-from mirelight.model import Camera, Job, ProxyMesh
+from mirelight.model import Camera, Job, Lighting, ProxyMesh
 from mirelight.units import GLOW, LightSet
 
 _PROGRAM = 180 << 20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
-_SPLAT = 150  # bytes of a splat's work: projected record twice, keys, order
+_SPLAT = 270  # bytes of a splat beside it and its copy: projected records twice, keys, order
 _TRIANGLE = 220  # bytes of a triangle's work: Embree's tree over it
+_SKY = 28  # bytes of a map's pixel while light is traced, beside its own
 _FRAME = 120  # bytes a pixel: composite, and the frame while it is written
 _LIGHTING = 97  # bytes a pixel of the lighting, which may have more or fewer than the frame: AOVs, what is mixed
 _LAYER = 25  # bytes a pixel of each layer of the lighting that is mixed
@@ -39,10 +40,16 @@ def of_render(job: Job, proxy: ProxyMesh | None) -> int:
         needed += 2 * sum(x.nbytes for x in arrays) + _SPLAT * len(splats)
     if proxy is not None:
         needed += 2 * mesh_bytes(proxy) + _TRIANGLE * len(proxy.faces)
+    skies = {id(x.environment.pixels): x.environment.pixels for x in _lit(job) if x.environment is not None}
+    needed += sum(x.nbytes for x in skies.values()) + max((x.nbytes // 12 * _SKY for x in skies.values()), default=0)
     if not job.cameras:
         return needed
     camera = max(job.cameras, key=lambda x: x.width * x.height)
     return needed + camera.width * camera.height * _FRAME + _light_bytes(job, camera, _glows(proxy))
+
+
+def _lit(job: Job) -> tuple[Lighting, ...]:
+    return (*job.lightings, *(() if job.captured is None else (job.captured,)))
 
 
 def mesh_bytes(mesh: ProxyMesh | None) -> int:

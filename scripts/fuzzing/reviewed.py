@@ -9,6 +9,8 @@ import random
 import re
 import socket
 import struct
+import subprocess
+import sys
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
@@ -172,15 +174,16 @@ def _untouched(files: dict[str, bytes]) -> Callable[[Path], str]:
 
 def _left_over() -> list[Case]:
     """What a killed export leaves is gone after the next one."""
+    case = of_files("left over by a killed export", _EXPORT, {**sound(), **kept()}, setup=_killed)
+    return [replace(case, after=lambda folder: ", ".join(x.name for x in (folder / "set").rglob("*~*")))]
 
-    def look(folder: Path) -> str:
-        return ", ".join(x.name for x in (folder / "set").rglob("*.partial*") if not x.name.startswith("mine"))
 
-    out = []
-    for name in ("set/transforms.json.partial.99999999", ".set.partial.99999999/a"):
-        files = {**sound(), **kept(), name: b"x"}
-        out.append(replace(of_files(f"left over: {name}", _EXPORT, files), after=look))
-    return out
+def _killed(folder: Path) -> None:
+    (folder / "set").mkdir()
+    code = "import os, sys; from mirelight.io.atomic import atomic_path\n"
+    code += "with atomic_path('set/transforms.json'): os._exit(0)"
+    root = str(Path(__file__).parents[2])
+    subprocess.run([sys.executable, "-c", code], cwd=folder, check=True, env={**os.environ, "PYTHONPATH": root})
 
 
 _EXPORT = ("export", "kept", "--layout", "nerf", "-o", "set")
@@ -205,17 +208,21 @@ def _mute() -> Case:
 # --- pictures, cameras, splats ---------------------------------------------------------------------------------------
 
 
-def _large() -> list[Case]:
+def _black(width: int, height: int) -> bytes:
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.new("RGB", (8192, 4096)).save(stream, "PNG")
-    large, png = stream.getvalue(), base()["sky.png"]
+    Image.new("RGB", (width, height)).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def _large() -> list[Case]:
+    png = base()["sky.png"]
     chunk = struct.pack(">I", 0) + b"iCCP" + struct.pack(">I", zlib.crc32(b"iCCP"))
     late = png[:-12] + chunk + png[-12:]
     out = [
-        of_files("a large sky inspected", ("inspect", "sky.png"), {"sky.png": large}),
-        of_files("a large sky rendered", _RENDER, scene(**{"sky.png": large, "job.toml": job()})),
+        of_files("a large sky inspected", ("inspect", "sky.png"), {"sky.png": _black(8192, 4096)}),
+        of_files("a large sky rendered", _RENDER, scene(**{"sky.png": _black(6144, 3072), "job.toml": job()})),
         of_files("a late iCCP as sky", _RENDER, scene(**{"sky.png": late, "job.toml": job()})),
     ]
     commands = ("inspect", "a.png"), ("compare", "a.png", "a.png"), ("sheet", "a.png", "-o", "b.png")

@@ -17,7 +17,20 @@ def cases(count: int, seed: int = 1) -> Iterator[Case]:
     """`count` cases: the written ones first, then drawn ones."""
     fixed = [*written.written(), *reviewed.written()]
     yield from fixed[:count]
-    kinds = (reviewed.drawn, _job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare, _cameras)
+    kinds = (
+        reviewed.drawn,
+        _job,
+        reviewed.drawn,
+        _override,
+        _splats,
+        _sog,
+        _streamed,
+        _mesh,
+        _gltf,
+        _picture,
+        _compare,
+        _cameras,
+    )
     for number in range(max(count - len(fixed), 0)):
         rng = random.Random(f"{seed} {number}")
         yield commands.drawn(number, rng) if number % 2 else kinds[number // 2 % len(kinds)](number, rng)

@@ -50,10 +50,16 @@ def _rotted_light(number: int, rng: random.Random) -> Case:
     data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
     files[name] = bytes(data)
     if rng.random() < 0.3:
-        return replace(of_files(f"{number} rotted light verified", ("verify", "kept"), files), codes=(1, 2))
+        case = of_files(f"{number} rotted light verified", ("verify", "kept"), files)
+        return replace(case, after=_says_light)
     files = {x: y for x, y in files.items() if not x.endswith((".exr", ".png")) or not x.startswith("kept/")}
     case = of_files(f"{number} rotted light rendered", _AGAIN, files)
     return replace(case, after=_same_pictures)
+
+
+def _says_light(folder: Path) -> str:
+    said = (folder.parent / "said" / "stdout").read_text(encoding="utf-8", errors="replace")
+    return "" if ".light" in said else "verify does not name what has rotted"
 
 
 def _same_pictures(folder: Path) -> str:

@@ -101,8 +101,8 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     ways are split, so that a corner of a room keeps the colours of its walls apart. E holds light reflected by the
     proxy, so colours and light are found in turns. Where splats end at display white, all that lie in light as bright
     count only if there are no others: which of them are clipped depends on their colour, and to leave out those alone
-    would leave the dark ones. What those others tell is held to what the
-    clipped ones show at least, channel by channel.
+    would leave the dark ones. What those others tell is held to what
+    the clipped ones show at least, channel by channel.
 
     Args:
         splats: in world space; their colour averaged over directions is used, decoded from sRGB.
@@ -254,7 +254,7 @@ def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> 
     least = _told(shape, deposits, color, light, np.ones(len(light)), filling)
     beside = np.zeros(len(found), bool)
     beside[shape.mesh.faces[deposits.face[over]]] = True
-    return np.where(beside[:, None], np.maximum(found, least), found)
+    return np.asarray(np.where(beside[:, None], np.maximum(found, least), found), dtype=np.float32)
 
 
 def _told(shape: _Shape, deposits: Deposits, color: F64, light: F64, count: F64, filling: Filling) -> F32:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight import colour, conventions, sh
 from mirelight.errors import RenderError
+from mirelight.lighting.clipped import Shown, guessed
 from mirelight.lighting.filling import Filling, add_rows
 from mirelight.lighting.points import shown
 from mirelight.lighting.pooling import pooled
@@ -248,13 +249,25 @@ def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> 
     found = _told(shape, deposits, color, light, np.where(over, _OVEREXPOSED, 1.0), filling)
     if not over.any():
         return found
-    around = (found[shape.mesh.faces[deposits.face]] * deposits.corners[:, :, None]).sum(axis=1)
     clipped = over[:, None] & (deposits.color >= 1 - CLIPPED)
+    patch = filling.patches.of_vertex[shape.mesh.faces[deposits.face]]
+    places, ways = _of_patches(shape, filling)
+    guess = guessed(Shown(patch, deposits.corners, deposits.weight, deposits.color, light, over, clipped), places, ways, shape.spacing)
+    around = (guess[patch] * deposits.corners[:, :, None]).sum(axis=1)
     color = np.where(clipped, np.maximum(color, around * light / np.pi), color)
     least = _told(shape, deposits, color, light, np.ones(len(light)), filling)
     beside = np.zeros(len(found), bool)
     beside[shape.mesh.faces[deposits.face[over]]] = True
-    return np.asarray(np.where(beside[:, None], np.maximum(found, least), found), dtype=np.float32)
+    return np.asarray(np.where(beside[:, None], least, found), dtype=np.float32)
+
+
+def _of_patches(shape: _Shape, filling: Filling) -> tuple[F64, Int]:
+    """(P, 3) middles of patches, (P,) which way they look."""
+    of, n = filling.patches.of_vertex, filling.patches.walk.shape[0]
+    places = np.stack([np.bincount(of, x, minlength=n) for x in shape.mesh.vertices.T.astype(np.float64)], axis=1)
+    ways = np.zeros(n, np.int64)
+    ways[of] = shape.way
+    return places / np.bincount(of, minlength=n)[:, None], ways
 
 
 def _told(shape: _Shape, deposits: Deposits, color: F64, light: F64, count: F64, filling: Filling) -> F32:

@@ -17,6 +17,7 @@ from scenegen.truth import Looks
 
 EXPOSURE = 5.0  # of the captured light
 WIDE, HIGH, DEEP, WALL = 2.4, 2.6, 1.9, 0.2  # metres: x from -WIDE to WIDE, z from -DEEP to DEEP
+GAP = 0.1  # between what the room shows and the slabs behind: nearer, splats would lie on both
 WINDOW = (-0.45, 0.5)  # along z, in the wall at +X
 SILL, LINTEL = 1.0, 1.95
 LAMPS = ((-0.4, 2.0, -0.3), (-1.9, 1.3, -1.4))
@@ -47,40 +48,40 @@ def surfaces() -> dict[str, Surface]:
 
 
 def _shell() -> list[Part]:
-    """Slabs, so that light has no seam to come through, and before them the surfaces that the room shows."""
-    out = WALL / 2
-    long, deep, x = 2 * WIDE + 2 * WALL, 2 * DEEP + 2 * WALL, WIDE + out
+    """Surfaces that the room shows, in small pieces as proxies have them; slabs well behind them keep the light out."""
+    out = GAP + WALL / 2
+    long, deep = 2 * (WIDE + GAP + WALL), 2 * (DEEP + GAP + WALL)
+    x, low, high = WIDE + WALL / 2, -GAP - WALL, HIGH + GAP + WALL
+    tall = high - low
     a, b = WINDOW
     parts = [
         boxes((0, -out, 0), (long, WALL, deep), "boards", bevel=0.001),
         boxes((0, HIGH + out, 0), (long, WALL, deep), "ceiling", bevel=0.001),
-        boxes((-x, HIGH / 2, 0), (WALL, HIGH + 0.02, deep), "red wall", bevel=0.001),
-        boxes((0, HIGH / 2, -DEEP - out), (2 * WIDE + 0.02, HIGH + 0.02, WALL), "teal wall", bevel=0.001),
-        boxes((0, HIGH / 2, DEEP + out), (2 * WIDE + 0.02, HIGH + 0.02, WALL), "cream wall", bevel=0.001),
-        boxes((x, SILL / 2, 0), (WALL, SILL, deep), "cream wall", bevel=0.001),
-        boxes((x, (LINTEL + HIGH) / 2, 0), (WALL, HIGH - LINTEL + 0.02, deep), "cream wall", bevel=0.001),
+        boxes((-WIDE - out, HIGH / 2, 0), (WALL, tall, deep), "red wall", bevel=0.001),
+        boxes((0, HIGH / 2, -DEEP - out), (long, tall, WALL), "teal wall", bevel=0.001),
+        boxes((0, HIGH / 2, DEEP + out), (long, tall, WALL), "cream wall", bevel=0.001),
+        boxes((x, (low + SILL) / 2, 0), (WALL, SILL - low, deep), "cream wall", bevel=0.001),
+        boxes((x, (LINTEL + high) / 2, 0), (WALL, high - LINTEL, deep), "cream wall", bevel=0.001),
     ]
-    for low, high in ((-DEEP - WALL, a), (b, DEEP + WALL)):
-        size = (WALL, LINTEL - SILL + 0.02, high - low)
-        parts.append(boxes((x, (SILL + LINTEL) / 2, (low + high) / 2), size, "cream wall", bevel=0.001))
-    middle, half, tall = (a + b) / 2, (SILL + LINTEL) / 2, LINTEL - SILL
+    for one, other in ((-deep / 2, a), (b, deep / 2)):
+        size = (WALL, LINTEL - SILL + 0.02, other - one)
+        parts.append(boxes((x, (SILL + LINTEL) / 2, (one + other) / 2), size, "cream wall", bevel=0.001))
+    middle, half, opening = (a + b) / 2, (SILL + LINTEL) / 2, LINTEL - SILL
     rails = [[x, SILL + 0.03, middle], [x, LINTEL - 0.03, middle], [x, half, a + 0.03], [x, half, b - 0.03]]
-    sizes = [[0.06, 0.06, b - a], [0.06, 0.06, b - a], [0.06, tall, 0.06], [0.06, tall, 0.06]]
-    parts.append(boxes([*rails, [x, half, middle]], [*sizes, [0.05, tall, 0.05]], "frame", bevel=0.005))
+    sizes = [[0.06, 0.06, b - a], [0.06, 0.06, b - a], [0.06, opening, 0.06], [0.06, opening, 0.06]]
+    parts.append(boxes([*rails, [x, half, middle]], [*sizes, [0.05, opening, 0.05]], "frame", bevel=0.005))
     parts.append(boxes((WIDE - 0.04, SILL + 0.015, middle), (0.2, 0.03, b - a + 0.2), "oak", bevel=0.006))
     return [*parts, *_faces()]
 
 
 def _faces() -> list[Part]:
-    """What the room shows of them, in small pieces, as proxies have it."""
-    e = 0.002
     w, d, h = 2 * WIDE, 2 * DEEP, HIGH
     return [
-        rectangle((-WIDE, e, DEEP), (w, 0, 0), (0, 0, -d), "boards", 0.12),
-        rectangle((-WIDE, h - e, -DEEP), (w, 0, 0), (0, 0, d), "ceiling", 0.12),
-        rectangle((-WIDE + e, 0, DEEP), (0, 0, -d), (0, h, 0), "red wall", 0.12),
-        rectangle((-WIDE, 0, -DEEP + e), (w, 0, 0), (0, h, 0), "teal wall", 0.12),
-        rectangle((WIDE, 0, DEEP - e), (-w, 0, 0), (0, h, 0), "cream wall", 0.12),
+        rectangle((-WIDE, 0, DEEP), (w, 0, 0), (0, 0, -d), "boards", 0.12),
+        rectangle((-WIDE, h, -DEEP), (w, 0, 0), (0, 0, d), "ceiling", 0.12),
+        rectangle((-WIDE, 0, DEEP), (0, 0, -d), (0, h, 0), "red wall", 0.12),
+        rectangle((-WIDE, 0, -DEEP), (w, 0, 0), (0, h, 0), "teal wall", 0.12),
+        rectangle((WIDE, 0, DEEP), (-w, 0, 0), (0, h, 0), "cream wall", 0.12),
     ]
 
 

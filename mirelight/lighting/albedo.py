@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight import colour, conventions, sh
 from mirelight.errors import RenderError
-from mirelight.lighting.clipped import Shown, guessed
+from mirelight.lighting.clipped import Shown, hidden
 from mirelight.lighting.filling import Filling, add_rows
 from mirelight.lighting.points import shown
 from mirelight.lighting.pooling import pooled
@@ -251,17 +251,16 @@ def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> 
         return found
     clipped = over[:, None] & (deposits.color >= 1 - CLIPPED)
     patch = filling.patches.of_vertex[shape.mesh.faces[deposits.face]]
-    places, ways = _of_patches(shape, filling)
-    guess = guessed(Shown(patch, deposits.corners, deposits.weight, deposits.color, light, over, clipped), places, ways, shape.spacing)
-    around = (guess[patch] * deposits.corners[:, :, None]).sum(axis=1)
-    color = np.where(clipped, np.maximum(color, around * light / np.pi), color)
-    least = _told(shape, deposits, color, light, np.ones(len(light)), filling)
+    seen = Shown(patch, deposits.corners, deposits.weight, deposits.color, light, over, clipped)
+    albedo = (hidden(seen, *_patches(shape, filling), shape.spacing)[patch] * deposits.corners[:, :, None]).sum(axis=1)
+    color = np.where(clipped, np.maximum(color, albedo * light / np.pi), color)
+    whole = _told(shape, deposits, color, light, np.ones(len(light)), filling)
     beside = np.zeros(len(found), bool)
     beside[shape.mesh.faces[deposits.face[over]]] = True
-    return np.asarray(np.where(beside[:, None], least, found), dtype=np.float32)
+    return np.asarray(np.where(beside[:, None], whole, found), dtype=np.float32)
 
 
-def _of_patches(shape: _Shape, filling: Filling) -> tuple[F64, Int]:
+def _patches(shape: _Shape, filling: Filling) -> tuple[F64, Int]:
     """(P, 3) middles of patches, (P,) which way they look."""
     of, n = filling.patches.of_vertex, filling.patches.walk.shape[0]
     places = np.stack([np.bincount(of, x, minlength=n) for x in shape.mesh.vertices.T.astype(np.float64)], axis=1)

@@ -22,7 +22,6 @@ ALIKE = 0.25  # how far the logarithms of albedos of one surface lie apart
 _ASIDE = 4.0  # what a distance off the surface counts, against one along it: a table is not the floor that it stands on
 _WHOLE = 0.1  # share of a channel that is not clipped from which it is known half
 _STRANGER = 0.01  # what the least that a patch shows counts, against others that are the same
-_NEARER = 2.0
 _AT_ONCE = 1024  # patches that ask
 _DARKEST = 1e-3
 
@@ -58,7 +57,8 @@ class _Evidence:
     known: Bool  # (P,) that there are such
     least: F64  # what those in light as bright show
     likely: F64  # what those are then, if colours lie as far apart as those of one surface
-    whole: F64  # 0 to 1: how far that is known, and not the least alone
+    exact: F64  # what the whole ones among those show
+    share: F64  # of the light, that falls on those
     asking: Bool  # (P,) that there are such
     pure: F64  # (P,) share of the light that falls on places in less
 
@@ -67,57 +67,69 @@ class _Evidence:
         """Of `count` patches."""
         over, log = shown.over[:, None], np.log(np.maximum(np.pi * shown.color, 1e-9) / np.maximum(shown.light, 1e-9))
         values = [shown.color * ~over, shown.light * ~over, shown.color * over, shown.light * over]
-        values += [shown.light * (over & ~shown.clipped), shown.light * over * (log + ALIKE * shown.clipped)]
-        told, lit, least, light, whole, logs = np.split(shown.sums(np.concatenate(values, axis=1), count), 6, axis=1)
+        whole = over & ~shown.clipped
+        values += [shown.color * whole, shown.light * whole, shown.light * over * (log + ALIKE * shown.clipped)]
+        sums = shown.sums(np.concatenate(values, axis=1), count)
+        told, lit, least, light, exact, exact_light, logs = np.split(sums, 7, axis=1)
 
         def albedo(x: F64) -> F64:
             return np.asarray(np.clip(x, _DARKEST, BRIGHTEST))
 
-        share = whole / np.maximum(light, 1e-300)
+        share = exact_light / np.maximum(light, 1e-300)
         return _Evidence(
             told=albedo(np.pi * told / np.maximum(lit, 1e-300)),
             known=lit.min(axis=1) > 0,
             least=albedo(np.pi * least / np.maximum(light, 1e-300)),
             likely=albedo(np.exp(logs / np.maximum(light, 1e-300))),
-            whole=share / (share + _WHOLE),
+            exact=albedo(np.pi * exact / np.maximum(exact_light, 1e-300)),
+            share=share,
             asking=light.min(axis=1) > 0,
             pure=lit.sum(axis=1) / np.maximum((lit + light).sum(axis=1), 1e-300),
         )
 
     def likeness(self, of: Int, to: Int) -> F64:
         """(A, K) how like patches (A,) that ask are to those (A, K) that tell: 1, the same."""
-        theirs, whole = np.log(self.told[to]), self.whole[of][:, None]
+        share, theirs = self.share[of], np.log(self.told[to])
+        whole = (share / (share + _WHOLE))[:, None]
         off = theirs - np.log(self.likely[of])[:, None]
         short = np.maximum(np.log(self.least[of])[:, None] - theirs, 0)
         return np.asarray(np.exp(-(whole * off**2 + (1 - whole) * short**2).sum(axis=2) / (2 * ALIKE**2)))
 
 
-def guessed(shown: Shown, places: F64, ways: Int, spacing: float) -> F64:
-    """(P, 3) albedo of patches where places are clipped, no less than what they show; 0 of others.
+def hidden(shown: Shown, places: F64, ways: Int, spacing: float) -> F64:
+    """(P, 3) albedo of what is clipped in each patch, so that with what is not the mean is that of patches alike.
 
     Args:
         shown: by places.
         places: (P, 3) of the patches, world units.
         ways: (P,) 0 to 5, which way they look: only those that look the same way are asked.
-        spacing: between patches.
+        spacing: between patches, world units.
     """
-    from scipy.spatial import cKDTree
-
     evidence = _Evidence.of(shown, len(places))
-    out = np.where(evidence.asking[:, None], evidence.least, 0.0)
+    mean = np.where(evidence.asking[:, None], evidence.least, 0.0)
     for way in range(6):
         there, asked = np.flatnonzero(evidence.known & (ways == way)), np.flatnonzero(evidence.asking & (ways == way))
-        if not len(there):
-            continue
-        stretch = np.where(np.arange(3) == way // 2, _ASIDE, 1.0)
-        tree, ranks = cKDTree(places[there] * stretch), np.arange(min(NEAREST, len(there))) + 1
-        for first in range(0, len(asked), _AT_ONCE):
-            rows = asked[first : first + _AT_ONCE]
-            away, near = tree.query(places[rows] * stretch, k=ranks, workers=-1)
-            near = there[near]
-            like = evidence.likeness(rows, near) * evidence.pure[near]
-            trust = like / (1 + (away / np.maximum(away[:, :1], spacing)) ** 2) ** _NEARER
-            mean = np.einsum("ak,akc->ac", trust, evidence.told[near]) / np.maximum(trust.sum(axis=1), 1e-300)[:, None]
-            belief = like.max(axis=1)[:, None]
-            out[rows] = np.maximum(out[rows], (belief * mean + _STRANGER * out[rows]) / (belief + _STRANGER))
+        if len(there) and len(asked):
+            stretch = np.where(np.arange(3) == way // 2, _ASIDE, 1.0)
+            mean[asked] = _of_alike(evidence, places * stretch, there, asked, spacing)
+    share = np.minimum(evidence.share, 0.99)
+    rest = (mean - share * evidence.exact) / (1 - share)
+    return np.asarray(np.clip(np.where(share > 0, rest, mean), mean, mean * (1 + ALIKE)))
+
+
+def _of_alike(evidence: _Evidence, places: F64, there: Int, asked: Int, spacing: float) -> F64:
+    """(A, 3) albedo of patches (A,), no less than what they show, by those (K,) that tell."""
+    from scipy.spatial import cKDTree
+
+    tree, ranks = cKDTree(places[there]), np.arange(min(NEAREST, len(there))) + 1
+    out = evidence.least[asked]
+    for first in range(0, len(asked), _AT_ONCE):
+        rows = asked[first : first + _AT_ONCE]
+        away, near = tree.query(places[rows], k=ranks, workers=-1)
+        near = there[near]
+        like = evidence.likeness(rows, near) * evidence.pure[near]
+        trust = like / (1 + (away / np.maximum(away[:, :1], spacing)) ** 2) ** 2
+        mean = np.einsum("ak,akc->ac", trust, evidence.told[near]) / np.maximum(trust.sum(axis=1), 1e-300)[:, None]
+        belief, least = like.max(axis=1)[:, None], evidence.least[rows]
+        out[first : first + _AT_ONCE] = np.maximum(least, (belief * mean + _STRANGER * least) / (belief + _STRANGER))
     return out

@@ -302,6 +302,56 @@ def test_a_clipped_thing_is_as_bright_as_it_shows_at_least() -> None:
     np.testing.assert_allclose(np.mean(blue), 0.2, rtol=0.04)
 
 
+RUG = np.array([0.8, 0.4, 0.25])
+NOON = Lighting(
+    lights=(
+        SpotLight(
+            name="sun",
+            position=np.array([0.0, 0.9, 0.0]),
+            direction=np.array([0.0, -1.0, 0.0]),
+            intensity=40.0,
+            inner_cone_angle=float(np.radians(14)),
+            outer_cone_angle=float(np.radians(15)),
+        ),
+    )
+)
+
+
+def test_light_from_a_patch_past_white_is_as_bright_as_it_was() -> None:
+    """A closed room lit by a patch of sun alone, on a rug that goes on around it; two channels of the patch are white."""
+    walls = WALLS | {"front": ((1, -1, 1), (-2, 0, 0), (0, 2, 0), WHITE)}
+    pieces = [quad(*where[:3], 24 if name == "floor" else 6) for name, where in walls.items()]
+    gray, rng = joined(*pieces), np.random.default_rng(5)
+    colors, at, up = [], [], []
+    for (corner, along, across, color), (vertices, _) in zip(walls.values(), pieces, strict=True):
+        on_rug = (vertices[:, 1] == -1) & (np.abs(vertices[:, [0, 2]]).max(axis=1) < 0.76) & (len(vertices) > 100)
+        colors.append(np.where(on_rug[:, None], RUG, color))
+        s, t = rng.uniform(0, 1, (2, 4000 if len(vertices) > 100 else 1000, 1))
+        at.append(np.asarray(corner) + s * np.asarray(along) + t * np.asarray(across))
+        n = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
+        up.append(np.tile(n, (len(s), 1)))
+    points, normals = np.concatenate(at), np.concatenate(up)
+    true = replace(gray, vertex_colors=np.concatenate(colors).astype(np.float32), albedo=None)
+    tracer = Tracer(true, replace(SETTINGS, seed=77))
+    shown = tracer.materials_at(points, normals)[0] * tracer.point_layers(NOON, points, normals, 64).total / np.pi
+    patch = np.hypot(points[:, 0], points[:, 2]) < 0.4
+    lit_rug = shown[patch & (points[:, 1] == -1)]
+    assert (lit_rug[:, :2] > 1).all() and (lit_rug[:, 2] < 0.97).all()
+    assert 0.02 < (shown > 1).any(axis=1).mean() < 0.1
+    found = colored_by(splats_on(points, normals, np.minimum(shown, 1), 0.02), gray, NOON, SETTINGS)
+
+    high = np.array([[x, 1.0, z] for x in (-0.5, 0.0, 0.5) for z in (-0.5, 0.0, 0.5)])
+    down = np.tile([0.0, -1.0, 0.0], (len(high), 1))
+
+    def bounced(room: ProxyMesh) -> F64:
+        """(3,) on the ceiling."""
+        light = Tracer(room, replace(SETTINGS, seed=9)).point_layers(NOON, high, down, 1024).total
+        return np.asarray(light.mean(axis=0), np.float64)
+
+    print(bounced(found) / bounced(true))
+    np.testing.assert_allclose(bounced(found), bounced(true), rtol=0.06)
+
+
 def test_same_seed_same_bits() -> None:
     gray = joined(*(quad(*where[:3], 6) for where in WALLS.values()))
     again = colored_by(room_splats(), gray, LAMP, SETTINGS)

@@ -98,12 +98,10 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     on their faces, those of splats and of light apart: pi sum(w c) / (sum(w E) + 0.01 mean E), where no splat counts as
     brighter than the brightest surface would be in the light there. Of a fine mesh, which has more vertices than there
     are splats, the mean around them counts as well (`pooling`), and a little that along the surface (`filling`), which
-    is all that vertices without splats have. Vertices on an edge between faces that look different
-    ways are split, so that a corner of a room keeps the colours of its walls apart. E holds light reflected by the
-    proxy, so colours and light are found in turns. Where splats end at display white, all that lie in light as bright
-    count only if there are no others: which of them are clipped depends on their colour, and to leave out those alone
-    would leave the dark ones. What those others tell is held to what
-    the clipped ones show at least, channel by channel.
+    is all that vertices without splats have. Vertices on an edge between faces that look different ways are split, so
+    that a corner of a room keeps the colours of its walls apart. E holds light reflected by the proxy, so colours and
+    light are found in turns. Where splats end at display white, what they hide is guessed from what is alike around
+    (`clipped`): to leave them out alone would leave the dark ones.
 
     Args:
         splats: in world space; their colour averaged over directions is used, decoded from sRGB.
@@ -242,7 +240,7 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
 
 
 def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> F32:
-    """(V, 3) sums of the splats' colours over sums of their light; no darker than what clipped ones show at least."""
+    """(V, 3) sums of the splats' colours over sums of their light; of clipped ones, the colours that they hide."""
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     color = np.minimum(deposits.color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
     over = _overexposed(shape, deposits, light)
@@ -255,7 +253,7 @@ def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> 
     albedo = (hidden(seen, *_patches(shape, filling), shape.spacing)[patch] * deposits.corners[:, :, None]).sum(axis=1)
     color = np.where(clipped, np.maximum(color, albedo * light / np.pi), color)
     whole = _told(shape, deposits, color, light, np.ones(len(light)), filling)
-    beside = np.zeros(len(found), bool)
+    beside = np.zeros(len(found), bool)  # elsewhere nothing is guessed
     beside[shape.mesh.faces[deposits.face[over]]] = True
     return np.asarray(np.where(beside[:, None], whole, found), dtype=np.float32)
 

@@ -1,8 +1,8 @@
 """Colours of what was captured brighter than white, guessed from what was not.
 
-A channel that ends at white says only how bright a surface is at least. What its others say is exact, and mostly more of
-the same surface lies near by in less light. So each patch of a mesh takes the mean of the patches around that could be
-the same surface by all that it shows: whose colour agrees with its whole channels, and is not below what the clipped
+A channel that ends at white says only how bright a surface is at least. What its others say is exact, and mostly more
+of the same surface lies near by in less light. So each patch of a mesh takes the mean of the patches around that could
+be the same surface by all that it shows: whose colour agrees with its whole channels, and is not below what the clipped
 ones show at least.
 """
 
@@ -22,6 +22,7 @@ ALIKE = 0.25  # how far the logarithms of albedos of one surface lie apart
 _ASIDE = 4.0  # what a distance off the surface counts, against one along it: a table is not the floor that it stands on
 _WHOLE = 0.1  # share of a channel that is not clipped from which it is known half
 _STRANGER = 0.01  # what the least that a patch shows counts, against others that are the same
+_NEARER = 4  # half the power of the distance by which those count less: what else is near agrees too where all is white
 _AT_ONCE = 1024  # patches that ask
 _DARKEST = 1e-3
 
@@ -128,7 +129,7 @@ def _of_alike(evidence: _Evidence, places: F64, there: Int, asked: Int, spacing:
         away, near = tree.query(places[rows], k=ranks, workers=-1)
         near = there[near]
         like = evidence.likeness(rows, near) * evidence.pure[near]
-        trust = like / (1 + (away / np.maximum(away[:, :1], spacing)) ** 2) ** 2
+        trust = like / (1 + (away / np.maximum(away[:, :1], spacing)) ** 2) ** _NEARER
         mean = np.einsum("ak,akc->ac", trust, evidence.told[near]) / np.maximum(trust.sum(axis=1), 1e-300)[:, None]
         belief, least = like.max(axis=1)[:, None], evidence.least[rows]
         out[first : first + _AT_ONCE] = np.maximum(least, (belief * mean + _STRANGER * least) / (belief + _STRANGER))

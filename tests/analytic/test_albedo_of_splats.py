@@ -318,9 +318,9 @@ NOON = Lighting(
 
 
 def test_light_from_a_patch_past_white_is_as_bright_as_it_was() -> None:
-    """A closed room lit by a patch of sun alone, on a rug that goes on around it; two channels of the patch are white."""
+    """A closed room lit by a patch of sun alone, on a rug that goes on around it; two of its channels are white."""
     walls = WALLS | {"front": ((1, -1, 1), (-2, 0, 0), (0, 2, 0), WHITE)}
-    pieces = [quad(*where[:3], 24 if name == "floor" else 6) for name, where in walls.items()]
+    pieces = [quad(c, a, b, 24 if name == "floor" else 6) for name, (c, a, b, _) in walls.items()]
     gray, rng = joined(*pieces), np.random.default_rng(5)
     colors, at, up = [], [], []
     for (corner, along, across, color), (vertices, _) in zip(walls.values(), pieces, strict=True):
@@ -348,7 +348,6 @@ def test_light_from_a_patch_past_white_is_as_bright_as_it_was() -> None:
         light = Tracer(room, replace(SETTINGS, seed=9)).point_layers(NOON, high, down, 1024).total
         return np.asarray(light.mean(axis=0), np.float64)
 
-    print(bounced(found) / bounced(true))
     np.testing.assert_allclose(bounced(found), bounced(true), rtol=0.06)
 
 

@@ -129,3 +129,14 @@ def rigid_part(matrix: ArrayLike) -> Matrix:
     out = np.eye(4)
     out[:3, 0], out[:3, 1], out[:3, 2], out[:3, 3] = right, np.cross(back, right), back, m[:3, 3]
     return out
+
+
+def frame_around(way: Matrix) -> Matrix:
+    """(..., 3, 3) rows: two directions across unit ones (..., 3), and these (Duff et al. 2017)."""
+    x, y, z = np.moveaxis(way, -1, 0)
+    sign = np.where(z >= 0, 1.0, -1.0)
+    a = -1 / (sign + z)
+    b = x * y * a
+    first = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    second = np.stack([b, sign + y * y * a, -y], axis=-1)
+    return np.stack([first, second, way], axis=-2)

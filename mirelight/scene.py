@@ -28,6 +28,7 @@ from mirelight.model import (
     ProxyMesh,
     RelightSettings,
     SplatCloud,
+    SplatLayer,
     SurfaceCache,
 )
 from mirelight.model.profiles import COMPARING
@@ -196,6 +197,17 @@ class Scene:
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return job.proxy.value
 
+    @cached_property
+    def views(self) -> tuple[SplatLayer, ...]:
+        """The splats as the capture's cameras see them, where colours are taken from that and not from single splats:
+        of splats that are no discs, where the cameras are known."""
+        from mirelight.proxy.capture_views import capture_views
+
+        job = self.job
+        if self.splats is None:
+            return ()
+        return capture_views(self.splats, job.capture_cameras, job.render.variant, job.render.threads)
+
     def _tell(self, line: str) -> None:
         if self._report is not None:
             self._report(line)
@@ -211,7 +223,7 @@ class Scene:
 
         colors = self.kept.array(self.keys.proxy)
         if colors is None:
-            found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render)
+            found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render, self.views)
             finding = advice.of_colors(found.met, found.lit)
             if finding is not None:
                 self._tell(str(finding))
@@ -239,7 +251,7 @@ class Scene:
 
         found = self.kept.array(self.keys.captured_level)
         if found is None:
-            level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render)
+            level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render, self.views)
             found = np.array([level], np.float64)
             self.kept.keep_array(self.keys.captured_level, found)
         return float(found[0])
@@ -270,7 +282,8 @@ class Scene:
                 splats, mesh = self.splats, self.mesh
                 assert splats is not None and mesh is not None
                 self._tell("estimating the captured light from the splats; it is kept for the next time")
-                found = estimate(splats, mesh, replace(self.job.render, seed=sky.seed), sky.exposure, sky.lights)
+                settings = replace(self.job.render, seed=sky.seed)
+                found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
                 packed = found.packed().astype(np.float32)
                 self.kept.keep_array(key, packed)
             known = self._estimates[key] = lighting_of(packed.astype(np.float64), sky.lights)

@@ -57,6 +57,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
+    from mirelight.proxy.capture_views import capture_views
 
     out = outputs.named(args.out, "light is", ".toml", *GLTF)
     work = job.load(args.job, [parse(text) for text in args.set])
@@ -71,7 +72,8 @@ def run_estimate(args: argparse.Namespace) -> int:
     if out.suffix.lower() in GLTF:
         for light in lights:
             check_light(out, light)
-    found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure, lights)
+    views = capture_views(work.splats.value, work.capture_cameras, work.render.variant, work.render.threads)
+    found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure, lights, views)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
     sky = found.lighting.environment

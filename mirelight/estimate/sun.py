@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.colour import REC709_LUMINANCE
+from mirelight.conventions import frame_around
 from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of, surely
-from mirelight.estimate.sky import frame_around, sphere
+from mirelight.estimate.sky import sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
 

@@ -166,6 +166,7 @@ class Job:
     made_proxy: Deferred[ProxyMesh] | None = (
         None  # what `proxy` is without its albedo, where it is made from the splats
     )
+    capture_cameras: tuple[Camera, ...] = ()  # of the pictures that the splats were made from, in world space
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one

@@ -161,7 +161,8 @@ def build(source: Source, table: JobTable) -> Job:
 
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
-    made = _made_of_splats(source, table, splats, _capture_cameras(table, assets, wrong))
+    capture_cameras = _capture_cameras(table, assets, wrong)
+    made = _made_of_splats(source, table, splats, capture_cameras)
     proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
@@ -180,6 +181,7 @@ def build(source: Source, table: JobTable) -> Job:
         splat_files=files,
         proxy=proxy,
         made_proxy=made,
+        capture_cameras=capture_cameras,
         albedo_from_splats=_wears_splats(table),
         cameras=cameras_of(),
         lightings=moments.numbered(mixed, is_moment),
@@ -217,7 +219,7 @@ def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
 
 
 def _capture_cameras(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[model.Camera, ...]:
-    """Those of the capture's pictures, in world space, that the proxy is made with."""
+    """Those of the capture's pictures, in world space: the proxy is made, and colours are looked at, from there."""
     if table.proxy is None or table.proxy.cameras is None or table.splats is None:
         return ()
     named = CamerasFromTable.model_construct(

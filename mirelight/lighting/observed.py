@@ -112,17 +112,17 @@ class _Splats:
                 f"no splat lies within {reach:.3g} world units of the proxy, so it cannot take their colours; "
                 "check both transforms, or give the proxy an albedo"
             )
-        longer = by_size[near, 1:]
+        longer = np.argsort(-scales[near], axis=1, kind="stable")[:, :2]
         lengths = np.take_along_axis(scales[near], longer, axis=1)
         closeness = np.maximum(1 - (distance[near] / reach) ** 2, 1e-3) ** 2
         shown = sh.mean_display(splats.sh[::step][near])
-        both = np.take_along_axis(axes[near].astype(np.float64), longer[:, None, ::-1], axis=2).swapaxes(1, 2)
+        both = np.take_along_axis(axes[near].astype(np.float64).swapaxes(1, 2), longer[:, :, None], axis=1)
         return Deposits(
             face=face[near],
             corners=np.maximum(corners[near], 0),  # rounded below nothing, they would cancel what another splat tells
             weight=splats.opacities[::step][near] * np.minimum(lengths, reach).prod(axis=1) * closeness,
             color=colour.srgb_decode(shown).astype(np.float64),
-            spread=both * lengths[:, ::-1, None],
+            spread=both * lengths[:, :, None],
         )
 
     @cached_property

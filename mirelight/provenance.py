@@ -10,7 +10,7 @@ from typing import Any
 import mirelight
 from mirelight.model import Job, Provenance
 
-_PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR", "pyoidn")
+_PACKAGES = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "pyoidn")
 
 
 @cache

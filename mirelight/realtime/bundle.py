@@ -184,7 +184,7 @@ class _Shown:
 
     @staticmethod
     def of(job: Job) -> _Shown:
-        return _Shown(job.splats.value if job.splats else None, job.proxy.value if job.proxy else None)
+        return _Shown(job.splats.value if job.splats else None, Scene(job, KeptNowhere()).mesh)
 
 
 # --- scene.json ------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,14 +213,15 @@ class _Pictures:
         return np.unique(np.minimum(np.searchsorted(ends, asked), len(share) - 1)).astype(np.int64)
 
     def _near(self, points: F64, count: int) -> tuple[Int, F64]:
-        from scipy.spatial import cKDTree
-
-        if self._tree is None:
-            self._tree = cKDTree(self._pixels.points)
+        """(N, K) rows of the nearest pixels of points (N, 3), and (N, K) how far they lie."""
         distance, near = self._tree.query(points, k=[*range(1, min(count, len(self._pixels.face)) + 1)], workers=-1)
         return near.astype(np.int64), distance
 
-    _tree = None
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self._pixels.points)
 
 
 def _pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> _Pixels:

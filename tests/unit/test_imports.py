@@ -50,6 +50,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "splat_light": {"model", "units", "keys", "needs", "kept", "lighting", "relighting"},
     "surface_light": {"model", "units", "keys", "needs", "kept", "lighting"},
     "scene": {
+        "proxy",
         "extras",
         "advice",
         "errors",

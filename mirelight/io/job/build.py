@@ -67,7 +67,7 @@ class Assets:
         """The proxy in world space; gray where its colours come from the splats."""
         path, m = self.path(table.path), placing.matrix(table.transform)
         if path.suffix.lower() in GLTF:
-            from mirelight.io.gltf.meshopt import refuse_without_decoder
+            from mirelight.io.gltf.decoders import refuse_without_decoder
 
             refuse_without_decoder(path)
         albedo = "gray" if table.albedo == "splats" else table.albedo

@@ -250,7 +250,7 @@ class SplatLight:
     @cached_property
     def _own_glow(self) -> F32:
         """(N, 3) what the places send out themselves over their albedo."""
-        from mirelight.lighting.points import own_glow
+        from mirelight.lighting.appearance import own_glow
 
         return own_glow(self.tracer, self.places.points, self.places.normals)
 

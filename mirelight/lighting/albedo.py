@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mirelight import colour, conventions, sh
 from mirelight.errors import RenderError
+from mirelight.lighting.appearance import shown
 from mirelight.lighting.filling import Filling, add_rows
-from mirelight.lighting.points import shown
 from mirelight.lighting.pooling import pooled
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, triangles

@@ -17,7 +17,8 @@ from mirelight.machine import uninterrupted
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.cells import CellPoints, DeviceCells
+    from mirelight.lighting.kernel.cell_points import CellPoints
+    from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.paths import Pass
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from mirelight import colour
 from mirelight.errors import RenderError
 from mirelight.lighting.albedo import UNLIT, deposits_of, face_normals
+from mirelight.lighting.appearance import shown
 from mirelight.lighting.engine import EngineTracer
-from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, rules_of, triangles
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mirelight import conventions
 from mirelight.errors import RenderError
 from mirelight.lighting.albedo import UNLIT, face_normals
-from mirelight.lighting.points import shown
+from mirelight.lighting.appearance import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import (
     F32,

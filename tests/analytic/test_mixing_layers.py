@@ -10,7 +10,7 @@ import pytest
 
 from mirelight.errors import InputError
 from mirelight.lighting import Tracer, splat_light
-from mirelight.lighting.points import shown
+from mirelight.lighting.appearance import shown
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import MixLayers, make
 from mirelight.model import (

@@ -10,7 +10,8 @@ import subprocess
 import sys
 from typing import get_args
 
-from mirelight import __version__, backend, extras
+from mirelight import backend, extras
+from mirelight.base.version import __version__
 from mirelight.errors import BackendError
 from mirelight.machine import memory
 from mirelight.model import Variant

@@ -7,7 +7,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-import mirelight
+from mirelight.base.version import __version__
 from mirelight.model import Job, Provenance
 
 _PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR", "pyoidn")
@@ -18,7 +18,7 @@ def versions() -> dict[str, str]:
     """Versions of what decides pixels and files: packages, read without importing them, and libLLVM."""
     from mirelight import backend
 
-    found = {"mirelight": mirelight.__version__}
+    found = {"mirelight": __version__}
     for name in _PACKAGES:
         try:
             found[name] = version(name)
@@ -51,7 +51,7 @@ def pixel_settings(job: Job) -> dict[str, Any]:
 def of_frame(job: Job, lighting: str, fingerprint: str) -> Provenance:
     """The provenance of one frame of a job."""
     return Provenance(
-        mirelight=mirelight.__version__,
+        mirelight=__version__,
         versions={k: v for k, v in versions().items() if k != "mirelight"},
         job=job.source.name,
         inputs=dict(job.inputs),

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from mirelight import __version__
+from mirelight.base.version import __version__
 from mirelight.errors import MirelightError, RenderError, printable
 
 BAD = 2  # exit code of expected trouble: bad input, no backend, a full disk

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
-from mirelight import __version__
+from mirelight.base.version import __version__
 from mirelight.errors import MirelightError
 from mirelight.executor import RenderSummary
 from mirelight.farm import post

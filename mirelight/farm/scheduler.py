@@ -17,7 +17,8 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
-from mirelight import __version__, executor, extras
+from mirelight import executor, extras
+from mirelight.base.version import __version__
 from mirelight.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import desk, post

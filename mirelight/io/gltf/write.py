@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import __version__, colour, conventions
+from mirelight import colour, conventions
+from mirelight.base.version import __version__
 from mirelight.errors import OutputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.beyond import punctual

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import __version__
+from mirelight.base.version import __version__
 from mirelight.errors import OutputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values

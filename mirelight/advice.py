@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import colour
-from mirelight.model import F32, DisplaySettings, Frame
+from mirelight.model import F32, DisplaySettings, Frame, rules_of
 from mirelight.model.profiles import BRIGHTEST
 
 Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours", "albedo"]
@@ -225,7 +225,8 @@ def _shown(rgba: F32, frame: Frame, display: DisplaySettings, step: int) -> F32:
     few = rgba[::step, ::step]
     whole = frame.splats is not None and frame.splats.linear
     gain = 2.0**display.exposure
-    return colour.shown(few[..., :3], few[..., 3], frame.profile, gain=gain, tone=display.tone, whole=whole)
+    transfer = rules_of(frame.profile).transfer
+    return colour.shown(few[..., :3], few[..., 3], transfer, gain=gain, tone=display.tone, whole=whole)
 
 
 def _shares(display: F32) -> tuple[float, float]:

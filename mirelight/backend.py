@@ -20,9 +20,11 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Literal, TypeAlias
 
 from mirelight.errors import BackendError
-from mirelight.model import Variant
+
+Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 
 OLDEST_SOUND_LLVM = 17  # 15 and 16 abort on the first kernel, Dr.Jit refuses 14 and older
 _VARIABLE = "DRJIT_LIBLLVM_PATH"

@@ -6,14 +6,14 @@ shape; tone curves that mix channels want (..., 3). Nothing here clips to 1: the
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight.model import Profile, ToneCurve, rules_of
-
 F32: TypeAlias = NDArray[np.float32]
+Transfer: TypeAlias = Literal["srgb", "power"]  # curve between light and display values: sRGB, or the plain power 2.2
+ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 
 ENGINE_GAMMA = 2.2  # PlayCanvas decodes and encodes with a plain power, not with the sRGB curve
 ENGINE_ENCODE_OFFSET = 1e-7  # PlayCanvas adds this before its final power, so that pow never sees zero
@@ -52,20 +52,20 @@ def power_decode(encoded: ArrayLike) -> F32:
     return np.asarray(x ** np.float32(ENGINE_GAMMA), dtype=np.float32)
 
 
-def encode(linear: ArrayLike, profile: Profile) -> F32:
-    """Linear light to display values by the profile's curve: sRGB (physical) or the 2.2 power (playcanvas)."""
-    return power_encode(linear) if rules_of(profile).transfer == "power" else srgb_encode(linear)
+def encode(linear: ArrayLike, transfer: Transfer) -> F32:
+    """Linear light to display values by a profile's curve: sRGB (physical) or the 2.2 power (playcanvas)."""
+    return power_encode(linear) if transfer == "power" else srgb_encode(linear)
 
 
-def decode(encoded: ArrayLike, profile: Profile) -> F32:
-    """Display values to linear light by the profile's curve, the inverse of :func:`encode`."""
-    return power_decode(encoded) if rules_of(profile).transfer == "power" else srgb_decode(encoded)
+def decode(encoded: ArrayLike, transfer: Transfer) -> F32:
+    """Display values to linear light by a profile's curve, the inverse of :func:`encode`."""
+    return power_decode(encoded) if transfer == "power" else srgb_decode(encoded)
 
 
 def shown(
     rgb: F32,
     alpha: F32,
-    profile: Profile,
+    transfer: Transfer,
     *,
     gain: float = 1.0,
     tone: ToneCurve = "none",
@@ -80,7 +80,7 @@ def shown(
     Args:
         rgb: (..., 3) linear, premultiplied.
         alpha: (...,) 0 to 1.
-        profile: whose transfer curve.
+        transfer: the profile's curve.
         gain: linear factor before the tone curve.
         tone: tone curve.
         background: display-encoded, broadcast to (..., 3).
@@ -92,12 +92,12 @@ def shown(
     """
     if whole:
         share = np.float32(1) - alpha[..., None]
-        light = (rgb + decode(background, profile) * share) * np.float32(gain)
-        return laid_over(encode(tone_map(light, tone), profile), np.ones_like(alpha), 0.0)
+        light = (rgb + decode(background, transfer) * share) * np.float32(gain)
+        return laid_over(encode(tone_map(light, tone), transfer), np.ones_like(alpha), 0.0)
     own = straight(rgb, alpha)
     if gain != 1:
         own *= np.float32(gain)
-    return laid_over(encode(tone_map(own, tone), profile), alpha, background)
+    return laid_over(encode(tone_map(own, tone), transfer), alpha, background)
 
 
 def straight(rgb: F32, alpha: F32) -> F32:

@@ -199,8 +199,8 @@ def clipped(work: Work) -> Tiles:
         raise MirelightError(f"{work.job}: no splats")
     cloud = job.splats.value
     shown = np.clip(0.5 + C0 * cloud.sh[:, 0], 0, 1)
-    light = np.minimum(4 * colour.decode(shown, "physical"), 1)
-    splats.write(replace(cloud, sh=((colour.encode(light, "physical") - 0.5) / C0)[:, None]), bright)
+    light = np.minimum(4 * colour.decode(shown, "srgb"), 1)
+    splats.write(replace(cloud, sh=((colour.encode(light, "srgb") - 0.5) / C0)[:, None]), bright)
     again = replace(
         work,
         folder=work.folder / "bright",

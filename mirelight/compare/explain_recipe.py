@@ -22,6 +22,7 @@ from mirelight.model import (
     ProxyMesh,
     RelightSettings,
     SplatLayer,
+    rules_of,
 )
 
 
@@ -105,7 +106,8 @@ class Rungs:
         tone, gain, whole = display.tone, 2.0**display.exposure, recipe.engine_blending and recipe.splats.linear
         if whole:
             tone, gain = engine_tone(self.job)
-        return colour.shown(rgb, alpha, frame.profile, gain=gain, tone=tone, background=display.background, whole=whole)
+        transfer = rules_of(frame.profile).transfer
+        return colour.shown(rgb, alpha, transfer, gain=gain, tone=tone, background=display.background, whole=whole)
 
 
 def as_float(values: object) -> F32:

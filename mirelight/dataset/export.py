@@ -285,7 +285,7 @@ class _Seen:
             sure = np.flatnonzero(geometry.coverage.ravel() > 0.999)
             some = sure[:: max(1, -(-len(sure) // share))]
             positions.append(geometry.position.reshape(-1, 3)[some].astype(np.float64))
-            colors.append(colour.encode(geometry.albedo.reshape(-1, 3)[some], "physical"))
+            colors.append(colour.encode(geometry.albedo.reshape(-1, 3)[some], "srgb"))
         points = None
         if sum(len(x) for x in positions):
             rgb = np.rint(255 * np.clip(np.concatenate(colors), 0, 1)).astype(np.uint8)

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mirelight import stages
-from mirelight.io.png import encode_display, png_bytes
+from mirelight.base.png import png_bytes
+from mirelight.io.png import encode_display
 from mirelight.kept import KeptInMemory
 from mirelight.model import Camera, Frame, Job, LayerFactor, Lighting
 from mirelight.scene import Scene, prepare

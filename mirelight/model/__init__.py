@@ -6,6 +6,8 @@ Shapes and units stand in each field's comment. H, W: image rows and columns. Li
 
 from __future__ import annotations
 
+from mirelight.backend import Variant
+from mirelight.colour import ToneCurve
 from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
@@ -26,6 +28,7 @@ from mirelight.model.lights import (
     SunLight,
 )
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
+from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatFile, Wrap, Wraps
 from mirelight.model.settings import (
@@ -40,10 +43,7 @@ from mirelight.model.settings import (
     Job,
     Layout,
     OutputSettings,
-    RelightSettings,
     RenderSettings,
-    ToneCurve,
-    Variant,
 )
 from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells, SurfaceTransport
 

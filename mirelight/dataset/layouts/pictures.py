@@ -87,7 +87,7 @@ class Pixels:
     def rgb(self) -> U8:
         """(H, W, 3) sRGB over black."""
         shown = colour.tone_map(self.linear[..., :3] * np.float32(2.0**self._stops), self._tone)
-        return _bytes(colour.encode(shown, "physical"))
+        return _bytes(colour.encode(shown, "srgb"))
 
     @property
     def alpha(self) -> U8:
@@ -207,7 +207,7 @@ def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
     """
     display = display or DisplaySettings()
     own = colour.straight(rgba[..., :3], rgba[..., 3]) * np.float32(2.0**display.exposure)
-    shown = colour.encode(colour.tone_map(own, display.tone), "physical")
+    shown = colour.encode(colour.tone_map(own, display.tone), "srgb")
     return _bytes(np.concatenate([shown, rgba[..., 3:]], axis=-1))
 
 

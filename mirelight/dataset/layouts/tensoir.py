@@ -83,7 +83,7 @@ def _write_view(
 
 def albedo_rgba(pixels: Pixels) -> U8:
     """(H, W, 4) sRGB, with what the proxy covers as alpha."""
-    return with_alpha(colour.encode(pixels.geometry.albedo, "physical"), pixels.geometry.coverage)
+    return with_alpha(colour.encode(pixels.geometry.albedo, "srgb"), pixels.geometry.coverage)
 
 
 def normal_rgba(shared: Shared, pixels: Pixels) -> U8:

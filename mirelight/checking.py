@@ -16,7 +16,7 @@ from mirelight.advice import MOST_GAP, MOST_UNCOVERED, Finding
 from mirelight.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, AreaLight, Camera, Job, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
-from mirelight.proxy import ProxyQuality, ProxySettings, judge
+from mirelight.proxy import ProxyQuality, ProxySettings, judge, mesh_of
 from mirelight.proxy.advice import MOST_LEAKS, UNEXPLAINED
 from mirelight.proxy.views import rays
 
@@ -43,7 +43,7 @@ def check(job: Job, *, every_camera: bool = False) -> Check:
     """Look at a job's splats and proxy through its cameras.
 
     Args:
-        job: with a proxy that is there: one that is made from the splats has been made.
+        job: with a proxy that is there, as otherwise it is made now.
         every_camera: not `MOST_CAMERAS` of them alone.
 
     Raises:
@@ -51,7 +51,7 @@ def check(job: Job, *, every_camera: bool = False) -> Check:
         BackendError: the variant cannot run here, or is `scalar_rgb`.
     """
     splats = None if job.splats is None else job.splats.value
-    mesh = None if job.proxy is None else job.proxy.value
+    mesh = mesh_of(job)
     step = 1 if every_camera else max(1, -(-len(job.cameras) // MOST_CAMERAS))
     cameras = job.cameras[::step]
     found = _idle_cameras(cameras, mesh, splats)

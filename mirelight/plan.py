@@ -130,7 +130,9 @@ def _engine_warnings(
     if job.proxy is not None and lightings:
         from mirelight.lighting.engine.raster import culling_warnings
 
-        scene, proxy = prepare(job), job.proxy.value
+        scene = prepare(job)
+        proxy = scene.mesh
+        assert proxy is not None
         found.append(("proxy", culling_warnings(proxy, cameras, job.render.variant)))
         known = [x for x in lightings if not isinstance(x.sky, EstimatedSky)]
         found += [(x.name, engine_lights.to_engine(scene.resolved(x), proxy)[1]) for x in known]

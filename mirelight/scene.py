@@ -185,13 +185,15 @@ class Scene:
             if line := viewing.too_far(job.proxy.value):
                 self._tell(line)
             return job.proxy.value
+        from mirelight.proxy.recipe import made_by
+
         found = self.kept.mesh(self.keys.made_proxy)
         if found is not None:
-            job.made_proxy.supply(found)
+            job.made_proxy.mesh.supply(found)
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
-            made = job.made_proxy.value
+            made = made_by(job.made_proxy)
             self.kept.keep_mesh(self.keys.made_proxy, made)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return job.proxy.value

@@ -57,6 +57,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
+    from mirelight.proxy import mesh_of
 
     out = outputs.named(args.out, "light is", ".toml", *GLTF)
     work = job.load(args.job, [parse(text) for text in args.set])
@@ -71,7 +72,9 @@ def run_estimate(args: argparse.Namespace) -> int:
     if out.suffix.lower() in GLTF:
         for light in lights:
             check_light(out, light)
-    found = estimate(work.splats.value, work.proxy.value, work.render, args.exposure, lights)
+    mesh = mesh_of(work)
+    assert mesh is not None
+    found = estimate(work.splats.value, mesh, work.render, args.exposure, lights)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
     sky = found.lighting.environment

@@ -72,7 +72,7 @@ def _supply(work: Job) -> None:
 
     kept = Store(work).mesh(Keys(work).made_proxy)
     if kept is not None:
-        work.made_proxy.supply(kept)
+        work.made_proxy.mesh.supply(kept)
 
 
 def _checked(work: Job, heat: str | None) -> Check | None:
@@ -103,6 +103,6 @@ def _checked(work: Job, heat: str | None) -> Check | None:
 def _missing(work: Job) -> str:
     if work.splats is None or work.proxy is None:
         return f"the job names no {'splats' if work.splats is None else 'proxy'}"
-    if work.made_proxy is not None and not work.made_proxy.is_there:
+    if work.made_proxy is not None and not work.made_proxy.mesh.is_there:
         return "its proxy is made from the splats by the first render"
     return "its splats have no surface"

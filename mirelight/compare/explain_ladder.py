@@ -15,6 +15,7 @@ from mirelight.compare.explain_steps_physical import Say, physical_steps
 from mirelight.engine_lights import to_engine
 from mirelight.errors import InputError
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
+from mirelight.proxy import mesh_of
 from mirelight.realtime.engine import VERSION
 from mirelight.scene import prepare
 
@@ -82,11 +83,11 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     Raises:
         InputError: a ladder of this job and camera cannot be made; see :func:`explain`.
     """
-    splats, proxy = job.splats, job.proxy
+    splats, proxy = job.splats, mesh_of(job)
     if splats is None or proxy is None:
         missing = "splats" if splats is None else "proxy"
         raise InputError(job.source, f"no {missing}", "a ladder needs splats, a proxy and light", field=missing)
-    if not len(proxy.value.faces):
+    if not len(proxy.faces):
         raise InputError(job.source, "a proxy without a face", "a ladder needs something to light", field="proxy")
     if camera.projection != "perspective":
         raise InputError(
@@ -97,4 +98,4 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     if relighting.mode_of(job.relight).needs_captured and job.captured is None:
         without = f"mode {job.relight.mode!r} without captured lighting"
         raise InputError(job.source, without, "name it, or set mode to 'tint'")
-    return splats.value, proxy.value
+    return splats.value, proxy

@@ -196,7 +196,7 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         InputError: a file that it names cannot be used.
     """
     splats = work.splats.value if work.splats is not None else None
-    to_make = work.made_proxy is not None and not work.made_proxy.is_there
+    to_make = work.made_proxy is not None and not work.made_proxy.mesh.is_there
     proxy = work.proxy.value if work.proxy is not None and not to_make else None
     seen = splats.means if splats is not None else proxy.vertices if proxy else None
     return JobFacts(

@@ -28,6 +28,7 @@ from mirelight.model.lights import (
     SunLight,
 )
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
+from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatFile, Wrap, Wraps
@@ -86,6 +87,7 @@ __all__ = [
     "ProfileRules",
     "Provenance",
     "ProxyMesh",
+    "ProxyRecipe",
     "RelightMode",
     "RelightSettings",
     "RenderSettings",

@@ -14,6 +14,7 @@ from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, rules_of
+from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.scene import ProxyMesh, SplatCloud, SplatFile
 
@@ -147,9 +148,7 @@ class Job:
     splats: Deferred[SplatCloud] | None = None  # in world space
     splat_files: tuple[SplatFile, ...] = ()  # that they come from, in their order; none: they were made otherwise
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
-    made_proxy: Deferred[ProxyMesh] | None = (
-        None  # what `proxy` is without its albedo, where it is made from the splats
-    )
+    made_proxy: ProxyRecipe | None = None  # how `proxy` is made, but for its albedo, where it is made from the splats
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one

@@ -43,6 +43,7 @@ from mirelight.model import (
     rules_of,
     triangles,
 )
+from mirelight.proxy import mesh_of
 from mirelight.realtime import captures, engine, pages
 from mirelight.scene import Scene
 
@@ -184,7 +185,7 @@ class _Shown:
 
     @staticmethod
     def of(job: Job) -> _Shown:
-        return _Shown(job.splats.value if job.splats else None, job.proxy.value if job.proxy else None)
+        return _Shown(job.splats.value if job.splats else None, mesh_of(job))
 
 
 # --- scene.json ------------------------------------------------------------------------------------------------------

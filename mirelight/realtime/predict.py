@@ -10,6 +10,7 @@ from mirelight import relighting
 from mirelight.compositor import composite
 from mirelight.lighting import trace
 from mirelight.model import F32, Camera, Frame, Job, Lighting
+from mirelight.proxy import mesh_of
 
 
 def engine_frame(job: Job, camera: Camera, lighting: Lighting) -> Frame:
@@ -29,9 +30,10 @@ def engine_frame(job: Job, camera: Camera, lighting: Lighting) -> Frame:
     if job.splats is not None:
         playcanvas = replace(job.compositor, profile="playcanvas")
         layer = composite(job.splats.value, camera, playcanvas, variant=job.render.variant, threads=job.render.threads)
-    if job.proxy is not None:
+    proxy = mesh_of(job)
+    if proxy is not None:
         seen = relighting.lighting_camera(camera, settings)
-        buffer = trace(job.proxy.value, lighting, seen, replace(job.render, profile="playcanvas"))
+        buffer = trace(proxy, lighting, seen, replace(job.render, profile="playcanvas"))
     return relighting.apply(layer, buffer, settings, noise=False)
 
 

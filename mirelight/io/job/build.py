@@ -24,9 +24,21 @@ from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import GLTF
-from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud, SplatFile
+from mirelight.model import (
+    F32,
+    Deferred,
+    EstimatedSky,
+    Job,
+    Light,
+    Lighting,
+    ProxyMesh,
+    ProxyRecipe,
+    SplatCloud,
+    SplatFile,
+)
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
+from mirelight.model.recipe import not_made_yet
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -162,7 +174,7 @@ def build(source: Source, table: JobTable) -> Job:
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
     made = _made_of_splats(source, table, splats, _capture_cameras(table, assets, wrong))
-    proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
+    proxy = _worn(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
     captured = _captured(table, lightings, assets, wrong)
@@ -232,27 +244,22 @@ def _capture_cameras(table: JobTable, assets: Assets, wrong: list[Mistake]) -> t
 
 def _made_of_splats(
     source: Source, table: JobTable, splats: Deferred[SplatCloud] | None, cameras: tuple[model.Camera, ...]
-) -> Deferred[ProxyMesh] | None:
-    """The mesh that a job has made from its splats; None where it names a file, or none."""
+) -> ProxyRecipe | None:
+    """How a job has its mesh made from its splats; None where it names a file, or none."""
     if table.proxy is None or table.proxy.path != SPLATS or splats is None or table.splats is None:
         return None
     render = table.render
     variant: model.Variant = "llvm_ad_rgb" if render.variant == "scalar_rgb" else render.variant
     named = source.folder / table.splats[0].path if len(table.splats) == 1 else source.path
     known = model.digest("proxy of splats", splats.digest, variant, *((cameras,) if cameras else ()))
-    return Deferred(known, partial(_made, splats, cameras, variant, render.threads, str(named)))
-
-
-def _made(
-    splats: Deferred[SplatCloud],
-    cameras: tuple[model.Camera, ...],
-    variant: model.Variant,
-    threads: int | None,
-    named: str,
-) -> ProxyMesh:
-    from mirelight.proxy import ProxySettings, make
-
-    return make(splats.value, ProxySettings(variant=variant, threads=threads), cameras=cameras, source=named).mesh
+    return ProxyRecipe(
+        mesh=Deferred(known, not_made_yet),
+        splats=splats,
+        cameras=cameras,
+        variant=variant,
+        threads=render.threads,
+        source=str(named),
+    )
 
 
 def _worn(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[ProxyMesh]:

@@ -8,18 +8,20 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cached_property
 
 from mirelight import needs, provenance, relighting
 from mirelight.model import (
     Camera,
     CompositorSettings,
+    Environment,
     EstimatedSky,
     Job,
     Lighting,
     OutputSettings,
     RelightSettings,
+    SkyModel,
     digest,
 )
 from mirelight.model.profiles import rules_of
@@ -48,7 +50,7 @@ class Keys:
         """The bare mesh that is made from the splats."""
         job = self.job
         assert job.made_proxy is not None
-        return digest("mesh", job.made_proxy.digest, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+        return digest("mesh", job.made_proxy.digest, self._device)
 
     @cached_property
     def proxy(self) -> str:
@@ -58,9 +60,8 @@ class Keys:
         if not needs.colors_proxy(job):
             return job.proxy.digest
         assert job.splats is not None and job.captured is not None
-        render = job.render
-        parts = job.proxy.digest, job.splats.digest, _light(job.captured), render.seed, render.max_depth
-        return digest("colours", *parts, self._versions("mitsuba", "drjit", "llvm"), render.variant)
+        parts = job.proxy.digest, job.splats.digest, _light(job.captured), job.render.seed, job.render.max_depth
+        return digest("colours", *parts, self._device)
 
     @cached_property
     def captured_level(self) -> str:
@@ -68,11 +69,19 @@ class Keys:
         job = self.job
         assert job.captured is not None
         parts = job.splats and job.splats.digest, self.proxy, _light(job.captured), job.render.seed
-        return digest("level", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm"))
+        return digest("level", *parts, job.render.max_depth, job.render.profile, self._device)
 
     def estimate(self, sky: EstimatedSky) -> str:
         """The light that the splats were captured under, found from splats and proxy."""
-        return digest("estimate", sky, self._versions("mitsuba", "drjit", "llvm", "numpy"), self.job.render.variant)
+        return digest("estimate", replace(sky, intensity=1.0), self._device)
+
+    def map_of(self, environment: Environment) -> str:
+        """An environment's picture, made as small as data sets keep it; its turn and strength are no part of it."""
+        return digest("map", environment.radiance, self._versions("numpy"))
+
+    def sky_of(self, sky: SkyModel | EstimatedSky, part: str) -> str:
+        """The sun or the sky of a model, kept with data sets."""
+        return digest("sky", self.estimate(sky) if isinstance(sky, EstimatedSky) else "", sky, part, self._device)
 
     @cached_property
     def splat_places(self) -> str:
@@ -80,7 +89,7 @@ class Keys:
         job = self.job
         assert job.splats is not None
         parts = job.splats.digest, self.proxy, job.captured and _light(job.captured), job.render.seed
-        return digest("places", *parts, job.render.max_depth, self._versions("mitsuba", "drjit", "llvm", "scipy"))
+        return digest("places", *parts, job.render.max_depth, self._device)
 
     @cached_property
     def captured_lamps(self) -> str:
@@ -149,15 +158,14 @@ class Keys:
         job = self.job
         settings = _read(job.render, _light_reads(job)), needs.keeps_lights_apart(job), needs.wants_aovs(job)
         surface = self.surface_cells if needs.reads_surface(job) else ""
-        return digest("light", self.proxy, settings, surface, self._versions("mitsuba", "drjit", "llvm", "numpy"))
+        return digest("light", self.proxy, settings, surface, self._device)
 
     @cached_property
     def surface_cells(self) -> str:
         """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
         job = self.job
         views = [view(x) for x in needs.lighting_cameras(job)]
-        versions = self._versions("mitsuba", "drjit", "llvm", "numpy")
-        return digest("cells", self.proxy, views, job.render.variant, versions)
+        return digest("cells", self.proxy, views, self._device)
 
     @cached_property
     def surface_transport(self) -> str:
@@ -257,6 +265,7 @@ class Keys:
                 self._versions("numpy"),
                 job.splats is None,
                 needs.wants_noise(job),
+                job.output.wants_layers,  # layers are added up one by one, else before they are mixed: other roundings
             )
         return found
 
@@ -270,8 +279,14 @@ class Keys:
     def _writing(self) -> dict[str, str]:
         """By suffix, how a file is written."""
         job = self.job
-        exr = digest(".exr", exr_settings(job.output), self._versions("OpenEXR"))
+        exr = digest(".exr", exr_settings(job.output), self._mattes, self._versions("OpenEXR"))
         return {".exr": exr, ".png": digest(".png", job.display, self._versions("numpy"))}
+
+    @cached_property
+    def _mattes(self) -> str:
+        """The names of the proxy's things in a file, whatever lights it; what a camera sees is in its frames' keys."""
+        wanted, proxy = needs.mattes(self.job), self.job.proxy
+        return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, self._device)
 
     def _names(self, lighting: Lighting | None) -> str:
         """What a lighting and its layers are called; those of one lighting are kept."""
@@ -289,6 +304,13 @@ class Keys:
         frames = output.store != "layers" or not self.job.lightings  # nothing to mix
         wanted = {".exr": frames and output.exr, ".png": frames and output.png}
         return tuple(suffix for suffix in FILE_SUFFIXES if wanted[suffix])
+
+    @cached_property
+    def _device(self) -> str:
+        """What decides the bits of all that is traced or searched, whatever is traced: the variant, and the versions of
+        what computes it."""
+        versions = self._versions("mitsuba", "drjit", "llvm", "numpy", "scipy")
+        return digest("device", self.job.render.variant, versions)
 
     def _versions(self, *packages: str) -> dict[str, str]:
         return {k: v for k, v in self._all_versions.items() if k in ("mirelight", *packages)}

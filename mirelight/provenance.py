@@ -10,7 +10,7 @@ from typing import Any
 from mirelight.base.version import __version__
 from mirelight.model import Job, Provenance
 
-_PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR", "pyoidn")
+_PACKAGES = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "pyoidn")
 
 
 @cache

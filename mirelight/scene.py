@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mirelight import advice, backend, extras, keys, needs, relighting, viewing
+from mirelight.cache import UserCache
 from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
+    F32,
     Camera,
     Deferred,
     EstimatedSky,
@@ -38,6 +40,7 @@ from mirelight.view_light import ViewLight
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
+    from mirelight.estimate import Estimate
     from mirelight.lighting import EngineTracer, Tracer
     from mirelight.lighting.mattes import Mattes
 
@@ -116,6 +119,7 @@ class Scene:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
+        self._of_user = UserCache()
         self._report = report
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
         self._view: ViewLight | None = None
@@ -187,14 +191,20 @@ class Scene:
             return job.proxy.value
         from mirelight.proxy.recipe import made_by
 
-        found = self.kept.mesh(self.keys.made_proxy)
+        key = self.keys.made_proxy
+        found = self.kept.mesh(key)
+        if found is None:
+            found = self._of_user.mesh(key)
+            if found is not None:
+                self.kept.keep_mesh(key, found)
         if found is not None:
             job.made_proxy.mesh.supply(found)
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
             made = made_by(job.made_proxy)
-            self.kept.keep_mesh(self.keys.made_proxy, made)
+            self.kept.keep_mesh(key, made)
+            self._of_user.keep_mesh(key, made)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return job.proxy.value
 
@@ -269,14 +279,24 @@ class Scene:
         if known is None:
             packed = self.kept.array(key)
             if packed is None:
+                packed = self._of_user.array(key)
+                if packed is not None:
+                    self.kept.keep_array(key, packed)
+            if packed is None:
                 splats, mesh = self.splats, self.mesh
                 assert splats is not None and mesh is not None
                 self._tell("estimating the captured light from the splats; it is kept for the next time")
                 found = estimate(splats, mesh, replace(self.job.render, seed=sky.seed), sky.exposure, sky.lights)
-                packed = found.packed().astype(np.float32)
-                self.kept.keep_array(key, packed)
+                packed = self.keep_estimate(sky, found)
             known = self._estimates[key] = lighting_of(packed.astype(np.float64), sky.lights)
         return known
+
+    def keep_estimate(self, sky: EstimatedSky, found: Estimate) -> F32:
+        """Keep what was found for every job that asks for the same; says what is kept."""
+        key, packed = self.keys.estimate(sky), found.packed().astype(np.float32)
+        self.kept.keep_array(key, packed)
+        self._of_user.keep_array(key, packed)
+        return packed
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made of sets of unit lights."""

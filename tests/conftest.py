@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import signal
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -14,6 +17,22 @@ def pytest_configure() -> None:
     """Ctrl-C as Python has it: a shell that runs the tests in the background has it ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _cache_of_all() -> Iterator[None]:
+    """What is made for every command goes to a folder of the tests, also by fixtures that many share."""
+    with tempfile.TemporaryDirectory(prefix="mirelight-cache-") as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MIRELIGHT_CACHE_DIR", folder)
+        yield
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Each test's own folder of what is made for every command; empty, and not there yet."""
+    folder = tmp_path_factory.getbasetemp() / "caches" / uuid4().hex
+    monkeypatch.setenv("MIRELIGHT_CACHE_DIR", str(folder))
+    return folder
 
 
 @pytest.fixture(scope="session")

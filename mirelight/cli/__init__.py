@@ -196,6 +196,10 @@ def _run(args: argparse.Namespace) -> int:
             from mirelight.cli.match import run_match
 
             return run_match(args)
+        case "cache":
+            from mirelight.cli.cache import run_cache
+
+            return run_cache(args)
         case "schema":
             from mirelight.cli.report import print_json
             from mirelight.io.job import json_schema
@@ -270,6 +274,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_order(submit)
 
     from mirelight.cli.bake import add_bake
+    from mirelight.cli.cache import add_cache
     from mirelight.cli.compare import add_compare
     from mirelight.cli.estimate import add_estimate
     from mirelight.cli.explain import add_explain
@@ -298,6 +303,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_bake(commands)
     add_sheet(commands)
     add_film(commands)
+    add_cache(commands)
     commands.add_parser("schema", help="print the JSON Schema of job files")
     commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
     return parser

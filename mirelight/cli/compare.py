@@ -59,6 +59,8 @@ def run_compare(args: argparse.Namespace) -> int:
     import numpy as np
 
     from mirelight.compare import CompareSettings, compare, find_pairs, parse_requirement, summary
+    from mirelight.compare.report import SIGN as HTML_SIGN
+    from mirelight.compare.tables import CSV_SIGN, JSON_SIGN
 
     if len(args.paths) % 2:
         raise InputError("compare", f"{len(args.paths)} paths", "give as many tests as references")
@@ -75,10 +77,16 @@ def run_compare(args: argparse.Namespace) -> int:
     )
     requirements = [parse_requirement(text) for text in args.require]
     html, json, csv = (Path(x) if x else None for x in (args.html, args.json, args.csv))
-    outputs.in_a_folder(*(x for x in (html, json, csv) if x is not None))
+    signs = {html: HTML_SIGN, json: JSON_SIGN, csv: CSV_SIGN}
+    outs = {out: sign for out, sign in signs.items() if out is not None}
+    outputs.in_a_folder(*outs)
+    pairing = find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None)
+    outputs.spare(outs, [path for pair in pairing.pairs for path in pair.files])
+    for out, sign in outs.items():
+        outputs.own(out, sign)
     with np.errstate(over="ignore", invalid="ignore"):  # of light near float32's end: the figures say inf
         outcome = compare(
-            find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None),
+            pairing,
             settings,
             requirements=requirements,
             html=html,

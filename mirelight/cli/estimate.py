@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from mirelight.model import Camera, Job, Lighting
+    from mirelight.model import Camera, EstimatedSky, Job, Light, Lighting
 
 WIDEST = 480  # pixels of each of the three pictures
 SPP = 64  # noise would be taken for misfits
@@ -56,8 +56,9 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.gltf.write import check_light
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
+    from mirelight.kept import KeptNowhere
     from mirelight.model import EstimatedSky
-    from mirelight.proxy import mesh_of
+    from mirelight.scene import Scene
 
     out = outputs.named(args.out, "light is", ".toml", *GLTF)
     work = job.load(args.job, [parse(text) for text in args.set])
@@ -72,9 +73,11 @@ def run_estimate(args: argparse.Namespace) -> int:
     if out.suffix.lower() in GLTF:
         for light in lights:
             check_light(out, light)
-    mesh = mesh_of(work)
-    assert mesh is not None
-    found = estimate(work.splats.value, mesh, work.render, args.exposure, lights)
+    scene = Scene(work, KeptNowhere(), None if args.quiet else say.remark)  # unchecked: nothing is rendered of it
+    splats, mesh = scene.splats, scene.mesh
+    assert splats is not None and mesh is not None
+    found = estimate(splats, mesh, work.render, args.exposure, lights)
+    scene.keep_estimate(_sky(work, args.exposure, lights), found)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
     sky = found.lighting.environment
@@ -97,6 +100,15 @@ def run_estimate(args: argparse.Namespace) -> int:
                 f"  picture      {picture}: captured | irradiance | captured / irradiance (no shadows should be left)"
             )
     return 0
+
+
+def _sky(work: Job, exposure: float, lights: tuple[Light, ...]) -> EstimatedSky:
+    """What a job asks for whose captured light is this estimate."""
+    from mirelight.model import EstimatedSky
+
+    assert work.splats is not None and work.proxy is not None
+    splats, proxy = work.splats.digest, work.proxy.digest
+    return EstimatedSky(splats=splats, proxy=proxy, seed=work.render.seed, exposure=exposure, lights=lights)
 
 
 def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[str]) -> str:

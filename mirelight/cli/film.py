@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from mirelight.cli import say
+from mirelight.cli import outputs, say
 
 
 def add_film(commands: Any) -> None:
@@ -40,6 +40,7 @@ def run_film(args: argparse.Namespace) -> int:
     rate = film.rate_of(args.fps)
     write = encoder_of(out, rate)
     found = film.ordered(shots.wanted(args.paths, args.camera, args.lighting), args.order)
+    outputs.spare([out], [x.file for x in found if x.file is not None])
     live = sys.stderr.isatty()
 
     def report(done: int, total: int) -> None:

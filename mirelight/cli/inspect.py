@@ -67,10 +67,14 @@ def _supply(work: Job) -> None:
     """The proxy that is made from the splats, where an earlier render has kept it."""
     if work.made_proxy is None:
         return
+    from mirelight.cache import UserCache
     from mirelight.keys import Keys
     from mirelight.store import Store
 
-    kept = Store(work).mesh(Keys(work).made_proxy)
+    key = Keys(work).made_proxy
+    kept = Store(work).mesh(key)
+    if kept is None:
+        kept = UserCache().mesh(key)
     if kept is not None:
         work.made_proxy.mesh.supply(kept)
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.cli import say
+from mirelight.cli import outputs, say
 from mirelight.errors import InputError, MirelightError
 from mirelight.io.folders import NewFolders
 
@@ -66,6 +66,7 @@ def run_mix(args: argparse.Namespace) -> int:
     folder = Path(args.out)
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")
+    outputs.own(folder / "index.html", "<title>mirelight: light mixer</title>")
     new = NewFolders(folder)
     try:
         new.make()

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from mirelight.model import Job
 
 
+_HEAD = 1 << 16  # bytes of a file that are looked at
+
+
 def named(out: str, what: str, *suffixes: str) -> Path:
     """The file to write. Raises OutputError where its name has none of the suffixes, or its folder is not there."""
     path = Path(out)
@@ -42,6 +45,24 @@ def in_a_folder(*outs: Path) -> None:
 def files_of(work: Job) -> tuple[Path, ...]:
     """The job file, and all that it names."""
     return work.source, *(work.source.parent / name for name in work.inputs)
+
+
+def own(out: Path, sign: str) -> None:
+    """Raises OutputError where a file of that name is there and mirelight has not written it.
+
+    Args:
+        out: a file to write.
+        sign: what such a file of mirelight's holds near its beginning.
+    """
+    if not out.is_file():  # a pipe would be waited for
+        return
+    try:
+        with out.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError as error:
+        raise output_error(out, error) from None
+    if head and sign.encode() not in head:
+        raise OutputError(f"{out}: mirelight has not written it, and would write over it; give another name")
 
 
 def spare(outs: Iterable[Path], read: Iterable[Path]) -> None:

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from mirelight.cli import say
+from mirelight.cli import outputs, say
 
 _LEAST, _MOST = 16, 512  # pixels
 
@@ -39,6 +39,8 @@ def run_sheet(args: argparse.Namespace) -> int:
     if not re.fullmatch(r"[0-9]{1,4}", args.size) or not _LEAST <= int(args.size) <= _MOST:
         raise InputError("--size", args.size, f"give {_LEAST} to {_MOST} pixels")
     found = shots.wanted(args.paths, args.camera, args.lighting)
+    pages = range(1, len(found) + 1 if args.all else 2)
+    outputs.spare([sheets.page_file(out, number) for number in pages], [x.file for x in found if x.file is not None])
     made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)
     some = f" of {made.there}" if made.shown < made.there else ""
     say.result(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")

@@ -14,10 +14,10 @@ from mirelight.compare.explain_steps_engine import as_modelled, with_physical_fa
 from mirelight.compare.explain_steps_physical import Say, physical_steps
 from mirelight.engine_lights import to_engine
 from mirelight.errors import InputError
+from mirelight.kept import KeptNowhere
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
-from mirelight.proxy import mesh_of
 from mirelight.realtime.engine import VERSION
-from mirelight.scene import prepare
+from mirelight.scene import Scene, prepare
 
 _ANOTHER_SEED = 0x5EED  # added to the job's, for samples that are independent of its own
 
@@ -83,11 +83,13 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     Raises:
         InputError: a ladder of this job and camera cannot be made; see :func:`explain`.
     """
-    splats, proxy = job.splats, mesh_of(job)
+    splats, proxy = job.splats, job.proxy
     if splats is None or proxy is None:
         missing = "splats" if splats is None else "proxy"
         raise InputError(job.source, f"no {missing}", "a ladder needs splats, a proxy and light", field=missing)
-    if not len(proxy.faces):
+    mesh = Scene(job, KeptNowhere()).mesh
+    assert mesh is not None
+    if not len(mesh.faces):
         raise InputError(job.source, "a proxy without a face", "a ladder needs something to light", field="proxy")
     if camera.projection != "perspective":
         raise InputError(
@@ -98,4 +100,4 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     if relighting.mode_of(job.relight).needs_captured and job.captured is None:
         without = f"mode {job.relight.mode!r} without captured lighting"
         raise InputError(job.source, without, "name it, or set mode to 'tint'")
-    return splats.value, proxy
+    return splats.value, mesh

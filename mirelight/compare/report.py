@@ -13,6 +13,9 @@ from mirelight.compare.page import HEAD, static
 from mirelight.compare.types import CompareSettings, Comparison, Maps, Scores, Verdict
 from mirelight.io.atomic import atomic_path
 
+_TITLE = "Comparison of"
+SIGN = f"<title>{_TITLE}"  # near the beginning of a report
+
 _WITH_PICTURES = 40  # pairs shown with pictures, worst first; the table holds all
 _MAX_SHOWN = 80  # characters of a setting's value
 
@@ -74,7 +77,7 @@ class Report:
         pairs = sorted(self._pairs, key=lambda p: (-p[0].overall.flip, p[0].overall.psnr))
         sections = [_section(k, result, images) for k, (result, images) in enumerate(pairs[:_WITH_PICTURES])]
         return _PAGE.format(
-            title=f"Comparison of {len(pairs)} {'pair' if len(pairs) == 1 else 'pairs'}",
+            title=f"{_TITLE} {len(pairs)} {'pair' if len(pairs) == 1 else 'pairs'}",
             slider_css=static("img-comparison-slider.css"),
             css=static("report.css"),
             slider_license=static("LICENSE.img-comparison-slider.txt").replace("--", "- -"),

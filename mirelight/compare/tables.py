@@ -14,6 +14,8 @@ from mirelight.compare.types import CompareSettings, Comparison, Scores
 from mirelight.io.atomic import atomic_path
 
 SCORE_FIELDS = tuple(f.name for f in fields(Scores))
+JSON_SIGN = '{\n "settings": {\n  "exposure": '  # how a file of :func:`write_json` begins
+CSV_SIGN = ",".join(("name", "gain", *SCORE_FIELDS))  # and one of :func:`write_csv`
 
 
 def write_json(

@@ -47,6 +47,11 @@ class Pair:
     test: Path
     mask: Path | None = None
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that is read."""
+        return (self.reference, self.test, *(() if self.mask is None else (self.mask,)))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairing:

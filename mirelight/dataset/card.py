@@ -36,7 +36,6 @@ def _text(data: DataSet, layout: Layout, settings: DatasetSettings, facts: Facts
     listed = ", ".join(facts.lightings[:8]) + (", …" if len(facts.lightings) > 8 else "")
     size = next((name for most, name in _SIZES if count < most), "n>1M")
     loading = WRITERS[layout].loading.replace("{lighting}", facts.training).replace("{set}", shared.name)
-    parts = ", ".join(f"{name} {number}" for name, number in facts.parts.items())
     tone = "" if display.tone == "none" else f", tone curve {display.tone}"
     range_of = ""
     if shared.near_far is not None:
@@ -62,15 +61,25 @@ License: {settings.license or "none given"}.
 
 - Pictures: PNG, 8-bit sRGB, exposure {display.exposure:g} stops for all{tone}. Linear pictures, where there are any,
   hold the scene's own light, without that exposure.
-- Frames by what was seen in training: {parts}.
-  {settings.held_out:g} of the names of {_HELD[settings.split]} are held out, by a hash with seed {settings.seed};
-  `splits.json` has the list.
+{_split(settings, facts)}
 - World: Z up, {shared.scale:.6g} times the job's lengths.{range_of} `lights.json` has the lights in it.
 {WRITERS[layout].notes(shared, facts.training)}
 ```python
 {loading}
 ```
 """
+
+
+def _split(settings: DatasetSettings, facts: Facts) -> str:
+    """What is held out, in a sentence."""
+    if facts.parts["seen"] == sum(facts.parts.values()):
+        return "- All frames are to train on: none is held out."
+    parts = ", ".join(f"{name} {number}" for name, number in facts.parts.items())
+    return (
+        f"- Frames by what was seen in training: {parts}.\n"
+        f"  {settings.held_out:g} of the names of {_HELD[settings.split]} are held out, by a hash with seed "
+        f"{settings.seed};\n  `splits.json` has the list."
+    )
 
 
 _HELD = {"camera": "cameras", "lighting": "lightings", "both": "cameras and of lightings"}

@@ -4,15 +4,16 @@ the maps and suns of environments and skies, so that a data set holds them, too.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from mirelight import keys, needs, relighting
 from mirelight import plan as planning
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
-from mirelight.dataset.surroundings import MOST_ROWS, shrunk
+from mirelight.dataset.surroundings import shrunk
 from mirelight.kept import Kept
-from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Lighting, SkyModel, SunLight, digest
+from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.plan import Plan
 from mirelight.units import GLOW, LightSet, Unit
@@ -34,13 +35,10 @@ def describe(plan: Plan) -> Index:
     for group in plan.groups:
         camera = group.camera
         seen = relighting.lighting_camera(camera, job.relight)
-        frame = group.tasks[0].name
-        lighting = group.tasks[0].lighting
         views.append(
             KeptView(
                 camera=camera,
                 light_size=(seen.height, seen.width),
-                frame=frame if lighting is None else frame[: frame.rfind(".")],
                 composite=None if job.splats is None else made.composite(camera),
                 groups=tuple(made.light(one, seen) for one in known.sets.values()),
                 glow=made.light(GLOW, seen),
@@ -103,8 +101,8 @@ class _Units:
             self._places[digest] = len(self.units)
             count = self._names[name] = self._names.get(name, 0) + 1
             own = name if count == 1 else f"{name}-{count}"
-            around = tuple(key for key, _ in _around(of))
-            self.units.append(UnitLight(own, kind, of.lights, group, layer, around))
+            around = tuple(key for key, _ in _around(of, self._made))
+            self.units.append(UnitLight(own, kind, _shining(of), group, layer, around))
         return self._places[digest]
 
 
@@ -134,20 +132,35 @@ def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]
         mixture = plan.keys.mixture(lighting)
         whole = mixture.sets[0].whole
         for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:
-            for around, source in _around(of):
+            for around, source in _around(of, plan.keys):
                 if not kept.has_array(around.key):
                     kept.keep_array(around.key, _values(source, resolved))
 
 
-def _around(of: Unit | Lighting) -> list[tuple[Around, _Source]]:
-    """What is kept of a unit's light from far away, and what it is made from."""
+def _shining(of: Unit | Lighting) -> tuple[Light, ...]:
+    """Its lights, with what is said of them in `mix`."""
+    if isinstance(of, Unit) or not of.mix:
+        return of.lights
+    factors = of.factors()
+    return tuple(replace(x, color=x.color * factors.get(x.group or x.name, 1.0)) for x in of.lights)
+
+
+def _around(of: Unit | Lighting, made: keys.Keys) -> list[tuple[Around, _Source]]:
+    """What is kept of a unit's light from far away, and what it is made from; with what is said of it in `mix`."""
+    factors = {} if isinstance(of, Unit) else of.factors()
+
+    def color(layer: str) -> tuple[float, float, float]:
+        red, green, blue = (float(x) for x in factors.get(layer, np.ones(3)))
+        return red, green, blue
+
     out: list[tuple[Around, _Source]] = []
     if of.environment is not None:
-        key = digest("map", MOST_ROWS, of.environment.radiance)
-        out.append((Around(key, of.environment.rotation, of.environment.intensity), of.environment))
+        around = of.environment
+        own = Around(made.map_of(around), around.rotation, around.intensity, color(around.name))
+        out.append((own, around))
     if of.sky is not None:
         parts = (of.part,) if isinstance(of, Unit) else (SUN, SKY)
-        out += [(Around(digest("sky", MOST_ROWS, of.sky, part)), (of.sky, part)) for part in parts]
+        out += [(Around(made.sky_of(of.sky, part), color=color(part)), (of.sky, part)) for part in parts]
     return out
 
 

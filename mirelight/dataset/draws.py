@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mirelight.dataset.view import DataSet, Sample
+from mirelight.errors import InputError
 from mirelight.model import F32, HeldOut
 
 
@@ -19,6 +20,9 @@ class Draws:
 
     A frame has a random camera. Each unit light is on with probability `lit` (one at least is), as strong as the
     brightest lighting of the job has it, times 2 to a power that is uniform in ±`stops`.
+
+    Raises:
+        InputError: every lighting of the job is off, which leaves nothing to draw.
     """
 
     data: DataSet
@@ -26,6 +30,10 @@ class Draws:
     seed: int = 0
     lit: float = 0.5  # 0 to 1
     stops: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not self.data.strongest.any():
+            raise InputError(self.data.folder, "no lighting with any light", "give one an intensity above 0")
 
     def __len__(self) -> int:
         return self.count

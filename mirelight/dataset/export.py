@@ -14,17 +14,17 @@ from typing import Protocol
 
 import numpy as np
 
-from mirelight import colour
+from mirelight import colour, relighting
 from mirelight.conventions import Matrix
 from mirelight.dataset import card, contact, croissant, rig
 from mirelight.dataset.draws import Split, split
-from mirelight.dataset.index import KeptView, Weighted
+from mirelight.dataset.index import Index, KeptView, Weighted
 from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
 from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
-from mirelight.model import DatasetSettings, Job, Layout, PointLight, SpotLight, digest
+from mirelight.model import DatasetSettings, HeldOut, Job, Layout, PointLight, SpotLight, digest
 
 __all__ = ["LAYOUTS", "Progress", "Silent", "check", "export"]
 
@@ -109,6 +109,10 @@ def export(
     heard.started(len(names) * len(data.cameras))
     for line in chosen.advice(settings):
         heard.note(line)
+    if data.index.denoised:
+        heard.note(
+            "frames of a data set are mixed from light as traced, not denoised: more render.spp makes them cleaner"
+        )
     with Files(out, heard.finished) as files:
         frames = _Frames(data, chosen, world)
         writer.write(files, frames, shared)
@@ -188,8 +192,12 @@ class _Chosen:
         counts = {part: len(frames) for part, frames in self.frames().items()}
         if settings.held_out and not counts["seen"]:
             yield "no frame is left to train on: lower --held-out, or choose another --seed"
-        elif settings.held_out and counts["seen"] == sum(counts.values()):
+        elif settings.held_out and counts["seen"] == sum(counts.values()) and self._could_split(settings.split):
             yield "no frame is held out (names are chosen by a hash): raise --held-out, or choose another --seed"
+
+    def _could_split(self, by: HeldOut) -> bool:
+        """Whether there are names to hold one out of; of a single one nobody expects that."""
+        return (by != "lighting" and len(self.cameras) > 1) or (by != "camera" and self.count > 1)
 
 
 class _Frames:
@@ -206,22 +214,25 @@ class _Frames:
         """The frame of a camera, by its index, and a lighting."""
         data, chosen, seen = self._data, self._chosen, self._data.cameras[camera]
         view, place = data.views[camera], chosen.places[lighting]
-        view_key = digest("view 1", view.composite, view.groups[0], seen, self._world)
         return Picture(
             camera=seen,
             view=chosen.cameras[seen.name],
             lighting=chosen.lightings[lighting],
             number=data.numbers[camera],
             part=chosen.part(camera, lighting),
-            key=digest("frame 1", view_key, view.glow, *_made_from(data, view, place)),
-            view_key=view_key,
+            key=picture_key(data.index, view, place, self._world),
+            view_key=view_key(view, self._world),
             pixels=Pixels(partial(data.frame, camera, place), partial(self._read, camera), data.index.display),
         )
 
 
-def _made_from(data: DataSet, view: KeptView, place: int) -> tuple[object, ...]:
-    """All besides the camera that decides a frame's pixels."""
-    index = data.index
+def view_key(view: KeptView, world: Matrix) -> str:
+    """The key of what a camera sees, whatever lights it."""
+    return digest("view 1", view.composite, view.groups[0], view.camera, world)
+
+
+def picture_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
+    """The key of the frame of a camera under the lighting at a place in the index: all that decides its pixels."""
 
     def lit(of: Weighted | None) -> object:
         if of is None:
@@ -229,8 +240,13 @@ def _made_from(data: DataSet, view: KeptView, place: int) -> tuple[object, ...]:
         units = [index.units[i] for i in of.units]
         return [(view.groups[u.group], u.layer, list(w)) for u, w in zip(units, of.weights, strict=True)]
 
-    captured = lit(index.captured), index.captured_level
-    return lit(index.lightings[place]), captured, index.relight, index.display, index.linear, index.profile
+    own = index.lightings[place]
+    settings = own.relight or index.relight
+    relit = {name: getattr(settings, name) for name in sorted(relighting.reads(settings))}
+    compared = relighting.mode_of(settings).needs_captured
+    captured = (lit(index.captured), index.captured_level) if compared else None
+    made_from = lit(own), captured, relit, index.display, index.linear, index.profile
+    return digest("frame 2", view_key(view, world), view.glow, *made_from)
 
 
 class _Geometry:

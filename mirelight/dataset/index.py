@@ -43,6 +43,7 @@ class Around:
     key: str  # of a map (h, w, 3) of linear radiance, or of suns (n, 7): the way they shine, lux, degrees across
     rotation: float = 0.0  # degrees, of a map
     intensity: float = 1.0  # multiplies it
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # linear, multiplies it, too: of what is traced as it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ class UnitLight:
 
     name: str  # unique; that of its layer in the first lighting that has it
     kind: str  # lamp, sun, area, group, environment, sky, or whole: a lighting that was traced as it is
-    lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they are; none of skies
+    lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they shine; none of skies
     group: int  # index of the set that it was traced in
     layer: str  # its layer there; "": all of them
     around: tuple[Around, ...] = ()  # of environments and skies
@@ -74,7 +75,6 @@ class KeptView:
 
     camera: Camera
     light_size: tuple[int, int]  # rows and columns of the light's pictures
-    frame: str  # names of its frames, by lighting: "FRAME.LIGHTING"
     composite: str | None  # key; None: the job has no splats
     groups: tuple[str, ...]  # keys of the traced sets
     glow: str  # key of what the proxy's own surfaces send out; there is no such file where nothing glows
@@ -92,7 +92,7 @@ class Index:
     captured_level: str | None  # key of an array
     relight: RelightSettings
     display: DisplaySettings
-    denoised: bool
+    denoised: bool  # the job's own frames are, after mixing; the layers are as traced
     profile: str
     linear: bool  # composites hold linear light
 
@@ -188,7 +188,7 @@ def _view(data: dict[str, Any]) -> KeptView:
     rows, columns = data["light_size"]
     groups = tuple(_key(x) for x in data["groups"])
     composite = None if data["composite"] is None else _key(data["composite"])
-    return KeptView(Camera(**camera), (rows, columns), str(data["frame"]), composite, groups, _key(data["glow"]))
+    return KeptView(Camera(**camera), (rows, columns), composite, groups, _key(data["glow"]))
 
 
 def _key(value: Any) -> str:
@@ -200,8 +200,14 @@ def _key(value: Any) -> str:
 
 def _unit(data: dict[str, Any]) -> UnitLight:
     lights = tuple(_light(x) for x in data["lights"])
-    around = tuple(Around(_key(x["key"]), float(x["rotation"]), float(x["intensity"])) for x in data["around"])
+    around = tuple(_around(x) for x in data["around"])
     return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"], around)
+
+
+def _around(data: dict[str, Any]) -> Around:
+    red, green, blue = data.get("color", (1.0, 1.0, 1.0))
+    color = float(red), float(green), float(blue)
+    return Around(_key(data["key"]), float(data["rotation"]), float(data["intensity"]), color)
 
 
 def _light(data: dict[str, Any]) -> Light:

@@ -32,9 +32,11 @@ def only_lamp(data: DataSet, lighting: str, world: Matrix) -> Lamp | None:
     if len(on) != 1:
         return None
     unit, weight = data.lights[on[0][0]], np.asarray(on[0][1])
-    if unit.around or len(unit.lights) != 1 or not isinstance(unit.lights[0], PointLight | SpotLight):
+    shining = [x for x in unit.lights if (x.color * x.intensity).any()]
+    dark = all(not any(x.color) or not x.intensity for x in unit.around)
+    if not dark or len(shining) != 1 or not isinstance(shining[0], PointLight | SpotLight):
         return None
-    light = unit.lights[0]
+    light = shining[0]
     candela = weight * light.color * light.intensity * scale_of(world) ** 2
     return Lamp(world[:3, :3] @ light.position + world[:3, 3], candela)
 
@@ -80,8 +82,8 @@ def _described(data: DataSet, unit: UnitLight, world: Matrix) -> dict[str, Any]:
         suns = data.suns(around)
         parts += [_sun(sun, world) for sun in suns or ()]
         if suns is None:
-            part = {"type": "environment", "intensity": around.intensity, "rotation_degrees": around.rotation}
-            parts.append(part)
+            strength = {"color": list(around.color), "intensity": around.intensity}
+            parts.append({"type": "environment", **strength, "rotation_degrees": around.rotation})
     return {"name": unit.name, "kind": unit.kind, "parts": parts}
 
 

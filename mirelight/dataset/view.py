@@ -80,21 +80,20 @@ class DataSet:
     """The frames of a job, mixed from its layers: every camera under every lighting, and under any other.
 
     `dataset[i]` is camera `i // len(lightings)` under lighting `i % len(lightings)`; cameras whose layers are not there
-    yet are left out when it is opened.
+    yet are left out when it is opened. Nothing is denoised: of a job with `render.denoise` frames are mixed from its
+    light as it was traced.
 
     Args:
         folder: the output folder of a job whose `output.store` is "layers" or "both".
         memory: bytes of layers kept in this process; more cameras are read again when their turn comes.
 
     Raises:
-        InputError: no layers there, or of a job that denoises frames after mixing.
+        InputError: no layers there, or of a job whose light is found for splats.
     """
 
     def __init__(self, folder: str | Path, memory: int = _MEMORY) -> None:
         self.folder, self._memory = Path(folder), memory
         self._index: Index = indexing.read(self.folder)
-        if self._index.denoised:
-            raise InputError(self.folder, "frames that are denoised after mixing", "render with render.denoise = false")
         ways = [self._index.relight, *(x.relight for x in self._index.lightings if x.relight is not None)]
         if any(relighting.per_splat(x) or relighting.softens(x) for x in ways):
             found = "frames whose light is found for splats"
@@ -201,7 +200,8 @@ class DataSet:
             for around in unit.around:
                 of_sky = self.suns(around)
                 if of_sky is None:
-                    maps.append(Map(self._kept_array(around.key), around.rotation, factor * around.intensity))
+                    strength = factor * around.intensity * np.asarray(around.color)
+                    maps.append(Map(self._kept_array(around.key), around.rotation, strength))
                 else:
                     suns += [replace(sun, lux=factor * sun.lux) for sun in of_sky]
         return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
@@ -211,8 +211,8 @@ class DataSet:
         values = self._kept_array(around.key)
         if values.ndim == 3:
             return None
-        wide = values.astype(np.float64)
-        return tuple(Sun(row[:3], row[3:6] * around.intensity, float(row[6])) for row in wide)
+        wide, strength = values.astype(np.float64), around.intensity * np.asarray(around.color)
+        return tuple(Sun(row[:3], row[3:6] * strength, float(row[6])) for row in wide)
 
     def _kept_array(self, key: str) -> F32:
         found = self._scene.array(key)

@@ -30,7 +30,6 @@ from mirelight.store.planned import PlannedFrame
 from mirelight.units import terms
 
 SUFFIXES = (".exr", ".png")
-_ASIDE_STEMS = (".partial", ".preview")  # ends of the names of pictures that are no frames
 
 Hear = Callable[[Finding], None]
 Step = Callable[[int, int], None]
@@ -131,10 +130,10 @@ class _Look:
         """Frames by their files alone."""
         files: dict[str, dict[str, str]] = defaultdict(dict)
         for path in sorted(self.folder.path.glob("[!.]*")):
-            if path.suffix in SUFFIXES and not path.stem.endswith(_ASIDE_STEMS) and path.is_file():
+            if path.suffix in SUFFIXES and path.is_file():
                 files[path.stem][path.suffix] = image.read_fingerprint(path) or ""
         for name, keys in files.items():
-            if any(keys.values()):  # others have written pictures without one
+            if any(keys.values()):  # what others have written has none, nor have previews and interrupted tries
                 camera, _, lighting = name.rpartition(".")
                 yield PlannedFrame(name, camera or name, lighting if camera else "", keys, camera or name)
 

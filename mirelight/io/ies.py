@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from mirelight.model.ies import AROUND, DOWN
 
 _MOST_BYTES = 8 << 20
 _DAMAGED = "the file is damaged"
+_EDITION = re.compile(r"IES(?:NA)?\s*:?\s*LM-63-(\d{4})", re.IGNORECASE)  # the first line's; before 1995 it has others
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +52,8 @@ def read_ies(path: str | Path) -> IesFile:
         raise InputError(path, f"photometry of type {name}", "only type C is read; export it as that")
     numbers.take(4)  # units and size of the opening
     ballast, factor, _ = numbers.take(3)
+    if _edition(lines) >= 2019:  # the number tells how the file came about; before, it was a factor of lamp and ballast
+        factor = 1.0
     vertical, horizontal = _angles(path, numbers.take(down), 180), _angles(path, numbers.take(around), 360)
     with np.errstate(over="ignore"):
         candela = numbers.take(down * around).reshape(around, down) * (multiplier * ballast * factor)
@@ -59,6 +63,12 @@ def read_ies(path: str | Path) -> IesFile:
     if peak == 0:
         raise InputError(path, "a luminaire without light", "give another file")
     return IesFile(np.asarray(_everywhere(path, vertical, horizontal, candela) / peak, dtype=np.float32), peak)
+
+
+def _edition(lines: list[str]) -> int:
+    """The year of the standard that a file says it follows; 0 where it says none."""
+    found = _EDITION.match(lines[0].strip()) if lines else None
+    return 0 if found is None else int(found[1])
 
 
 class _Numbers:

@@ -154,6 +154,19 @@ def read_fingerprint(path: str | Path) -> str | None:
     return found if isinstance(found, str) and found else None
 
 
+def read_size(path: str | Path) -> tuple[int, int] | None:
+    """Width and height of a frame by its header; None where the file is no frame of mirelight's, or none is there."""
+    path = Path(path)
+    if read_fingerprint(path) is None:
+        return None
+    try:
+        texts = read_header(path)[0] if path.suffix.lower() == ".exr" else read_png_text(path)
+        camera = camera_of(path, texts)
+    except (InputError, OSError):
+        return None
+    return camera.width, camera.height
+
+
 def is_intact(path: str | Path) -> bool:
     """Whether a written .exr or .png is whole and unchanged, to the last bit.
 

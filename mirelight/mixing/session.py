@@ -163,8 +163,8 @@ class Session:
                 trouble = ""
             except _EndedError:
                 continue
-            except MirelightError as error:
-                trouble = str(error)
+            except (MirelightError, RuntimeError, MemoryError) as error:  # the page lives on
+                trouble = self._said(error, work[2])
                 self._tell(trouble)
                 self._give_up(work[2])
             finally:
@@ -253,6 +253,15 @@ class Session:
         if self._stills is None:
             self._stills = Stills(self._scene, self._moved_job)
         self._stills.make(view, show, lambda done, total: self._heard("still", done, total))
+
+    def _said(self, error: Exception, layer: int | None) -> str:
+        """A line for people; what Dr.Jit and the machine say is longer, and its last line says what failed."""
+        if isinstance(error, MirelightError):
+            return str(error)
+        what = "the still" if layer is None else self._layers.names[layer]
+        if isinstance(error, MemoryError):
+            return f"{what}: not enough memory to trace it"
+        return f"{what}: cannot be traced: {(str(error).strip().splitlines() or ['no reason was given'])[-1]}"
 
     def _give_up(self, layer: int | None) -> None:
         with self._news:

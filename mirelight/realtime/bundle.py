@@ -43,7 +43,6 @@ from mirelight.model import (
     rules_of,
     triangles,
 )
-from mirelight.proxy import mesh_of
 from mirelight.realtime import captures, engine, pages
 from mirelight.scene import Scene
 
@@ -185,7 +184,7 @@ class _Shown:
 
     @staticmethod
     def of(job: Job) -> _Shown:
-        return _Shown(job.splats.value if job.splats else None, mesh_of(job))
+        return _Shown(job.splats.value if job.splats else None, Scene(job, KeptNowhere()).mesh)
 
 
 # --- scene.json ------------------------------------------------------------------------------------------------------

@@ -50,11 +50,16 @@ def write_sheets(shots: Sequence[Shot], path: Path, *, size: int = 192, every: b
     pages = _tables(cameras, lightings, by_both, every) if is_table else _grids(shots, every)
     paths: list[Path] = []
     for number, page in enumerate(pages, 1):
-        own = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
+        own = page_file(path, number)
         write_sheet(own, page.tiles, rows=page.rows, columns=page.columns, size=size)
         paths.append(own)
     shown = sum(tile is not None for page in pages for row in page.tiles for tile in row)
     return Written(tuple(paths), shown, len(shots))
+
+
+def page_file(path: Path, number: int) -> Path:
+    """The file of a page, which are counted from 1."""
+    return path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
 
 
 def _tables(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -24,6 +24,7 @@ from mirelight.farm.order import named
 from mirelight.io.display import SUFFIXES, read_display
 from mirelight.io.exr import read_header
 from mirelight.io.frame_texts import CAMERA, PROVENANCE, read_text
+from mirelight.io.image import read_fingerprint
 from mirelight.io.png import encode_display, read_png_text
 from mirelight.model import Profile
 from mirelight.store.planned import PlannedRuns
@@ -39,6 +40,7 @@ class Shot:
     camera: str  # "" of pictures that do not say
     lighting: str  # the same
     pixels: Callable[[], NDArray[np.uint8]]  # (H, W, 3) display values
+    file: Path | None = None  # that they are read from; None: mixed from layers
 
 
 def find(paths: Sequence[Path]) -> list[Shot]:
@@ -54,7 +56,7 @@ def find(paths: Sequence[Path]) -> list[Shot]:
     for path in paths:
         found = of_folder(path) if path.is_dir() else [_of_file(path)]
         several = len(paths) > 1 and path.is_dir()
-        out += [Shot(f"{path.name}/{x.name}", x.camera, x.lighting, x.pixels) for x in found] if several else found
+        out += [replace(x, name=f"{path.name}/{x.name}") for x in found] if several else found
     return out
 
 
@@ -68,16 +70,16 @@ def of_folder(folder: Path) -> list[Shot]:
     planned = PlannedRuns(folder / ".mirelight" / "plans").frames()
     there = [(x, files[x.name]) for x in planned if x.name in files]
     if there:
-        return [Shot(x.name, x.camera, x.lighting, partial(read_display, path)) for x, path in there]
+        return [Shot(x.name, x.camera, x.lighting, partial(read_display, path), path) for x, path in there]
     said = {name: _said(path) for name, path in files.items()}
     own = {name: x for name, x in said.items() if x is not None}
     if own:
-        return [Shot(name, *x, partial(read_display, files[name])) for name, x in own.items()]
+        return [Shot(name, *x, partial(read_display, files[name]), files[name]) for name, x in own.items()]
     if (folder / LAYERS).is_file():
         return _mixed(dataset.open(folder))
     if not files:
         raise InputError(folder, "no frames there", "render the job first, or name picture files")
-    return [Shot(name, "", "", partial(read_display, path)) for name, path in files.items()]
+    return [Shot(name, "", "", partial(read_display, path), path) for name, path in files.items()]
 
 
 def wanted(
@@ -125,7 +127,7 @@ def _of_file(path: Path) -> Shot:
         found = f"a file of type {path.suffix or 'unknown'}"
         raise InputError(path, found, "give PNG, JPEG, WebP or EXR files, or a folder")
     camera, lighting = _said(path) or ("", "")
-    return Shot(path.stem, camera, lighting, partial(read_display, path))
+    return Shot(path.stem, camera, lighting, partial(read_display, path), path)
 
 
 def _files(folder: Path) -> dict[str, Path]:
@@ -134,9 +136,18 @@ def _files(folder: Path) -> dict[str, Path]:
     entries = [x for x in folder.iterdir() if x.suffix.lower() in order and not x.name.startswith(".")]
     out: dict[str, Path] = {}
     for path in sorted(entries, key=lambda x: (_natural(x.stem), order[x.suffix.lower()])):
-        if path.is_file() and not _ASIDE.search(path.stem):
+        if path.is_file() and not _is_aside(path):
             out.setdefault(path.stem, path)
     return out
+
+
+def _is_aside(path: Path) -> bool:
+    """Whether a file shows a frame that is not done, and is not one of a lighting that is called so."""
+    found = _ASIDE.search(path.stem)
+    if found is None:
+        return False
+    said = _said(path)
+    return said is None or not said[1].endswith(found[1]) or read_fingerprint(path) is None
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -167,7 +167,7 @@ class Store:
             self.put_failed(task, str(e))
             raise
         for path in self._partial_paths(task):
-            if path.exists() and image.read_fingerprint(path) is None:
+            if path.exists() and not _is_finished(path):
                 path.unlink()
         self.drop_preview(task)
 
@@ -179,6 +179,8 @@ class Store:
     def put_partial(self, task: FrameTask, frame: Frame) -> None:
         """Write a frame that is not done to files of its own, which :meth:`has` never takes for the frame."""
         for path in self._partial_paths(task):
+            if _is_finished(path):  # of a lighting called "partial"
+                continue
             image.write(frame, path, self._display, self._output)
             self.partial = (*self.partial, path)
 
@@ -199,10 +201,14 @@ class Store:
 
     def put_preview(self, task: FrameTask, frame: Frame) -> None:
         """Show a frame that is not finished, in place of what was shown of it before."""
+        if _is_finished(self.preview_path(task)):  # of a lighting called "preview"
+            return
         image.write(_stamped(frame, ""), self.preview_path(task), self._display, self._output)
 
     def drop_preview(self, task: FrameTask) -> None:
         """Show it no more: the frame is there."""
+        if _is_finished(self.preview_path(task)):
+            return
         with suppress(OSError):
             self.preview_path(task).unlink(missing_ok=True)
 
@@ -325,6 +331,11 @@ def write(frame: Frame, path: str | Path, job: Job | None = None) -> None:
 def _stamped(frame: Frame, key: str) -> Frame:
     """The frame with the key of the file that it goes to."""
     return frame if frame.made_by is None else replace(frame, made_by=replace(frame.made_by, fingerprint=key))
+
+
+def _is_finished(path: Path) -> bool:
+    """Whether a file is a frame that is done: those that are shown before carry no key."""
+    return image.read_fingerprint(path) is not None
 
 
 def _file_row(path: Path, key: str) -> FileRow:

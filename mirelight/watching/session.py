@@ -5,22 +5,24 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from mirelight import executor, needs, relighting, stages
-from mirelight.errors import RenderError
+from mirelight.errors import InputError, RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm.order import Order
 from mirelight.io import image
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.kept import KeptInMemory
 from mirelight.model import Frame, Job
-from mirelight.plan import FrameTask, Group, light_keys, plan
+from mirelight.plan import FrameTask, Group, Plan, light_keys, plan
 from mirelight.scene import Scene, prepare
 from mirelight.showing.preview import Pace, quick_frame, quick_job
 from mirelight.store import Store
+from mirelight.store.folder import ASIDE
 
-FOLDER = "watch"  # inside the output folder: of each frame the newest picture that there is
+FOLDER = Path(ASIDE) / "watch"  # inside the output folder: of each frame the newest picture that there is
 
 
 class Session:
@@ -36,6 +38,7 @@ class Session:
         self._quick: Scene | None = None
         self._store: Store | None = None
         self._live: Path | None = None
+        self._spared = False
         self.job: Job | None = None  # as it was last read
 
     @property
@@ -55,6 +58,7 @@ class Session:
         """
         job = self._order.load()
         work = self._order.plan(job)
+        self._spare(job, work)
         self.job = job
         store = self._opened(job)
         every = self._order.cameras is None and self._order.lightings is None
@@ -83,6 +87,26 @@ class Session:
         if self._live is not None:
             shutil.rmtree(self._live, ignore_errors=True)
 
+    def _spare(self, job: Job, work: Plan) -> None:
+        """Once, before anything is written: what is laid over a job for speed replaces none of its finished frames.
+
+        Raises:
+            InputError: frames of another size stand in the job's own folder.
+        """
+        if self._spared or not self._order.settings or self._order.out is not None:
+            return
+        sizes = {group.camera.name: (group.camera.width, group.camera.height) for group in work.groups}
+        own = replace(self._order, settings=()).load()
+        smaller = any(sizes.get(x.name, (x.width, x.height)) != (x.width, x.height) for x in own.cameras)
+        if smaller and own.output.directory == job.output.directory:
+            for task in work.tasks:
+                for suffix in task.files:
+                    size = image.read_size(job.output.directory / f"{task.name}{suffix}")
+                    if size is not None and size != (task.camera.width, task.camera.height):
+                        found = f"{task.name}{suffix} is {size[0]} x {size[1]}, which --set would write over"
+                        raise InputError(job.output.directory, found, "name another folder with -o")
+        self._spared = True
+
     def _opened(self, job: Job) -> Store:
         """The store of the job's output folder, opened anew where what is written has changed."""
         known = self._scene.job if self._scene is not None else None
@@ -96,7 +120,7 @@ class Session:
                 shutil.rmtree(self._live, ignore_errors=True)
             self._live = live
             try:
-                live.mkdir(exist_ok=True)
+                live.mkdir(parents=True, exist_ok=True)
             except OSError as e:
                 raise output_error(live, e) from None
         return self._store

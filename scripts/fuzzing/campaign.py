@@ -45,7 +45,8 @@ class Verdict:
 class Worker:
     """A process that runs cases; it is ended and started anew where one does not come back."""
 
-    def __init__(self) -> None:
+    def __init__(self, cache: str = "") -> None:
+        self._cache = cache  # folder of what mirelight keeps for every command
         self._process: subprocess.Popen[bytes] | None = None
         self._answers = -1
 
@@ -93,7 +94,7 @@ class Worker:
                 [sys.executable, "-m", "fuzzing.worker", str(theirs)],
                 stdin=subprocess.PIPE,
                 pass_fds=[theirs],
-                env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
+                env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "MIRELIGHT_CACHE_DIR": self._cache},
             )
             os.close(theirs)
             self._line()
@@ -127,11 +128,12 @@ def run(cases: Iterable[Case]) -> Iterator[Verdict]:
 
 @contextmanager
 def _worker() -> Iterator[Worker]:
-    worker = Worker()
-    try:
-        yield worker
-    finally:
-        worker.close()
+    with tempfile.TemporaryDirectory(prefix="hostile-cache-") as cache:
+        worker = Worker(cache)
+        try:
+            yield worker
+        finally:
+            worker.close()
 
 
 def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, int]) -> tuple[str, str]:

@@ -140,6 +140,8 @@ def _places() -> list[Case]:
         of_files("folder as job", ("render", ".", *TINY), scene()),
         of_files("nothing", ("inspect", "missing.ply"), {"missing.txt": b""}),
         of_files("schema", ("schema",), {"a": b""}),
+        of_files("cache", ("cache",), {"a": b""}),
+        of_files("cache cleared", ("cache", "--clear"), {"a": b""}),
         of_files("sound", _RENDER, scene(**{"job.toml": job()}), bright=True),
     ]
     return out

@@ -95,5 +95,11 @@ def test_a_mesh_without_area_has_none() -> None:
 
 
 def test_it_is_the_same_number_each_time() -> None:
-    mesh, splats = quads(floor(0), floor(4)), splats_over(0, 2)
-    assert captured_level(splats, mesh, SKY, SETTINGS) == captured_level(splats, mesh, SKY, SETTINGS)
+    """Whatever the threads, and not by chance: another seed gives another one."""
+    mesh = quads(floor(0), ((-1, 1.5, -1), (2.5, 0, 0), (0, 0, 2.5)))
+    one, two, other = (
+        captured_level(splats_over(0, 2), mesh, SKY, settings)
+        for settings in (*(replace(SETTINGS, threads=n) for n in (1, 2)), replace(SETTINGS, seed=6))
+    )
+    assert one == two != other
+    assert other == pytest.approx(one, rel=0.05)

@@ -208,6 +208,24 @@ def test_broken_files_are_one_line(content: str, said: str, tmp_path: Path) -> N
     assert said in str(told.value) and str(path) in str(told.value) and "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize(
+    ("edition", "peak"),
+    [
+        ("IES:LM-63-2019", 90.0),  # 1.10000: made from an accredited test, and no factor
+        ("ies:lm-63-2019", 90.0),
+        ("IESNA:LM-63-2002", 99.0),
+        ("IESNA:LM-63-1995", 99.0),
+        ("IESNA91", 99.0),
+        ("[TEST] of 1986, which has no line of its own", 99.0),
+    ],
+)
+def test_the_number_behind_the_ballast_is_a_factor_before_2019_alone(edition: str, peak: float, tmp_path: Path) -> None:
+    path = tmp_path / "a.ies"
+    lines = [edition, "TILT=NONE", "1 1000 1 2 1 1 2 0 0 0", "0.9 1.10000 40", "0 90", "0", "100 100", ""]
+    path.write_text("\n".join(lines))
+    assert read_ies(path).peak == pytest.approx(peak)
+
+
 def test_bytes_that_are_no_text_and_tilts_that_are_inside(tmp_path: Path) -> None:
     path = tmp_path / "a.ies"
     path.write_bytes(bytes(range(256)) * 50)

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import executor, load
+from mirelight import executor, load, stages
+from mirelight.model import Frame, Job
 from mirelight.plan import FrameTask, plan
-from mirelight.showing import preview
+from mirelight.scene import prepare
+from mirelight.showing import preview, shots
 from mirelight.showing.preview import Previews
 from mirelight.store import Store
 
@@ -99,3 +101,33 @@ def test_where_layers_alone_are_kept_frames_are_shown_too(folder: Path) -> None:
     assert [name for name, _ in pictures.shown] == ["front.day", "front.night"]
     assert not list((folder / "out").glob("*.png"))
     store.close()
+
+
+def test_frames_of_lightings_called_preview_and_partial_are_frames(folder: Path) -> None:
+    """Their names are those that other frames' previews and interrupted tries have."""
+    text = (folder / "job.toml").read_text()
+    for name in ("preview", "partial"):
+        text += f'\n[[lightings]]\nname = "night.{name}"\nlights = [{{ type = "point", position = [1, 3, 1] }}]\n'
+    (folder / "job.toml").write_text(text)
+    job = load(folder / "job.toml", ["render.spp=1", f"output.directory={str(folder / 'out')!r}"])
+    store = Store(job)
+    store.open()
+    others = plan(job, cameras=["front"], lightings=["night.preview", "night.partial"])
+    executor.run(others, store)
+    kept = {path: path.read_bytes() for path in (folder / "out").glob("front.*")}
+    assert {f"front.night.{name}.png" for name in ("preview", "partial")} <= {path.name for path in kept}
+    (task,) = plan(job, cameras=["front"], lightings=["night"]).tasks
+    frame = relight_one(job, task)
+    for step in (store.put_preview, store.put_partial, store.put):
+        step(task, frame)
+        assert {path: path.read_bytes() for path in kept} == kept
+    store.drop_preview(task)
+    assert {path: path.read_bytes() for path in kept} == kept
+    assert all(store.has(x) for x in (*others.tasks, task))
+    store.put_preview(others.tasks[0], frame)
+    assert {x.name for x in shots.of_folder(folder / "out")} == {x.name for x in (*others.tasks, task)}
+    store.close()
+
+
+def relight_one(job: Job, task: FrameTask) -> Frame:
+    return stages.frame(prepare(job), task.camera, task.lighting)

@@ -50,6 +50,10 @@ def test_sheets_of_files_and_of_layers_show_the_same(folder: Path, run: Run) -> 
         (["sheet", "nowhere"], "nowhere: no such file"),
         (["sheet", "job.toml"], "job.toml: a file of type .toml"),
         (["sheet", "one.png", "-o", "sheet.gif"], "sheet.gif: a sheet is written as"),
+        (["sheet", "one.png", "-o", "one.png"], "one.png: it is read here"),
+        (["sheet", "*.png", "--all", "-o", "one.png"], "one.png: it is read here"),
+        (["film", "two.webp", "-o", "two.webp"], "two.webp: it is read here"),
+        (["mix", "job.toml", "-o", "site"], "site/index.html: mirelight has not written it"),
         (["sheet", "one.png", "--size", "4"], "--size: 4; give 16 to 512 pixels"),
         (["sheet", "one.png", "--camera", "x"], "no camera named 'x'"),
         (["film", "one.png", "-o", "film.avi"], "film.avi: a film is written as"),
@@ -58,7 +62,12 @@ def test_sheets_of_files_and_of_layers_show_the_same(folder: Path, run: Run) -> 
     ],
 )
 def test_wrong_use_is_one_line(folder: Path, run: Run, arguments: list[str], found: str) -> None:
-    Image.new("RGB", (8, 6)).save(folder / "one.png")
+    for name in ("one.png", "two.webp"):
+        Image.new("RGB", (8, 6)).save(folder / name)
+    (folder / "site").mkdir()
+    (folder / "site" / "index.html").write_text("<title>My holidays</title>")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     done = run(*arguments)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     assert done.returncode == 2
     assert found in done.stderr and done.stderr.count("\n") == 1

@@ -81,7 +81,7 @@ class Watched:
 
     @property
     def live(self) -> Path:
-        return self.out / "watch" / "front.night.png"
+        return self.out / ".mirelight" / "watch" / "front.night.png"
 
 
 @pytest.fixture
@@ -207,6 +207,45 @@ def test_what_a_file_names_is_watched_and_mistakes_are_no_hindrance(folder: Path
     assert files_of(job, ["mesh.obj"]) == {job, folder / "mesh.obj", folder / "mesh.mtl"}
 
 
+def test_a_folder_of_the_users_stays_as_it_is(watched: Watched) -> None:
+    own = watched.out / "watch"
+    own.mkdir(parents=True)
+    for name in ("front.night.png", "notes.txt"):
+        (own / name).write_text("mine")
+    watched.update(JOB.replace("spp = 64", "spp = 1"))
+    assert watched.live.is_file()
+    watched.session.close()
+    assert not watched.live.exists()
+    assert {path.name: path.read_text() for path in own.iterdir()} == {
+        "front.night.png": "mine",
+        "notes.txt": "mine",
+    }
+
+
+def test_a_setting_for_speed_writes_over_no_finished_frames(folder: Path) -> None:
+    job = folder / "job.toml"
+    text = JOB.replace("spp = 64", "spp = 1")
+    saved(job, text)
+
+    def begin(*settings: str, out: str | None = None) -> Session:
+        session = Session(Order(job=str(job), settings=settings, out=out))
+        session.update(Silent(), lambda task, what: None)
+        return session
+
+    begin().close()
+    finals = {path: path.read_bytes() for path in (folder / "out").glob("front.*")}
+    assert finals
+    with pytest.raises(InputError, match=r"front\.night\.\w+ is 64 x 48, which --set would write over; name another"):
+        begin("resolution_scale=0.5")
+    assert {path: path.read_bytes() for path in finals} == finals
+    session = begin("resolution_scale=0.5", out=str(folder / "small"))
+    saved(job, text.replace("[64, 48]", "[48, 48]"))  # the job itself changes: its frames follow
+    session.update(Silent(), lambda task, what: None)
+    session.close()
+    assert picture(folder / "small" / "front.night.png").shape == (24, 24, 3)
+    begin("display.exposure=1").close()
+
+
 # --- the command ---
 
 
@@ -226,7 +265,7 @@ class Process:
     @property
     def mistakes(self) -> list[str]:
         """What was said of anything but pictures."""
-        return [line for line in self.said if "front.night: " not in line and "out/watch" not in line]
+        return [line for line in self.said if "front.night: " not in line and "out/.mirelight/watch" not in line]
 
     def wait(self, text: str, count: int) -> None:
         self._until(lambda: sum(text in line for line in self.said) >= count, 240)
@@ -257,7 +296,7 @@ def process(folder: Path) -> Iterator[Process]:
 
 def test_a_process_follows_edits_until_ctrl_c(process: Process, folder: Path) -> None:
     process.wait("front.night: done", 1)
-    assert (folder / "out" / "watch" / "front.night.png").is_file()
+    assert (folder / "out" / ".mirelight" / "watch" / "front.night.png").is_file()
     saved(process.job, JOB.replace("intensity = 20", "intensity = 'bright'"))
     process.wait("job.toml:", 1)
     assert "lights[0].intensity" in next(x for x in process.said if "job.toml:" in x)
@@ -269,7 +308,7 @@ def test_a_process_follows_edits_until_ctrl_c(process: Process, folder: Path) ->
     process.wait("front.night: done", 2)
     assert process.end() == 0
     assert not any("Traceback" in line for line in process.said), process.said
-    assert not (folder / "out" / "watch").exists()
+    assert not (folder / "out" / ".mirelight" / "watch").exists()
     assert not list((folder / "out").glob(".front*"))
 
 

@@ -70,3 +70,25 @@ def test_a_report_without_a_folder_is_refused_before_anything_is_read(tmp_path: 
 def test_paths_come_in_pairs(files: Any) -> None:
     with pytest.raises(InputError, match="give as many tests as references"):
         run(*files, files[0])
+
+
+def test_a_report_takes_the_place_of_one_alone(files: Any, tmp_path: Path, save: Any, made: Any) -> None:
+    """Neither a picture that is compared nor a file of others is written over; a report of before is."""
+    reference, test = files
+    mask = save(made(), "mask.png")
+    for kind in ("html", "json", "csv"):
+        for read in (reference, test, mask):
+            before = read.read_bytes()
+            with pytest.raises(OutputError, match=rf"{read.name}: it is read here"):
+                run(reference, test, "--mask", mask, f"--{kind}", read, "-q")
+            assert read.read_bytes() == before
+        foreign = tmp_path / f"mine.{kind}"
+        foreign.write_text("my own notes")
+        with pytest.raises(OutputError, match=rf"mine\.{kind}: mirelight has not written it"):
+            run(reference, test, f"--{kind}", foreign, "-q")
+        assert foreign.read_text() == "my own notes"
+        report = tmp_path / f"r.{kind}"
+        report.touch()
+        for _ in range(2):
+            assert run(reference, test, f"--{kind}", report, "-q") == 0
+        assert report.stat().st_size > 100

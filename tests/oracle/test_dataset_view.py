@@ -289,6 +289,19 @@ def test_draws_depend_on_seed_and_number_alone(folders: tuple[Path, Path]) -> No
         some[6]
 
 
+def test_nothing_is_drawn_where_every_lighting_is_off(tmp_path: Path) -> None:
+    make_scene(tmp_path)
+    off = JOB.split("[[lightings]]")[0] + "[[cameras]]" + JOB.split("[[cameras]]")[1] + "[render]\nspp = 1\n"
+    light = '[[lightings]]\nname = "off"\nlights = [{ type = "point", position = [1, 1, 1], intensity = 0 }]\n'
+    (tmp_path / "job.toml").write_text(off.replace('captured = "day"', 'captured = "off"') + light)
+    more = ["--set", "output.store=layers", "--set", "relight.mode=tint"]
+    assert cli.main(["render", str(tmp_path / "job.toml"), "-q", *more]) == 0
+    view = dataset.open(tmp_path / "out")
+    assert len(view) == 1 and np.isfinite(view[0].rgba).all()
+    with pytest.raises(InputError, match="out: no lighting with any light"):
+        Draws(view, 3)
+
+
 def test_splits_are_four_parts_by_names(folders: tuple[Path, Path]) -> None:
     view = dataset.open(folders[1])
     seeds = [split(view, "both", 0.5, seed) for seed in range(20)]

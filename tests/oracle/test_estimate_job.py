@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from mirelight.errors import InputError
 from mirelight.estimate import Estimate, estimate
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
-from mirelight.io.environment import write_environment
+from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.inspect import of_job
 from mirelight.io.job.captured_text import captured_text
@@ -76,6 +77,29 @@ def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.M
     again = prepare(work, shelf).resolved(work.captured)
     np.testing.assert_array_equal(again.lights[0].color, light.lights[0].color)
     assert again.layer_names == work.captured.layer_names
+
+
+def test_every_command_finds_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command's own is what a job takes that asks for the same; another exposure is another."""
+    calls: list[float] = []
+    honest = estimate
+
+    def counted(*arguments: Any) -> Estimate:
+        calls.append(arguments[3])
+        return honest(*arguments)
+
+    monkeypatch.setattr("mirelight.estimate.estimate", counted)
+    assert main(["estimate", str(folder / "job.toml"), "-o", str(folder / "found.toml"), "-q"]) == 0
+    lights = []
+    for changes in ([], ["output.directory=other"], ["captured={ estimate = true, exposure = 1 }"]):
+        work = loaded(folder, *changes)
+        assert work.captured is not None
+        lights.append(prepare(work).resolved(work.captured))
+    assert calls == [0.0, 1.0]
+    found = read_environment(folder / "found.exr")
+    for light in lights[:2]:
+        assert light.environment is not None
+        np.testing.assert_array_equal(light.environment.pixels, found)
 
 
 def test_a_frame_is_relit_by_it(folder: Path) -> None:

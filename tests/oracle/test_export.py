@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import shutil
 import tarfile
 from pathlib import Path
 from typing import Any
@@ -365,6 +366,70 @@ def test_lamps_of_a_normalized_world_light_it_the_same(folder: Path, tmp_path: P
     assert np.allclose(lamp["position"], world[:3, :3] @ [-1, 1, 0.2] + world[:3, 3])
 
 
+MIXED = """
+[mix.lamps]
+"warm.one" = [0.5, 0.25, 1]
+spot = 0
+
+[mix.room]
+environment = [0.5, 1, 2]
+
+[mix.sky]
+sun = 0.5
+sky = [1, 0, 0]
+"""
+
+
+def test_a_lighting_that_is_traced_whole_is_mixed_too(folder: Path, tmp_path: Path) -> None:
+    """With a noise target no lighting is made of unit lights; what files say of its lights is the same."""
+    sets = []
+    for name, settings in (("apart", ()), ("whole", ("--set", "render.noise=0.5"))):
+        place = tmp_path / name
+        shutil.copytree(folder.parent, place, ignore=shutil.ignore_patterns("out"))
+        (place / "job.toml").write_text(JOB.replace("frames = 3", "frames = 1") + MIXED)
+        arguments = "-q", "--set", "output.store=layers", "--set", "render.spp=1", *settings
+        assert cli.main(["render", str(place / "job.toml"), *arguments]) == 0
+        sets.append((dataset.open(place / "out"), export(place / "out", place / "set", "olat", "--held-out", "0")))
+    (apart, plain), (whole, held) = sets
+    assert {x.kind for x in whole.lights} == {"whole"} != {x.kind for x in apart.lights}
+    frames = [load(out / "transforms_train.json")["frames"] for out in (plain, held)]
+    assert [x["file_path"] for x in frames[0]] == [x["file_path"] for x in frames[1]]
+    for old, new in zip(*frames, strict=True):
+        np.testing.assert_allclose(new["pl_intensity"], old["pl_intensity"], rtol=1e-6)
+    for name in ("day.1", "room", "sky"):
+        old_map, new_map = apart.environment(name), whole.environment(name)
+        assert old_map is not None and new_map is not None
+        np.testing.assert_allclose(new_map, old_map, rtol=1e-5)
+    rig = load(held / "lights.json")["lights"]
+    lamp = next(x for x in rig if x["name"] == "lamps")["parts"]
+    assert lamp[0]["color"] == [0.5, 0.25, 1] and lamp[1]["color"] == [0, 0, 0]
+    (room,) = next(x for x in rig if x["name"] == "room")["parts"]
+    assert (room["color"], room["intensity"]) == ([0.5, 1, 2], 2)
+
+
+def test_another_way_of_relighting_is_another_picture(folder: Path, tmp_path: Path) -> None:
+    """A lighting's own: what was exported before it changed is made again, and nothing else."""
+    out, said = tmp_path / "out", ".mirelight/dataset.json"
+    shutil.copytree(folder, out)
+    names = ("--lighting", "lamp", "room")
+    for blend, place in ((0.25, "twice"), (0.75, "twice"), (0.75, "once")):
+        index = load(out / said)
+        changed = next(x for x in index["lightings"] if x["name"] == "lamp")
+        changed["relight"] = {**index["relight"], "blend": blend}
+        (out / said).write_text(json.dumps(index))
+        export(out, tmp_path / place, "nerf", "--no-hdr", *names)
+        if blend == 0.25:
+            before = {str(x): x.stat().st_mtime_ns for x in (tmp_path / "twice").rglob("*.png")}
+    twice, once = (
+        {str(x.relative_to(tmp_path / y)): x for x in (tmp_path / y).rglob("*.png")} for y in ("twice", "once")
+    )
+    assert twice.keys() == once.keys()
+    for name, path in twice.items():
+        assert path.read_bytes() == once[name].read_bytes(), name
+    same = {name for name, path in twice.items() if path.stat().st_mtime_ns == before[str(path)]}
+    assert any("room" in name for name in same) and not any("lamp" in name for name in same)
+
+
 # --- parts, pages, ways to go wrong ----------------------------------------------------------------------------------
 
 
@@ -490,6 +555,27 @@ held_out = 0.5
 license = "cc0-1.0"
 hdr = false
 """
+
+
+def test_a_denoised_job_of_one_camera_is_exported_as_it_was_traced(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As `mirelight new` writes it: nothing has to be rendered again, and nobody speaks of a split."""
+    path = folder.parent / "one.toml"
+    path.write_text(JOB.replace("frames = 3", "frames = 1") + '[dataset]\nlayouts = ["nerf"]\n')
+    for name in ("true", "false"):
+        command = ["render", str(path), "-o", str(tmp_path / name), "--set", f"render.denoise={name}"]
+        assert cli.main([*command, "--set", "render.spp=1", "--set", "output.exr=false"]) == 0
+        said = capsys.readouterr()
+        assert ("not denoised: more render.spp" in said.err) == (name == "true")
+        assert "held out" not in said.err and "--seed" not in said.err and "5 frames in" in said.out
+        export(tmp_path / name, tmp_path / f"set {name}", "nerf")
+        capsys.readouterr()
+    one, other = (dataset.open(tmp_path / name) for name in ("true", "false"))
+    assert len(one) == len(other) == 5
+    assert np.array_equal(one.frame(0, "lamps"), other.frame(0, "lamps"))
+    page = (tmp_path / "set true" / "README.md").read_text()
+    assert "All frames are to train on: none is held out." in page and "by a hash" not in page
 
 
 def test_a_job_writes_its_data_sets_once_all_frames_are_there(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +12,10 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import executor, keys
+from mirelight import cli, executor, keys
 from mirelight.errors import InputError
 from mirelight.io import splats
+from mirelight.io.exr import read_exr
 from mirelight.plan import plan
 from mirelight.store import Store
 from tests.proxy.clouds import ball
@@ -54,7 +57,7 @@ def rendered(work: mirelight.Job) -> list[str]:
     return [line for line in noted.lines if "proxy mesh" in line]
 
 
-def test_it_is_made_once_and_found_again(job: Path) -> None:
+def test_it_is_made_once_and_found_again(job: Path, cache: Path) -> None:
     first = rendered(mirelight.load(job))
     assert len(first) == 2 and "making the proxy mesh" in first[0]
     frame = job.parent / "out" / "camera.lighting.exr"
@@ -64,10 +67,28 @@ def test_it_is_made_once_and_found_again(job: Path) -> None:
     assert rendered(mirelight.load(job)) == []
     assert frame.read_bytes() == before
     frame.unlink()
-    for kept in (job.parent / "out" / ".mirelight" / "scene").iterdir():
+    for kept in (*(job.parent / "out" / ".mirelight" / "scene").iterdir(), *cache.iterdir()):
         kept.write_bytes(kept.read_bytes()[:100])  # a damaged one is made anew
     assert len(rendered(mirelight.load(job))) == 2
     assert frame.read_bytes() == before
+
+
+def test_it_is_found_from_any_folder(job: Path, cache: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of another output folder, and by a command that has none; the frames are the same to the bit."""
+    assert len(rendered(mirelight.load(job, ["output.directory=one"]))) == 2
+    assert rendered(mirelight.load(job, ["output.directory=two"])) == []
+    one, two = (job.parent / name / "camera.lighting.exr" for name in ("one", "two"))
+    assert read_exr(one).channels.keys() == read_exr(two).channels.keys()
+    for name, plane in read_exr(one).channels.items():
+        np.testing.assert_array_equal(plane, read_exr(two).channels[name])
+    kept = list((job.parent / "two" / ".mirelight" / "scene").glob("*.npz"))
+    assert len(kept) == 1  # for machines that share the folder and not the cache
+    assert cli.main(["inspect", str(job), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["proxy_to_make"] is False
+    shutil.rmtree(cache)
+    cache.write_text("in the way")  # nothing can be kept there, and nothing is said
+    assert len(rendered(mirelight.load(job, ["output.directory=three"]))) == 2
+    assert cache.read_text() == "in the way"
 
 
 def test_the_mesh_stands_where_the_splats_do(job: Path) -> None:

@@ -18,6 +18,7 @@ from mirelight.io.png import encode_display
 from mirelight.lighting import splat_light
 from mirelight.lighting.splat_light import Places
 from mirelight.mixing import first_light, layers, rgb9e5
+from mirelight.mixing.first_light import FirstLight
 from mirelight.mixing.session import Session
 from mirelight.mixing.stills import View
 from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, RenderSettings
@@ -101,6 +102,36 @@ def traced(job: Job, layer: str, made: layers.MixLayers) -> np.ndarray:
     light = SplatLight(prepare(job), STAGES[-1], None).light(LightSet((unit,)), layer)[0]
     packed, _ = rgb9e5.pack(made.layer_of(light)[None])
     return np.asarray(packed[0])
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (RuntimeError("a kernel failed\n  it is said in more lines\nno room in the arena"), "no room in the arena"),
+        (RuntimeError(), "no reason was given"),
+        (MemoryError(), "not enough memory"),
+    ],
+)
+def test_a_trace_that_fails_is_said_and_the_next_one_made(
+    scene: Scene, made: layers.MixLayers, monkeypatch: pytest.MonkeyPatch, error: Exception, said: str
+) -> None:
+    told: list[str] = []
+    session = Session(scene, made, STAGES, told.append)
+    pair, trace = made.names.index("pair"), FirstLight.light
+
+    def fails(self: FirstLight, lighting: Lighting) -> F32:
+        monkeypatch.setattr(FirstLight, "light", trace)
+        raise error
+
+    monkeypatch.setattr(FirstLight, "light", fails)
+    session.move(pair, 1, np.array([0.2, 1.1, 0.4]))
+    session.run(until=lambda: True)
+    (line,) = told
+    assert line.startswith("pair: ") and said in line and session.state().trouble == line and "\n" not in line
+    assert not session.state().layers
+    session.move(pair, 1, np.array([0.2, 1.0, 0.4]))
+    session.run(until=lambda: True)
+    assert pair in session.state().layers and session.state().trouble == "" and len(told) == 1
 
 
 def test_a_moved_light_is_the_layer_of_the_job_with_it_moved(scene: Scene, made: layers.MixLayers) -> None:

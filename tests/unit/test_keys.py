@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from mirelight import keys, provenance, relighting
+from mirelight.dataset import describe, export
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -20,16 +21,22 @@ from mirelight.model import (
     DisplaySettings,
     EngineSettings,
     Environment,
+    EstimatedSky,
     Job,
     LayerFactor,
     Lighting,
     OutputSettings,
     PointLight,
     ProxyMesh,
+    ProxyRecipe,
     RelightSettings,
     RenderSettings,
+    SkyModel,
     SplatCloud,
 )
+from mirelight.model.planes import AOVS, MATTES
+from mirelight.plan import plan
+from mirelight.scene import prepare
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
@@ -52,6 +59,7 @@ OTHER: dict[str, Any] = {  # another value, where the type alone does not tell a
     "output.directory": Path("elsewhere"),
     "dataset.layouts": ("nerf",),
     "dataset.license": "cc-by-4.0",
+    "output.aovs": False,
     "output.compression": "none",  # dwaa leaves some AOVs out
 }
 
@@ -185,6 +193,239 @@ def test_content_makes_again_what_the_page_says(what: str) -> None:
 
 def test_the_page_has_a_line_for_nothing_else() -> None:
     assert set(rows()) == {*NAMES, *CONTENT}
+
+
+# --- every artefact --------------------------------------------------------------------------------------------------
+
+ROOM = replace(
+    JOB,
+    made_proxy=ProxyRecipe(mesh=mesh(), splats=cloud()),
+    albedo_from_splats=True,
+    lightings=(DAY,),
+    output=OutputSettings(aovs=(*AOVS, *MATTES)),
+)
+SKY_MODEL = SkyModel(to_sun=np.array([0.0, 1, 0]))
+Artefact = Callable[[keys.Keys], str]
+
+
+def estimated(made: keys.Keys) -> EstimatedSky:
+    """As a job has it that asks for an estimate."""
+    assert made.job.splats is not None and made.job.proxy is not None
+    return EstimatedSky(splats=made.job.splats.digest, proxy=made.job.proxy.digest, seed=made.job.render.seed)
+
+
+def _frame(made: keys.Keys, suffix: str = "", lit: bool = True) -> str:
+    lighting = made.job.lightings[0] if lit else None
+    frame = made.frame(made.job.cameras[0], lighting)
+    return made.file(frame, made.job.cameras[0], lighting, suffix) if suffix else frame
+
+
+def _light(made: keys.Keys) -> str:
+    seen = relighting.lighting_camera(made.job.cameras[0], made.job.relight)
+    return " ".join(made.light(s, seen) for s in made.mixture(made.job.lightings[0]).sets)
+
+
+def _surface_light(made: keys.Keys) -> str:
+    parts = (part for one in made.mixture(made.job.lightings[0]).sets for part in one.parts())
+    return " ".join(made.surface_light(part) for part in parts)
+
+
+def _splat_light(made: keys.Keys) -> str:
+    return " ".join(
+        made.splat_light(s, made.job.render.spp) for s in made.splat_sets.mixture(made.job.lightings[0]).sets
+    )
+
+
+def _exported(made: keys.Keys) -> str:
+    index = describe.describe(plan(made.job))
+    return export.picture_key(index, index.views[0], 0, np.eye(4))
+
+
+ARTEFACTS: dict[str, Artefact] = {
+    "made proxy": lambda made: made.made_proxy,
+    "colours": lambda made: made.proxy,
+    "captured level": lambda made: made.captured_level,
+    "estimate": lambda made: made.estimate(estimated(made)),
+    "map": lambda made: made.map_of(sky()),
+    "sky": lambda made: made.sky_of(SKY_MODEL, "sky"),
+    "sky of an estimate": lambda made: made.sky_of(estimated(made), "sky"),
+    "places": lambda made: made.splat_places,
+    "captured lamps": lambda made: made.captured_lamps,
+    "splat light": _splat_light,
+    "cells": lambda made: made.surface_cells,
+    "surface transport": lambda made: made.surface_transport,
+    "surface light": _surface_light,
+    "light": _light,
+    "composite": lambda made: made.composite(made.job.cameras[0]),
+    "frame": _frame,
+    "EXR": lambda made: _frame(made, ".exr"),
+    "PNG": lambda made: _frame(made, ".png"),
+    "unlit frame": lambda made: _frame(made, lit=False),
+    "unlit EXR": lambda made: _frame(made, ".exr", lit=False),  # it holds the mattes
+    "unlit PNG": lambda made: _frame(made, ".png", lit=False),
+    "exported picture": _exported,
+}
+# Public names of Keys: those that are keys of an artefact, and those that only help to find one.
+KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places", "captured_lamps"}
+KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
+HELPING = {"job", "splat_sets", "sets", "lights", "layers", "mixture", "files"}
+
+FILES = {"frame", "EXR", "PNG", "exported picture"}
+ON_SPLATS = {"places", "captured lamps", "splat light"}
+ON_SURFACE = {"cells", "surface transport", "surface light"}
+ON_PROXY = {"captured level", "light", *ON_SPLATS, *ON_SURFACE, *FILES}  # on one with the splats' colours
+UNLIT = {"composite", "unlit frame", "unlit EXR", "unlit PNG"}
+SEEDED = {"estimate", "sky of an estimate"}
+TRACED = {"light", *FILES}
+DECIDES: dict[str, set[str]] = {
+    "render.profile": {"colours", *ON_PROXY},
+    "render.spp": {"splat light", *TRACED},
+    "render.noise": {"surface light", *TRACED},
+    "render.max_depth": {"colours", *ON_PROXY},
+    "render.indirect": TRACED,
+    "render.seed": {"colours", *SEEDED, *ON_PROXY},
+    "render.variant": set(ARTEFACTS) - {"map"},
+    "render.denoise": TRACED,
+    "render.threads": set(),
+    "render.max_memory": set(),
+    "render.ao_distance": TRACED,
+    "compositor.profile": UNLIT | FILES,
+    "compositor.sort": UNLIT | FILES,
+    "compositor.work_buffer": set(),
+    "compositor.min_pixel_size": set(),
+    "compositor.alpha_clip": UNLIT | FILES,
+    "compositor.tone": set(),
+    "compositor.exposure": set(),
+    "compositor.linear": set(),
+    "compositor.eight_bit": set(),
+    "compositor.max_memory": set(),
+    "relight.mode": {"colours", *ON_PROXY},
+    "relight.profile": FILES,
+    "relight.space": set(),
+    "relight.blend": FILES,
+    "relight.brightness": set(),
+    "relight.background": FILES,
+    "relight.texture_scale": ON_SURFACE | TRACED,
+    "relight.delta": FILES,
+    "relight.max_ratio": FILES,
+    "relight.per": FILES,
+    "relight.sh": UNLIT | FILES,
+    "display.exposure": {"PNG", "unlit PNG", "exported picture"},
+    "display.tone": {"PNG", "unlit PNG", "exported picture"},
+    "display.background": {"PNG", "unlit PNG", "exported picture"},
+    "output.directory": set(),
+    "output.store": set(),
+    "output.exr": UNLIT | TRACED,
+    "output.png": set(),
+    "output.layers": {"frame", "EXR", "PNG", "unlit EXR"},
+    "output.aovs": UNLIT | TRACED,
+    "output.half": {"EXR", "unlit EXR"},
+    "output.compression": {"EXR", "unlit EXR"},
+    "dataset.layouts": set(),
+    "dataset.normalize": set(),
+    "dataset.split": set(),
+    "dataset.held_out": set(),
+    "dataset.seed": set(),
+    "dataset.license": set(),
+    "dataset.hdr": set(),
+    "engine.clustered": set(),
+    "engine.physical_units": set(),
+    "engine.hdr_format": set(),
+}
+
+
+def keys_of(job: Job) -> dict[str, str]:
+    made = keys.Keys(job)
+    return {name: key(made) for name, key in ARTEFACTS.items()}
+
+
+def different(before: Job, after: Job) -> set[str]:
+    old, new = keys_of(before), keys_of(after)
+    return {name for name in ARTEFACTS if old[name] != new[name]}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_setting_is_in_the_keys_of_what_it_decides(name: str) -> None:
+    """What changes the bytes changes the key, and nothing else does."""
+    assert name in DECIDES, f"{name}: say in DECIDES of which artefacts it changes the bytes"
+    assert different(ROOM, with_other(ROOM, name)) == DECIDES[name]
+
+
+def test_every_artefact_has_its_place_in_the_table() -> None:
+    """Who adds one says here what decides it."""
+    public = {name for name in vars(keys.Keys) if not name.startswith("_")} | {"job"}
+    assert public == KEYED | HELPING
+    assert set(DECIDES) == set(NAMES)
+
+
+def test_every_part_of_a_job_has_its_place() -> None:
+    """Who adds one says what it decides: settings in DECIDES, content in IN_ROOM."""
+    content = {"splats", "proxy", "made_proxy", "albedo_from_splats", "cameras", "lightings", "pooled", "captured"}
+    in_no_key = {"source", "splat_files", "inputs", "notes"}
+    assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
+
+
+SURE = {"mitsuba", "drjit", "llvm", "numpy", "scipy"}
+
+
+@pytest.mark.parametrize("package", ["mirelight", *sorted(SURE)])
+def test_a_version_is_in_the_keys_of_what_it_decides(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
+    known = dict(provenance.versions())
+    assert known.keys() >= SURE
+    old = keys_of(ROOM)
+    monkeypatch.setattr(provenance, "versions", lambda: {**known, package: "99"})
+    changed = {name for name, key in keys_of(ROOM).items() if old[name] != key}
+    composited = UNLIT if package in ("drjit", "llvm", "mirelight") else {"unlit EXR"}  # which holds mattes
+    pictures = {"PNG", "unlit PNG"} if package == "numpy" else set()
+    small = {"map"} if package in ("numpy", "mirelight") else set()
+    assert changed == set(ARTEFACTS) - {"map"} - UNLIT | composited | pictures | small
+
+
+IN_ROOM: dict[str, tuple[Job, set[str]]] = {
+    "another proxy": (
+        replace(ROOM, proxy=mesh(0.4)),
+        {"colours", "unlit EXR", *SEEDED, *ON_PROXY},
+    ),
+    "other splats": (
+        replace(ROOM, splats=cloud(1.0)),
+        {"colours", *SEEDED, *ON_PROXY, *UNLIT} - {"made proxy"},
+    ),
+    "another capture's light": (
+        replace(ROOM, captured=replace(CAPTURED, lights=(replace(CAPTURED.lights[0], intensity=9.0),))),
+        {"colours", *ON_PROXY},
+    ),
+    "another camera": (
+        replace(ROOM, cameras=(VIEW.resized(21, 10),)),
+        {"light", *ON_SURFACE, *FILES, *UNLIT},
+    ),
+    "a lighting's own way of relighting": (
+        replace(ROOM, lightings=(replace(DAY, relight=replace(ROOM.relight, max_ratio=3.0)),)),
+        FILES,
+    ),
+}
+
+
+@pytest.mark.parametrize("what", IN_ROOM)
+def test_content_is_in_the_keys_of_what_it_decides(what: str) -> None:
+    job, expected = IN_ROOM[what]
+    assert different(ROOM, job) == expected
+
+
+def test_where_a_lighting_has_its_own_way_the_job_s_counts_for_nothing() -> None:
+    own = replace(ROOM, lightings=(replace(DAY, relight=RelightSettings(mode="ratio", delta=0.5)),))
+    assert different(own, replace(own, relight=replace(own.relight, delta=0.25))) == set()
+
+
+def test_a_scene_takes_over_a_level_of_its_own_kind_alone() -> None:
+    """As after an edit of the job's profile."""
+    known = prepare(JOB)
+    vars(known)["captured_level"] = 0.5  # as if it had been found
+    same = replace(JOB, relight=replace(JOB.relight, delta=0.5))
+    assert vars(prepare(same, like=known)).get("captured_level") == 0.5
+    assert "captured_level" not in vars(prepare(replace(JOB, render=RenderSettings(profile="playcanvas")), like=known))
+
+
+# --- what is in no key -----------------------------------------------------------------------------------------------
 
 
 def test_a_frame_does_not_depend_on_lightings_behind_its_own() -> None:

@@ -54,7 +54,20 @@ def test_there_are_commands_to_be_found() -> None:
     assert sum(len(list(commands(page.read_text(encoding="utf-8")))) for page in PAGES) >= 40
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def pages_with(language: str) -> list[Path]:
+    """Those that hold a block of a language: on others there would be nothing to test."""
+    return [page for page in PAGES if any(blocks(page.read_text(encoding="utf-8"), language))]
+
+
+@pytest.mark.parametrize(("language", "least"), [("python", 10), ("toml", 30)])
+def test_every_block_is_looked_at(language: str, least: int) -> None:
+    """Each fence that opens with the language, indented or not, is one of the blocks that the tests below take."""
+    texts = [page.read_text(encoding="utf-8") for page in PAGES]
+    opened = sum(len(re.findall(rf"^[ \t]*(?:```|~~~)[ \t]*{language}\b", text, re.MULTILINE)) for text in texts)
+    assert opened == sum(len(list(blocks(text, language))) for text in texts) >= least
+
+
+@pytest.mark.parametrize("page", pages_with("python"), ids=lambda page: page.name)
 def test_python_imports_what_there_is(page: Path) -> None:
     for block in blocks(page.read_text(encoding="utf-8"), "python"):
         for node in ast.walk(ast.parse(block)):
@@ -71,7 +84,7 @@ def test_python_imports_what_there_is(page: Path) -> None:
                 assert hasattr(import_module("mirelight"), node.attr)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", pages_with("toml"), ids=lambda page: page.name)
 def test_toml_is_sound(page: Path) -> None:
     for block in blocks(page.read_text(encoding="utf-8"), "toml"):
         tomllib.loads(block)

@@ -90,7 +90,8 @@ def sample_key(picture: Picture) -> str:
 
 
 def _write_tar(path: Path, shard: list[Picture], shared: Shared, heard: Callable[[Picture], None]) -> None:
-    with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
+    # PAX gives a name of more than 100 characters a header of its own, and is USTAR for others
+    with tarfile.open(path, "w", format=tarfile.PAX_FORMAT) as tar:
         for picture in shard:
             for suffix, data in _sample(picture, shared):
                 entry = tarfile.TarInfo(f"{sample_key(picture)}.{suffix}")

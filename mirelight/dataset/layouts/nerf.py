@@ -4,7 +4,8 @@ nerfstudio ignores a lens in a frame where one stands at the top, wants masks an
 of file names for all splits or none, and 8-bit pictures. Blender-NeRF's readers take transforms_SPLIT.json, add ".png"
 themselves and know nothing but `camera_angle_x`. instant-ngp takes EXR, premultiplied: transforms_hdr.json. Depth is
 along the view axis, 16-bit millimetres: nerfstudio's default, and instant-ngp's by `integer_depth_scale`. Worlds have
-Z up.
+Z up. A scaled world's scale stands in `applied_transform`: by `applied_scale` nerfstudio multiplies points and depths,
+and not the poses, whereas all of them lie in one world here.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from mirelight.dataset.layouts.shared import ENVIRONMENTS, GEOMETRY, write_envir
 from mirelight.io.cameras.transforms import lens_entry, matrix_entry
 from mirelight.model import Camera, digest
 
-_SAME = 1e-6  # relative, of lenses
 _POINTS = "points.ply"
 
 
@@ -99,10 +99,7 @@ def _transforms(written: list[_Written], shared: Shared, out: str, lighting: str
     lenses = [_lens(one.camera) for one in written]
     same = len(lenses) > 0 and all(lens == lenses[0] for lens in lenses)
     whole: dict[str, Any] = {"camera_model": "PINHOLE", **(lenses[0] if same else {})}
-    scale = shared.scale
-    whole |= {"applied_transform": (shared.world[:3] / scale).tolist(), "orientation_override": "none"}
-    if abs(scale - 1) > _SAME:
-        whole["applied_scale"] = scale
+    whole |= {"applied_transform": shared.world[:3].tolist(), "orientation_override": "none"}
     if shared.points is not None:
         whole["ply_file_path"] = f"{out}{_POINTS}"
     if any(one.has_depth for one in written):

@@ -20,7 +20,8 @@ _KINDS = {dict: "an object", list: "an array", str: "a string", bool: "true or f
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A JSON object with its file and position. Every getter raises InputError naming file and field."""
+    """A JSON object with its file and position. Every getter raises InputError naming file and field. A field that is
+    null is one that is not there, as exporters write it for what they do not have; but an index or count is none."""
 
     file: Path
     where: str  # e.g. "nodes[3].extensions"; empty at the top
@@ -35,7 +36,7 @@ class Fields:
         return InputError(self.file, found, remedy, field=self.at(name) if name else self.where)
 
     def __contains__(self, name: str) -> bool:
-        return name in self.values
+        return self.values.get(name) is not None
 
     @overload
     def integer(self, name: str, default: int = ..., *, low: int = ..., high: int = ...) -> int: ...
@@ -58,15 +59,15 @@ class Fields:
 
     def number(self, name: str, default: float | None = None) -> float:
         """A finite number. Without a default the field must be there."""
-        if name not in self.values:
+        if name not in self:
             if default is None:
-                raise self.fail(name, "missing")
+                raise self.fail(name, "missing" if name not in self.values else "null, expected a number")
             return default
         return self._finite(name, self.values[name])
 
     def vector(self, name: str, length: int, default: Sequence[float] | None = None) -> NDArray[np.float64]:
         """(length,) float64 of finite numbers. Without a default the field must be there."""
-        if name not in self.values and default is not None:
+        if name not in self and default is not None:
             return np.asarray(default, dtype=np.float64)
         value = self._list(name)
         if len(value) != length:
@@ -75,7 +76,7 @@ class Fields:
 
     def text(self, name: str, default: str | None = None) -> str:
         """A string. Without a default the field must be there."""
-        if name not in self.values and default is not None:
+        if name not in self and default is not None:
             return default
         value = self.values.get(name)
         if not isinstance(value, str):
@@ -84,14 +85,14 @@ class Fields:
 
     def flag(self, name: str) -> bool:
         """A boolean, false where it is absent."""
-        value = self.values.get(name, False)
+        value = self.values[name] if name in self else False
         if not isinstance(value, bool):
             raise self.fail(name, f"{_shown(value)}, expected true or false")
         return value
 
     def child(self, name: str) -> Fields:
         """The object under `name`, empty where it is absent."""
-        value = self.values.get(name, {})
+        value = self.values[name] if name in self else {}
         if not isinstance(value, dict):
             raise self.fail(name, f"{_shown(value)}, expected an object")
         return Fields(self.file, self.at(name), value)
@@ -99,7 +100,7 @@ class Fields:
     def children(self, name: str) -> tuple[Fields, ...]:
         """The objects in the array under `name`, none where it is absent."""
         found = []
-        for i, value in enumerate(self._list(name) if name in self.values else ()):
+        for i, value in enumerate(self._list(name) if name in self else ()):
             if not isinstance(value, dict):
                 raise self.fail(f"{name}[{i}]", f"{_shown(value)}, expected an object")
             found.append(Fields(self.file, self.at(f"{name}[{i}]"), value))
@@ -107,7 +108,7 @@ class Fields:
 
     def integers(self, name: str, *, high: int = 2**53) -> tuple[int, ...]:
         """The integers in the array under `name`, none where it is absent."""
-        values = self._list(name) if name in self.values else []
+        values = self._list(name) if name in self else []
         for i, value in enumerate(values):
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= high:
                 raise self.fail(f"{name}[{i}]", f"{_shown(value)}, expected an integer from 0 to {high}")
@@ -115,7 +116,7 @@ class Fields:
 
     def texts(self, name: str) -> tuple[str, ...]:
         """The strings in the array under `name`, none where it is absent."""
-        values = self._list(name) if name in self.values else []
+        values = self._list(name) if name in self else []
         for i, value in enumerate(values):
             if not isinstance(value, str):
                 raise self.fail(f"{name}[{i}]", f"{_shown(value)}, expected a string")

@@ -126,14 +126,11 @@ def _comparing(data: dict[str, Any]) -> Iterator[Mistake]:
 
 def _dataset(data: dict[str, Any]) -> Iterator[Mistake]:
     """What data sets are mixed from must be kept."""
-    dataset, output, render = data.get("dataset"), data.get("output"), data.get("render")
+    dataset, output = data.get("dataset"), data.get("output")
     if not isinstance(dataset, dict) or not dataset.get("layouts"):
         return
     if isinstance(output, dict) and output.get("store") == "frames":
         yield Mistake(("output", "store"), "'frames', but data sets are mixed from layers", 'use "both" or "layers"')
-    if isinstance(render, dict) and render.get("denoise") is True:
-        found = "frames that are denoised after mixing, which data sets cannot be mixed from"
-        yield Mistake(("render", "denoise"), found, "use false, or leave dataset.layouts out")
 
 
 def _albedo_from_splats(data: dict[str, Any]) -> Iterator[Mistake]:

@@ -121,6 +121,18 @@ def test_transforms_undo_what_was_applied(tmp_path: Path) -> None:
     check(open_file(path).read(world="nerfstudio"), seen, moved)
 
 
+def test_null_in_transforms_is_none(tmp_path: Path) -> None:
+    seen = views()
+    data = {
+        **lens(seen[0]),
+        **dict.fromkeys(
+            ("applied_transform", "applied_scale", "k1", "distortion_params", "is_fisheye", "camera_model")
+        ),
+        "frames": [{**frame, "fl_x": None} for frame in frames(seen, lambda v: v.opengl)],
+    }
+    check(open_file(write_json(tmp_path / "transforms.json", data)).read(), seen)
+
+
 def test_transforms_in_opencv_axes_by_name(tmp_path: Path) -> None:
     """As OpenIllumination has it: OpenCV's axes, and an object instead of a list."""
     seen = views()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import tarfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from PIL import Image
 
 from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, straight_rgba, world_of
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
+from mirelight.dataset.layouts.hub import write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat
 from mirelight.dataset.layouts.pictures import file_names
@@ -225,10 +227,44 @@ def test_a_normalised_world(tmp_path: Path) -> None:
     shown = pixels_of(by_name["orbit_0002"].to_camera((32, 24)), moved)
     np.testing.assert_allclose(shown, pixels_of(seen[1], POINTS), atol=1e-6)
     data = json.loads((tmp_path / "transforms.json").read_text())
-    assert data["applied_scale"] == pytest.approx(0.25)
     assert (np.asarray(Image.open(tmp_path / data["frames"][0]["depth_file_path"])) == 750).all()
     expected = cloud(20).means @ world[:3, :3].T + world[:3, 3]
     np.testing.assert_allclose(trimesh.load(tmp_path / "points.ply").vertices, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.25, 3.0])
+@pytest.mark.parametrize("lighting", ["", "noon"])
+def test_points_and_depths_as_nerfstudio_scales_them(tmp_path: Path, scale: float, lighting: str) -> None:
+    """It centres the poses and makes the farthest 1; points and depths take the same steps, and `applied_scale`, too.
+    Then each point still lies in its pixel, at its depth; and its world leads back to the capture."""
+    seen, depth = cameras(), 3.0
+    world = world_of(center=(0.5, 1.0, -2.0), scale=scale)
+    shared = Shared(world=world, points=points_of(cloud(20)))
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(seen, depth=depth, lighting=lighting), shared)
+    folder = tmp_path / lighting
+    data = json.loads((folder / "transforms.json").read_text())
+    assert data["orientation_override"] == "none"
+    poses = np.array([frame["transform_matrix"] for frame in data["frames"]])
+    center = np.eye(4)
+    center[:3, 3] = -poses[:, :3, 3].mean(axis=0)
+    poses = center @ poses
+    fit = 1 / np.abs(poses[:, :3, 3]).max()
+    poses[:, :3, 3] *= fit
+    points = trimesh.load(folder / data["ply_file_path"]).vertices
+    of_all = fit * data.get("applied_scale", 1.0)
+    points = of_all * (points + center[:3, 3])
+    trained = of_all * (center @ np.vstack([data["applied_transform"], [0, 0, 0, 1]]))[:3]
+    means = cloud(20).means.astype(np.float64)
+    np.testing.assert_allclose(means @ trained[:, :3].T + trained[:, 3], points, atol=1e-5)
+    for camera, pose, frame in zip(seen, poses, data["frames"], strict=True):
+        own = (points - pose[:3, 3]) @ pose[:3, :3]
+        shown = [data["cx"] - data["fl_x"] * own[:, 0] / own[:, 2], data["cy"] + data["fl_y"] * own[:, 1] / own[:, 2]]
+        np.testing.assert_allclose(np.stack(shown, axis=-1), pixels_of(camera, means), atol=1e-3)
+        read = np.asarray(Image.open(folder / frame["depth_file_path"])) * 0.001 * of_all
+        ahead = camera.position - depth * camera.world_from_camera[:3, 2]  # in the middle of the picture
+        ahead = trained[:, :3] @ ahead + trained[:, 3]
+        np.testing.assert_allclose(read[12, 16], pose[:3, 2] @ (pose[:3, 3] - ahead), rtol=1e-3)
 
 
 def test_orthographic_cameras_have_no_place(tmp_path: Path) -> None:
@@ -280,3 +316,15 @@ def test_the_same_bytes_again(tmp_path: Path) -> None:
     assert len(names) > 15
     for file in names:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_long_names_in_shards(tmp_path: Path) -> None:
+    """Beyond the 100 characters that a tar's own header holds."""
+    seen = [replace(c, name=f"{c.name} {'x' * 90}") for c in cameras()[:2]]
+    for lighting in ("noon", "n" * 120):
+        frames = pictures(seen, lighting=lighting)
+        with Files(tmp_path / lighting) as files:
+            write_hub(files, iter(frames), Shared())
+        with tarfile.open(tmp_path / lighting / "shards" / "train-000000.tar") as shard:
+            names = shard.getnames()
+        assert {name.partition(".")[0] for name in names} == {f"{lighting}__{frame.view}" for frame in frames}

@@ -305,6 +305,20 @@ def test_streamed_sog_levels() -> None:
         assert (info.count, info.sh_degree, info.levels) == (count + 12, 1, (60, 20))
 
 
+def test_null_is_none(tmp_path: Path) -> None:
+    """As PlayCanvas' own samples have it where there is no sky, and no harmonics."""
+    folder = tmp_path / "streamed"
+    shutil.copytree(truth.DATA / "streamed", folder)
+    meta = json.loads((folder / "lod-meta.json").read_text())
+    (folder / "lod-meta.json").write_text(json.dumps({**meta, "environment": None}))
+    assert len(splats.read(folder / "lod-meta.json")) == splats.summary(folder).count == 60
+    parts = [x for x in folder.rglob("meta.json") if x.parent != folder]
+    for part in parts:
+        own = json.loads(part.read_text())
+        part.write_text(json.dumps({**own, "shN": None}))
+    assert splats.read(folder).sh_degree == 0
+
+
 def test_levels_that_are_not_there() -> None:
     with pytest.raises(InputError, match=r"no level of detail 2; 0 \(finest\) to 1"):
         splats.read(truth.DATA / "streamed", lod=2)

@@ -11,7 +11,7 @@ import numpy as np
 from mirelight import keys, needs, relighting
 from mirelight import plan as planning
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
-from mirelight.dataset.surroundings import shrunk
+from mirelight.dataset.small_maps import shrunk
 from mirelight.kept import Kept
 from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mirelight import conventions
-from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, shrunk, solid_angles
+from mirelight.dataset.small_maps import shrunk
+from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, solid_angles
 from mirelight.model import Camera
 
 

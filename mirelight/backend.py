@@ -12,8 +12,10 @@ import logging
 import os
 import re
 import shutil
+import stat
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -28,6 +30,7 @@ Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 
 OLDEST_SOUND_LLVM = 17  # 15 and 16 abort on the first kernel, Dr.Jit refuses 14 and older
 _VARIABLE = "DRJIT_LIBLLVM_PATH"
+_CACHE = "DRJIT_CACHE_DIR"
 
 # LLVMGetVersion came with LLVM 16; a library that loads without it is older. Loaded in a child: two LLVMs in one
 # process may end it, and a foreign or broken file can crash the loader.
@@ -193,6 +196,42 @@ def prepare(variant: Variant = "llvm_ad_rgb") -> None:
         raise BackendError(f"libLLVM 17 or newer is needed and {seen}; to install it: {install_command()}")
     # With no sound library Dr.Jit must not find an unsound one by itself; it cannot load a device file.
     os.environ[_VARIABLE] = library.path if library else os.devnull
+    _place_kernels()
+
+
+# --- kernels ---------------------------------------------------------------------------------------------------------
+
+
+def _place_kernels() -> None:
+    """Name a folder for Dr.Jit's kernels where the one that it would take cannot be written: it prints a line of its
+    own then, and compiles everything anew in every process."""
+    home = os.environ.get("HOME")
+    named = os.environ.get(_CACHE) or (str(Path(home) / ".drjit") if home else "")
+    if named and _is_writable(Path(named)):
+        return
+    try:
+        folder = Path(tempfile.gettempdir()) / f"mirelight-kernels-{os.getuid() if hasattr(os, 'getuid') else 0}"
+        if not (_is_writable(folder) and _is_own(folder)):  # kernels are code: only one's own are loaded
+            folder = Path(tempfile.mkdtemp(prefix="mirelight-kernels-"))
+    except OSError:  # nowhere at all
+        return
+    os.environ[_CACHE] = str(folder)
+
+
+def _is_writable(folder: Path) -> bool:
+    """Whether files can be made in a folder, which is made where only itself is missing."""
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)
+
+
+def _is_own(folder: Path) -> bool:
+    found = folder.lstat()
+    return not hasattr(os, "getuid") or (
+        stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    )
 
 
 # --- the modules -----------------------------------------------------------------------------------------------------

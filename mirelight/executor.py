@@ -23,6 +23,7 @@ from mirelight.model import Frame, ProxyMesh, SplatLayer, shown
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
+from mirelight.store.journal import said_of
 from mirelight.units import terms
 
 _MOST_SAID = 3  # lines of one kind of finding
@@ -122,6 +123,7 @@ def run(
         BackendError: see `mirelight.stages`.
     """
     heard = progress or Silent()
+    store.hear(heard.note)
     heard.started(plan.tasks)
     scene = scene or prepare(plan.job, store, heard.note)
     said = Said(heard)
@@ -153,6 +155,8 @@ def run(
 def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], RenderSummary]:
     """The groups with something left to make, and how many frames of the others are there."""
     known = store.index()
+    if store.bad_rows:
+        progress.note(said_of(store.bad_rows))
     left: list[Group] = []
     there = 0
     for group in plan.groups:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mirelight import keys, needs, relighting, stages, viewing
+from mirelight import keys, needs, peak, relighting, stages, viewing
 from mirelight.model import Camera, Job
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
@@ -32,6 +32,7 @@ class Forecast:
     gathered: int  # unit lights on the surface that are not kept yet
     seconds: float  # measured on a small frame and scaled by pixels and samples: no more than a guide
     bytes: int  # of new files
+    memory: int  # bytes that one process takes at once; without a mesh that is still to be made of the splats
     remarks: tuple[str, ...] = ()  # cameras and lights of no use, see `mirelight.viewing.remarks`
 
 
@@ -77,6 +78,7 @@ def forecast(plan: Plan) -> Forecast:
         gathered=sum(not store.has_layers([x]) for x in _on_surface(plan, missing)),
         seconds=seconds,
         bytes=round(size),
+        memory=_memory(plan),
         remarks=_remarks(plan),
     )
 
@@ -90,6 +92,13 @@ def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> set[str]:
     captured = [job.captured] if job.splats is not None and needs.compares(job) and job.captured is not None else []
     sets = {s.digest: s for x in (*wanted, *captured) for s in made.mixture(x).sets}
     return {made.surface_light(part) for one in sets.values() for part in one.parts()}
+
+
+def _memory(plan: Plan) -> int:
+    job = plan.job
+    known = job.proxy is not None and (job.made_proxy is None or job.made_proxy.mesh.is_there)
+    chosen = replace(job, cameras=tuple(g.camera for g in plan.groups), lightings=tuple(lightings_of(plan.groups)))
+    return peak.of_render(chosen, job.proxy.value if known and job.proxy is not None else None)
 
 
 def _remarks(plan: Plan) -> tuple[str, ...]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from collections import OrderedDict
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from mirelight.model import F32, Camera, CellLight, LightingBuffer, ProxyMesh, SurfaceCells, SurfaceTransport
+
+T = TypeVar("T")
+
+WAIT = 0.25  # seconds between two looks at what another process makes
 
 
 class Kept(Protocol):
@@ -54,6 +60,26 @@ class Kept(Protocol):
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
         """Whether work of that name is this process's own until the block ends."""
+
+
+def made_once(kept: Kept, name: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
+    """What is kept, or made now; one process makes it, and others wait.
+
+    Args:
+        kept: the place that is shared.
+        name: of the work, for its claim.
+        find: looks for it there.
+        make: makes it, and keeps it there.
+    """
+    while True:
+        found = find()
+        if found is not None:
+            return found
+        with kept.claim(name) as mine:
+            if mine:
+                found = find()  # made while the claim was taken
+                return make() if found is None else found
+        time.sleep(WAIT)
 
 
 class KeptInMemory:

@@ -5,7 +5,6 @@ Frames that are relit splat by splat, baked splats and the mixer's layers take t
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from mirelight import keys, needs, relighting
-from mirelight.kept import Kept
+from mirelight.kept import Kept, made_once
 from mirelight.model import (
     F32,
     DirectionalLight,
@@ -39,7 +38,6 @@ EMISSION = "emission"
 FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
 READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
 SHARP_READS = 8  # samples of lights that are a point or a direction, as then only what is read differs between them
-_WAIT = 0.25  # seconds between two looks at what another process makes
 
 Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
 
@@ -164,16 +162,17 @@ class SplatLight:
     def _made_once(self, key: str, shape: Sequence[int], make: Callable[[], F32]) -> F32:
         """A kept array, or one made now; one process makes it, and others wait."""
         kept = self._scene.kept
-        while True:
+
+        def find() -> F32 | None:
             found = kept.array(key)
-            if found is not None and found.shape == tuple(shape):
-                return found
-            with kept.claim(f"splats {key[:24]}") as mine:
-                if mine:
-                    made = make()
-                    kept.keep_array(key, made)
-                    return made
-            time.sleep(_WAIT)
+            return found if found is not None and found.shape == tuple(shape) else None
+
+        def keep() -> F32:
+            made = make()
+            kept.keep_array(key, made)
+            return made
+
+        return made_once(kept, f"splats {key[:24]}", find, keep)
 
     @cached_property
     def tracer(self) -> Tracer:

@@ -7,20 +7,18 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol
 
 from mirelight import keys, needs
-from mirelight.kept import Kept
+from mirelight.kept import WAIT, Kept, made_once
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.units import LightSet
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
 
-T = TypeVar("T")
 Progress = Callable[[int, int], None]  # (samples done, samples in all)
 
-_WAIT = 0.25  # seconds between two looks at what another process makes
 _MOST_BYTES = 2**30  # of light that stays in memory
 FILL = 0x1B873593  # between the seeds of fills that are averaged
 
@@ -63,7 +61,7 @@ class SurfaceLight:
             self._kept.keep_cells(key, made)
             return made
 
-        return self._made_once(key, lambda: self._kept.cells(key), make)
+        return made_once(self._kept, _claim(key), lambda: self._kept.cells(key), make)
 
     @cached_property
     def transport(self) -> SurfaceTransport:
@@ -80,19 +78,7 @@ class SurfaceLight:
             self._kept.keep_transport(key, made)
             return made
 
-        return self._made_once(key, lambda: self._kept.transport(key, len(self.cells)), make)
-
-    def _made_once(self, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
-        """What is kept, or made now; one process makes it, and others wait."""
-        while True:
-            found = find()
-            if found is not None:
-                return found
-            with self._kept.claim(_claim(key)) as mine:
-                if mine:
-                    found = find()
-                    return make() if found is None else found
-            time.sleep(_WAIT)
+        return made_once(self._kept, _claim(key), lambda: self._kept.transport(key, len(self.cells)), make)
 
     def cache(self, light_set: LightSet, progress: Progress | None = None) -> SurfaceCache:
         """A set's light, its layers named as the set's are.
@@ -116,7 +102,7 @@ class SurfaceLight:
                 if not said:
                     self._tell("another process gathers the light on the surface; waiting for it")
                 said = True
-                time.sleep(_WAIT)
+                time.sleep(WAIT)
         lights = [self._lights[key] for key in parts]
         if light_set.units:
             named = [replace(light, name=str(i)) for i, part in enumerate(lights) for light in part]

@@ -1,7 +1,8 @@
 """How close relit frames come to path-traced truth: proxies, captured light, indirect light, samples, denoising.
 
-A fixed protocol: six captures (a courtyard from two sides under a soft sun, and from all round under a hard one and a
-soft one, a stage between soft boxes, a room with the sun through its windows and under clouds), three new lightings
+A fixed protocol: seven captures (a courtyard from two sides under a soft sun, and from all round under a hard one and a
+soft one, a stage between soft boxes, a room with the sun through its windows and under clouds,
+a room with a patch of sun past white), three new lightings
 each, one camera each that no splat was made from. Every frame is made by mirelight's own calls in mode `ratio` with
 the splats' colours on the proxy.
 
@@ -34,7 +35,11 @@ from bench_truth_tables import tables
 FULL = Size(96, 54, truth_spp=256)
 SMALL = Size(96, 54, truth_spp=64, most=1)
 
-OTHER_LIGHT = ("courtyard, walked round, soft sun", "interior, clouds")  # captures that no goal is set for
+OTHER_LIGHT = (
+    "courtyard, walked round, soft sun",
+    "interior, clouds",
+    "sunroom, sun",
+)  # captures that no goal is set for
 GOALS = tuple(name for name in NAMES if name not in OTHER_LIGHT)
 
 Costs = dict[str, dict[str, float]]  # CPU seconds by kept thing and part of the protocol

@@ -28,8 +28,16 @@ from mirelight.proxy.types import Soup
 from mirelight.sh import C0
 
 SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
-BAKE_SPP = {"courtyard_walk": 64, "interior": 48}  # for one splat's colour: noise, blended as shown, darkens it
-PROBES = {"courtyard_walk": (300.0, 3.0), "interior": (1500.0, 6.0)}  # for `candidates`; many cameras take few
+BAKE_SPP = {
+    "courtyard_walk": 64,
+    "interior": 48,
+    "sunroom": 48,
+}  # for one splat's colour: noise, blended as shown, darkens it
+PROBES = {
+    "courtyard_walk": (300.0, 3.0),
+    "interior": (1500.0, 6.0),
+    "sunroom": (600.0, 5.0),
+}  # for `candidates`; many cameras take few
 
 F64 = NDArray[np.float64]
 
@@ -83,6 +91,7 @@ PLANS = (
     _Plan("stage", "stage", "stage, soft boxes", "studio", ("spots", "gels", "sunset")),
     _Plan("interior", "interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
     _Plan("interior", "interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
+    _Plan("sunroom", "sunroom", "sunroom, sun", "sunny", ("overcast", "lamps", "low sun")),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -91,6 +100,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "courtyard": ((2.05, 2.3, 5.75), (-0.3, 1.55, -1.5), 43),
     "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),
     "interior": ((1.85, 1.45, 1.75), (-0.8, 0.85, -0.75), 58),
+    "sunroom": ((1.65, 1.5, 1.4), (-0.75, 0.75, -0.6), 58),
 }
 
 

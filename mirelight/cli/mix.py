@@ -90,6 +90,7 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
 
     store = Store(work)
     store.open()
+    store.hear(say.remark)
     try:
         scene = prepare(work, store)
         made = mixing.export(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mirelight import executor
 from mirelight.cli import BAD, export, new, progress, say, stop
+from mirelight.cli.report import size
 from mirelight.errors import InputError, MirelightError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
@@ -96,7 +97,7 @@ def _say_forecast(found: Forecast) -> None:
     if found.fills is not None:
         fills = count(found.fills, "fill")
         say.result(f"{fills} of the surface, for any light; light of {found.gathered} sources to gather on it")
-    say.result(f"about {found.bytes / 1e6:,.1f} MB of new files")
+    say.result(f"about {found.bytes / 1e6:,.1f} MB of new files, {size(found.memory)} of memory")
     for line in found.remarks:
         say.result(line)
 

@@ -45,6 +45,7 @@ def run_status(args: argparse.Namespace) -> int:
 def lines(found: Status) -> Iterator[str]:
     """The state for people."""
     from mirelight.cli.progress import duration
+    from mirelight.store.journal import said_of
 
     counts = {
         "in flight": sum(len(x.frames) for x in found.in_flight),
@@ -65,6 +66,8 @@ def lines(found: Status) -> Iterator[str]:
     if found.missing:
         rest = len(found.missing) - _MISSING
         yield f"missing    {', '.join(found.missing[:_MISSING])}{f' and {rest} more' if rest > 0 else ''}"
+    if said := said_of(found.damaged_rows):
+        yield f"note       {said}"
     if found.progress == "done":
         return
     if found.seconds_left is not None:

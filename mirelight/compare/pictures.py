@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,17 @@ import numpy as np
 
 from mirelight.compare.types import Bool, Picture
 from mirelight.errors import InputError
+from mirelight.io.decoding import opened
 from mirelight.io.exr import read_exr
 from mirelight.io.frame_texts import PROVENANCE
-from mirelight.io.safety import open_file, read_file
+from mirelight.io.safety import open_binary, read_file
 from mirelight.model import PROFILES
 
 LINEAR = (".exr",)
 DISPLAY = (".png", ".jpg", ".jpeg", ".webp")
 ENGINE_PICTURES = ("frame.png", "unlit.png")  # of `mirelight realtime`, in a folder for each frame
-_MAX_PIXELS = 1 << 27
+_MOST_PIXELS = 1 << 27
+_EACH = 4 + 4 + 2 * 16  # bytes a pixel: the picture, the same as RGBA, that as numbers, and these as shares
 _MAX_META = 1 << 20  # bytes of a meta.json that is read
 _BRIGHTEST = 1e9  # stands for infinite light
 
@@ -69,18 +70,9 @@ def read_mask(path: Path, size: tuple[int, int]) -> Bool:
 
 
 def _read_display(path: Path, premultiplied: bool) -> Picture:
-    from PIL import Image
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with open_file(path) as stream, Image.open(stream, formats=("PNG", "JPEG", "WEBP")) as image:
-                if image.width * image.height > _MAX_PIXELS:
-                    raise InputError(path, f"{image.width} x {image.height} pixels", "scale it down")
-                texts = {str(k): v for k, v in image.info.items() if isinstance(v, str)}
-                pixels = np.asarray(image.convert("RGBA"), dtype=np.float32) / np.float32(255)
-    except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as e:
-        raise InputError(path, f"a picture that cannot be decoded ({type(e).__name__})", "give a sound file") from None
+    with open_binary(path) as stream, opened(stream, path, _MOST_PIXELS, _EACH) as image:
+        texts = {str(k): v for k, v in image.info.items() if isinstance(v, str)}
+        pixels = np.asarray(image.convert("RGBA"), dtype=np.float32) / np.float32(255)
     settings = _provenance(texts) or _beside(path)
     rgb, alpha = pixels[..., :3], pixels[..., 3]
     if not (premultiplied or _is_back_buffer(path, settings)):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.dataset import fitting
 from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import read_file
@@ -29,6 +30,7 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
+from mirelight.model.profiles import PROFILES
 
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
@@ -124,7 +126,7 @@ def read(folder: Path) -> Index:
     path = folder / FILE
     remedy = 'render the job with output.store = "layers" or "both"'
     try:
-        data = json.loads(read_file(path))
+        data = json.loads(read_file(path), parse_constant=_refused)
     except OSError:
         raise InputError(folder, "no kept layers", remedy) from None
     except (ValueError, RecursionError):
@@ -132,9 +134,36 @@ def read(folder: Path) -> Index:
     try:
         if data["version"] != VERSION:
             raise InputError(path, f"version {data['version']}", f"this mirelight reads version {VERSION}; {remedy}")
-        return _index(data)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+        index = _index(data)
+        fitting.require(index)
+        _require_places(index)
+        return index
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError):
         raise InputError(path, "a damaged index", remedy) from None
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(constant)
+
+
+def _require_places(index: Index) -> None:
+    """Raises ValueError: something names what is not there."""
+    if index.profile not in PROFILES:
+        raise ValueError("an unknown profile")
+    counts = {len(view.groups) for view in index.views}
+    if len(counts) != 1:
+        raise ValueError("views of different sets")
+    groups, units = range(counts.pop()), range(len(index.units))
+    for view in index.views:
+        (rows, columns), camera = view.light_size, view.camera
+        if not (0 < rows <= 4 * camera.height and 0 < columns <= 4 * camera.width):
+            raise ValueError("light of another size")
+    for one in (*index.lightings, *(() if index.captured is None else (index.captured,))):
+        known = all(i in groups for i in one.groups) and all(i in units for i in one.units)
+        if not one.groups or not known or len(one.units) != len(one.weights):
+            raise ValueError("a lighting of unknown lights")
+    if any(unit.group not in groups for unit in index.units):
+        raise ValueError("a light of an unknown set")
 
 
 # --- JSON ------------------------------------------------------------------------------------------------------------
@@ -173,7 +202,7 @@ def _index(data: dict[str, Any]) -> Index:
         units=tuple(_unit(x) for x in data["units"]),
         lightings=tuple(_weighted(x) for x in data["lightings"]),
         captured=None if captured is None else _weighted(captured),
-        captured_level=data["captured_level"],
+        captured_level=None if data["captured_level"] is None else _key(data["captured_level"]),
         relight=RelightSettings(**data["relight"]),
         display=DisplaySettings(**display),
         denoised=bool(data["denoised"]),

@@ -34,6 +34,7 @@ from mirelight.model import (
 from mirelight.store.artefacts import Artefacts
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
+_REMEDY = "mirelight verify --rebuild forgets it, and mirelight render makes it again"
 _MOST_RELIGHTS = 4  # ways of relighting that are kept ready for a camera
 
 
@@ -216,6 +217,8 @@ class DataSet:
 
     def _kept_array(self, key: str) -> F32:
         found = self._scene.array(key)
+        if found is None and self._scene.has_array(key):
+            raise InputError(self.folder, "a kept map, sun or level is damaged", _REMEDY)
         if found is None:
             raise InputError(self.folder, "a map or sun was not kept", "render the job again: nothing else is made")
         return found
@@ -293,9 +296,12 @@ class DataSet:
         buffers = [self._buffer(key, seen) for key in view.groups]
         planes = np.empty((3, len(index.units), seen.height * seen.width), dtype=np.float32)
         for i, unit in enumerate(index.units):
-            for layer_planes, values in zip(planes, _planar(buffers[unit.group], unit.layer), strict=True):
+            found = _planar(buffers[unit.group], unit.layer)
+            if found is None:
+                raise InputError(self.folder / indexing.FILE, f"no layer {unit.layer!r} is kept", _REMEDY)
+            for layer_planes, values in zip(planes, found, strict=True):
                 layer_planes[i] = values
-        glow = self._kept.light(view.glow, seen)
+        glow = self._buffer(view.glow, seen) if self._kept.path(view.glow).is_file() else None
         constant = None if glow is None else _planar(glow, "")
         whole = np.array([unit.kind == "whole" for unit in index.units], dtype=np.bool_)
         splats, size = self._composite(view), (seen.height, seen.width)
@@ -306,7 +312,9 @@ class DataSet:
             surface = relighting.Lit.of(buffers[index.captured.groups[0]])
             beauty = own.frame(self._weights(index.captured))
             captured = relighting.Lit(beauty=beauty, coverage=surface.coverage, albedo=surface.albedo)
-        level = None if index.captured_level is None else self._scene.array(index.captured_level)
+        level = None  # there is none where the machine that rendered could not tell it
+        if index.captured_level is not None and self._scene.has_array(index.captured_level):
+            level = self._kept_array(index.captured_level)
         surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
 
         @lru_cache(_MOST_RELIGHTS)
@@ -324,9 +332,7 @@ class DataSet:
     def _buffer(self, key: str, seen: Camera) -> LightingBuffer:
         found = self._kept.light(key, seen)
         if found is None:
-            raise InputError(
-                self.folder, f"the light of {seen.name!r} is damaged", "remove .mirelight and render again"
-            )
+            raise InputError(self.folder, f"the light of {seen.name!r} is damaged", _REMEDY)
         return found
 
     def _composite(self, view: indexing.KeptView) -> SplatLayer | None:
@@ -336,14 +342,16 @@ class DataSet:
         found = self._kept.composite(view.composite, view.camera, profile, self._index.linear)
         if found is None:
             name = view.camera.name
-            raise InputError(self.folder, f"the composite of {name!r} is damaged", "remove .mirelight and render again")
+            raise InputError(self.folder, f"the composite of {name!r} is damaged", _REMEDY)
         return found
 
 
-def _planar(buffer: LightingBuffer, layer: str) -> NDArray[np.float32]:
-    """(3, h w) radiance of a layer, or of all ("")."""
+def _planar(buffer: LightingBuffer, layer: str) -> NDArray[np.float32] | None:
+    """(3, h w) radiance of a layer, or of all (""); None where there is no such layer."""
     if layer:
-        chosen = next(x for x in buffer.layers if x.name == layer)
+        chosen = next((x for x in buffer.layers if x.name == layer), None)
+        if chosen is None:
+            return None
         total = chosen.direct + chosen.indirect
     else:
         total = buffer.beauty

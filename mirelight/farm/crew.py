@@ -30,7 +30,7 @@ from mirelight.store import Store
 _LOOK = 0.2  # seconds between two looks at signals
 _BUSY = 1.0  # seconds before a camera of another process is asked for again
 _GRACE = 60.0  # seconds that workers have to end their step
-_DEATHS = 2  # over one camera, or before the first word
+_DEATHS = 2  # over one camera, or without one
 
 
 def threads_of(workers: int) -> int:
@@ -123,7 +123,7 @@ class _Crew:
     def run(self, count: int) -> RenderSummary:
         for _ in range(count):
             self._hire()
-        while self._workers:
+        while self._workers or self._due or self._later:
             for key, _ in self._look.select(_LOOK):
                 self._hear(key.data)
             if self._later and self._later[0][0] <= time.monotonic():
@@ -164,6 +164,7 @@ class _Crew:
             self._later.append((time.monotonic() + _BUSY, worker.group))
         if word.kind in (post.BUSY, post.DONE):
             worker.group, worker.frame = None, ""
+            self._deaths.pop("", None)
 
     def _bury(self, worker: _Worker) -> None:
         """A worker has ended: by itself, with its work done, or in the middle of it."""
@@ -172,14 +173,15 @@ class _Crew:
         code = worker.process.wait()
         worker.end()
         group = worker.group
-        if group is None and worker.spoke:
-            return
+        if group is None and worker.spoke and not (self._due or self._later):
+            return  # its work is done, or nothing is left to give it
         name = group.name if group is not None else ""
         self._deaths[name] += 1
         how = _cause(code)
         if group is None:
             if self._deaths[name] >= _DEATHS + len(self._workers):
-                raise RenderError(f"worker processes end before they have begun ({how}); see the lines above")
+                when = "while they wait for work" if worker.spoke else "before they have begun"
+                raise RenderError(f"worker processes end {when} ({how}); see the lines above")
         elif self._deaths[name] < _DEATHS:
             self._progress.note(f"a worker process ended ({how}) while it made {worker.frame}; once more")
             self._due.appendleft(group)

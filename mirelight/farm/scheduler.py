@@ -7,6 +7,7 @@ share. Few tasks are out at a time, so that a run that ends leaves none behind.
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import queue
 import secrets
@@ -25,6 +26,7 @@ from mirelight.farm import desk, post
 from mirelight.farm.book import Book
 from mirelight.farm.order import Order, fingerprint
 from mirelight.farm.post import Word
+from mirelight.io.safety import read_file
 from mirelight.plan import Group, Plan
 from mirelight.store import Store
 
@@ -32,7 +34,8 @@ _LOOK = 0.2  # seconds between two looks at signals
 _COUNT = 2.0  # seconds between two counts of the workers
 _BUSY = 1.0  # seconds before a camera of another process is asked for again
 _GRACE = 60.0  # seconds that workers have to end their step
-_ANSWER = 10  # seconds for the scheduler to answer
+_FIRST = 5  # seconds for whatever listens at an address to say that it is a scheduler
+_ANSWER = 10  # seconds for a scheduler to answer
 _FETCH = 2  # seconds for a task's words to come
 _AHEAD = 2  # tasks for each worker that are out
 
@@ -82,11 +85,13 @@ def _connected(address: str) -> Iterator[Any]:
 
     for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said in a line of our own
-    file = Path(address)
-    where: dict[str, Any] = {"scheduler_file": str(file)} if file.is_file() else {"address": address}
     try:
-        client = Client(**where, timeout=_ANSWER, set_as_default=False)
-    except (OSError, ValueError, TypeError, KeyError) as e:  # what it makes of addresses and files that are none
+        where = _address(address)
+        kind = _kind(where)
+        if kind != "Scheduler":
+            raise ValueError(kind)
+        client = Client(where, timeout=_ANSWER, set_as_default=False)
+    except Exception as e:  # what it makes of addresses, files and answers that are none
         found = f"no Dask scheduler answers there ({type(e).__name__})"
         remedy = "start one with `dask scheduler`, and give the address that it prints"
         raise InputError(f"--scheduler {address}", found, remedy) from None
@@ -95,6 +100,36 @@ def _connected(address: str) -> Iterator[Any]:
     finally:
         with contextlib.suppress(Exception):
             client.close(timeout=2)
+
+
+def _address(given: str) -> str:
+    """The address that was given, or that a scheduler's file holds."""
+    file = Path(given)
+    if not file.is_file():
+        return given
+    address = json.loads(read_file(file))["address"]
+    if not isinstance(address, str):
+        raise TypeError
+    return address
+
+
+def _kind(address: str) -> str:
+    """What of Dask answers at an address. A `Client` would wait for ever for what listens and says nothing, and leave
+    threads behind that complain."""
+    import asyncio
+
+    from distributed.comm import connect
+    from distributed.core import send_recv
+    from distributed.security import Security
+
+    async def asked() -> str:
+        comm = await connect(address, timeout=_FIRST, **Security().get_connection_args("client"))
+        try:
+            return str((await send_recv(comm, op="identity"))["type"])
+        finally:
+            comm.abort()
+
+    return asyncio.run(asyncio.wait_for(asked(), _FIRST))
 
 
 class _Office:

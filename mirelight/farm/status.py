@@ -49,6 +49,7 @@ class Status:
     missing: tuple[str, ...]  # nobody is at them
     seconds_left: float | None  # with the processes that are at work, else with one; None where nothing is known
     command: str  # what makes the rest
+    damaged_rows: int = 0  # of the journal, left out
 
     @property
     def progress(self) -> Progress:
@@ -109,6 +110,7 @@ def status(path: str | Path) -> Status:
         missing=tuple(name for name in waiting if name not in busy and name not in failed),
         seconds_left=None if seconds is None else round(seconds, 3),
         command=shlex.join(["mirelight", "render", newest.job, *newest.settings]),
+        damaged_rows=folder.journal.bad,
     )
 
 

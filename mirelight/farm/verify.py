@@ -25,7 +25,7 @@ from mirelight.model import DisplaySettings, Frame, Job, Lighting, LightingBuffe
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
 from mirelight.store.index import digest_of, is_one_of
-from mirelight.store.journal import FileRow, Journal, Row
+from mirelight.store.journal import FileRow, Journal, Row, said_of
 from mirelight.store.planned import PlannedFrame
 from mirelight.units import terms
 
@@ -87,6 +87,8 @@ class _Look:
             raise InputError(self.folder.path, "no frames", "give the folder that mirelight render wrote to")
         self._job = self._loaded()
         self._keys = None if self._job is None else Keys(self._job)
+        if said := said_of(self.folder.journal.bad):
+            self._notes.append(said)
         done = in_flight = 0
         for name, frames in groups.items():
             if name in busy:
@@ -273,20 +275,19 @@ class _Look:
     # --- what is kept ---
 
     def _kept(self) -> None:
-        """Traced light and composites: readable and finite."""
-        for key in sorted(self.folder.kept):
-            path = self.folder.light.path(key)
-            if self._closed(str(path.relative_to(self.folder.path)), path):
+        """Light, composites and what scenes need: the bytes that were written, and finite."""
+        for path in (*self.folder.light.files(), *self.folder.scene.files()):
+            what = str(path.relative_to(self.folder.path))
+            if self._closed(what, path):
                 continue
             try:
                 arrays = read_arrays(path).arrays
                 broken = next((name for name, x in arrays.items() if not np.isfinite(x).all()), None)
-            except (OSError, ValueError, KeyError, TypeError):
-                self._bad(str(path.relative_to(self.folder.path)), "it is damaged", path, kind="layers")
+            except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+                self._bad(what, "it is damaged", path, kind="layers")
                 continue
             if broken is not None:
-                text = f"values of {broken} are not finite"
-                self._bad(str(path.relative_to(self.folder.path)), text, path, kind="layers")
+                self._bad(what, f"values of {broken} are not finite", path, kind="layers")
 
     # --- what is done about it ---
 

@@ -37,6 +37,7 @@ class Bench:
         plan = order.plan(job)
         self._groups = {group.name: group for group in plan.groups}
         self.store = Store(job)
+        self.store.hear(progress.note)
         self.store.open()
         self.store.index()
         self._scene = prepare(job, self.store, progress.note)

@@ -93,7 +93,11 @@ def _refuse_no_surface(capture: Path, world: SplatCloud, seen: view.FirstView, m
         if seen.depth > _DEEP:
             refuse_fog(world, capture)
     except InputError as refused:
-        other = "put a mesh beside it: proxy.glb" if misfit is None else f"{misfit.path.name} beside it {misfit.why}"
+        other = (
+            "put a mesh beside it: proxy.glb"
+            if misfit is None
+            else f"{printable(misfit.path.name)} beside it {misfit.why}"
+        )
         raise InputError(capture, refused.found, f"{refused.remedy}; {other}") from None
 
 
@@ -142,7 +146,8 @@ def _made(
         return
     with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)} }}'
     if not beside.look_at(cameras, cloud):
-        yield f"# {cameras.path.name}: few of its cameras have splats before them, so they are left out of it."
+        name = printable(cameras.path.name)
+        yield f"# {name}: few of its cameras have splats before them, so they are left out of it."
         yield 'proxy = "splats"'
     elif room:
         yield "# In a room whose walls the pictures show, its cameras gain nothing. Where they leave walls out:"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight.errors import InputError
 from mirelight.first import view
 from mirelight.model import F64
 
@@ -17,13 +18,22 @@ _DIGITS = 4
 
 
 class Names:
-    """Paths as a job in a folder has them."""
+    """Paths as a job in a folder has them.
+
+    Raises:
+        InputError: a path that TOML, which is UTF-8, cannot hold.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder.resolve()
 
     def __call__(self, path: Path) -> str:
-        return json.dumps(Path(os.path.relpath(path.resolve(), self._folder)).as_posix(), ensure_ascii=False)
+        name = Path(os.path.relpath(path.resolve(), self._folder)).as_posix()
+        try:
+            name.encode()
+        except UnicodeEncodeError:
+            raise InputError(path, "a name that is not UTF-8, which no job can hold", "rename it") from None
+        return json.dumps(name, ensure_ascii=False)
 
 
 def position(values: F64, seen: view.FirstView) -> str:

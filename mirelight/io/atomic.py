@@ -6,6 +6,7 @@ import errno
 import os
 import re
 import secrets
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -28,7 +29,8 @@ _REASONS = {
 }
 
 
-_TEMPORARY = re.compile(r"~([0-9a-f]{10}-\d+)-[0-9a-f]{8,}(?:\.[^.]*)?$")
+_TEMPORARY = re.compile(r"~([0-9a-f]{10}-\d+(?:-t\d+)?)-[0-9a-f]{8,}(?:\.[^.]*)?$")
+_STALE = 600.0  # seconds after which another machine's temporary file counts as left behind
 
 
 @contextmanager
@@ -70,6 +72,22 @@ def owner_of(name: str) -> str | None:
     """The token (`mirelight.io.owner`) of the process that a temporary file's name belongs to; None of other names."""
     found = _TEMPORARY.search(name) if name.startswith(".") else None
     return found[1] if found else None
+
+
+def clear(folder: Path) -> None:
+    """Remove temporary files in a folder whose process has ended; another machine's once they are old by the folder's
+    own clock. What cannot be removed stays."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        found = [(Path(entry.path), holder) for entry in entries if (holder := owner_of(entry.name)) is not None]
+        if not found:
+            return
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            now = os.fstat(probe.fileno()).st_mtime
+        for path, holder in found:
+            running = owner.runs(holder)
+            with suppress(OSError):
+                if running is False or (running is None and now - path.lstat().st_mtime > _STALE):
+                    path.unlink()
 
 
 def output_error(path: str | Path, error: OSError | ValueError) -> OutputError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.errors import InputError
+from mirelight.io.decoding import opened
 from mirelight.io.exr import read_exr
 from mirelight.io.frame_texts import PROVENANCE, profile_of
 from mirelight.io.png import encode_display
@@ -20,7 +20,8 @@ from mirelight.model import F32, DisplaySettings
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".exr")  # of files that can be shown, what is cheapest first
 
-_MAX_PIXELS = 1 << 27
+_MOST_PIXELS = 1 << 27
+_EACH = 4 * 4 + 4 + 3  # bytes a pixel: the picture, black and both together as RGBA, that as RGB, and the result
 
 
 def read_display(path: str | Path) -> NDArray[np.uint8]:
@@ -76,21 +77,11 @@ def _display_of(texts: Mapping[str, Any]) -> DisplaySettings:
 def _eight_bit(path: Path) -> NDArray[np.uint8]:
     from PIL import Image
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with open_binary(path) as stream, Image.open(stream, formats=("PNG", "JPEG", "WEBP")) as image:
-                if image.width * image.height > _MAX_PIXELS:
-                    raise InputError(path, f"{image.width} x {image.height} pixels", "scale it down")
-                if image.mode.startswith("I"):  # 16-bit gray, which Pillow would clip to 8 bits
-                    gray = (np.asarray(image, dtype=np.uint32) >> 8).astype(np.uint8)
-                    return np.repeat(gray[..., None], 3, axis=2)
-                if not image.has_transparency_data:
-                    return np.asarray(image.convert("RGB"))
-                black = Image.new("RGBA", image.size, (0, 0, 0, 255))
-                return np.asarray(Image.alpha_composite(black, image.convert("RGBA")).convert("RGB"))
-    except (InputError, MemoryError):
-        raise
-    except Exception as e:  # Pillow's decoders raise errors of a dozen types
-        found = f"an image that cannot be decoded ({type(e).__name__})"
-        raise InputError(path, found, "give a sound PNG, JPEG or WebP image") from None
+    with open_binary(path) as stream, opened(stream, path, _MOST_PIXELS, _EACH) as image:
+        if image.mode.startswith("I"):  # 16-bit gray, which Pillow would clip to 8 bits
+            gray = (np.asarray(image, dtype=np.uint32) >> 8).astype(np.uint8)
+            return np.repeat(gray[..., None], 3, axis=2)
+        if not image.has_transparency_data:
+            return np.asarray(image.convert("RGB"))
+        black = Image.new("RGBA", image.size, (0, 0, 0, 255))
+        return np.asarray(Image.alpha_composite(black, image.convert("RGBA")).convert("RGB"))

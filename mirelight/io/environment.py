@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -90,13 +91,16 @@ def _name(layer: str, channel: str) -> str:
 
 
 def _clean(path: Path, radiance: F32) -> F32:
+    if not (radiance.max(initial=0) <= BRIGHTEST and radiance.min(initial=0) > -np.inf):  # false where one is NaN
+        _refuse(path, radiance)
+    return np.maximum(radiance, np.float32(0), out=radiance)  # of this reader alone; a second one may not fit
+
+
+def _refuse(path: Path, radiance: F32) -> NoReturn:
     too_bright = np.count_nonzero(radiance > BRIGHTEST) - np.count_nonzero(np.isposinf(radiance))
     if too_bright:
         raise InputError(path, f"{too_bright} values above {BRIGHTEST:g}", "repair the map, e.g. scale or clamp it")
     bad = ~np.isfinite(radiance).all(axis=-1)
-    count = int(np.count_nonzero(bad))
-    if count:
-        row, column = (int(x[0]) for x in np.nonzero(bad))
-        found = f"{count} pixels are NaN or infinite, the first in row {row}, column {column}"
-        raise InputError(path, found, "repair the map, e.g. clamp it to its largest finite value")
-    return np.maximum(radiance, np.float32(0))
+    row, column = (int(x[0]) for x in np.nonzero(bad))
+    found = f"{np.count_nonzero(bad)} pixels are NaN or infinite, the first in row {row}, column {column}"
+    raise InputError(path, found, "repair the map, e.g. clamp it to its largest finite value")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import viewing
+from mirelight import peak, viewing
 from mirelight.errors import InputError
 from mirelight.io.facts import (
     CameraFacts,
@@ -30,7 +30,7 @@ from mirelight.io.facts import (
 )
 from mirelight.io.safety import existing, open_binary, read_bytes
 from mirelight.io.suffixes import GLTF
-from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
+from mirelight.model import Job, ProxyMesh, SplatCloud
 
 _MESHES = (".obj", ".stl")  # and nothing else; other meshes' files may as well hold splats
 _PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp")
@@ -132,7 +132,7 @@ def _mesh_facts(
         uvs=mesh is not None and mesh.uvs is not None,
         vertex_colors=mesh is not None and mesh.vertex_colors is not None,
         materials=tuple(m.name for m in mesh.materials) if mesh else (),
-        memory=_mesh_bytes(mesh),
+        memory=peak.mesh_bytes(mesh),
         lights=lights,
         cameras=cameras,
         notes=_far(mesh),
@@ -215,7 +215,7 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         mode=work.relight.mode,
         profile=work.compositor.profile,
         output=str(work.output.directory),
-        memory=_render_bytes(splats, proxy, work.cameras, work.lightings, denoise=work.render.denoise),
+        memory=peak.of_render(work, proxy),
         notes=(*work.notes, *_far(splats, proxy)),
     )
 
@@ -225,40 +225,3 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
 
 def _cloud_bytes(cloud: SplatCloud) -> int:
     return sum(a.nbytes for a in (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.sh))
-
-
-def _mesh_bytes(mesh: ProxyMesh | None) -> int:
-    if mesh is None:
-        return 0
-    arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, mesh.vertex_colors, mesh.face_materials)
-    return sum(a.nbytes for a in arrays if a is not None)
-
-
-_PROGRAM = 200 * 2**20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
-_WORK_PER_SPLAT = 150  # bytes: projected record twice, keys, order
-_WORK_PER_TRIANGLE = 220  # bytes: Embree's tree over it
-_WORK_PER_PIXEL = 400  # bytes: images of the composite and of the lighting, AOVs, the finished frame
-_WORK_PER_LAYER = 72  # bytes a pixel: film and arrays of one light's direct and indirect part
-_DENOISING_PER_PIXEL = 600  # bytes: the denoiser's own memory and its guides
-_DENOISING_PER_LAYER = 90  # bytes a pixel: parts of the samples, the noisy layer beside the clean one
-
-
-def _render_bytes(
-    splats: SplatCloud | None,
-    proxy: ProxyMesh | None,
-    cameras: tuple[Camera, ...],
-    lightings: tuple[Lighting, ...],
-    *,
-    denoise: bool,
-) -> int:
-    """About what a render takes at once: files and their copies on the device, one frame of the largest camera."""
-    pixels = max((camera.width * camera.height for camera in cameras), default=0)
-    layers = max((len(lighting.layer_names) for lighting in lightings), default=0)
-    needed = _PROGRAM + pixels * (_WORK_PER_PIXEL + layers * _WORK_PER_LAYER)
-    if denoise:
-        needed += pixels * (_DENOISING_PER_PIXEL + layers * _DENOISING_PER_LAYER)
-    if splats is not None:
-        needed += 2 * _cloud_bytes(splats) + _WORK_PER_SPLAT * len(splats)
-    if proxy is not None:
-        needed += 2 * _mesh_bytes(proxy) + _WORK_PER_TRIANGLE * len(proxy.faces)
-    return needed

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
 from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.io.decoding import opened
 from mirelight.model import F32
 
-_FORMATS = ("PNG", "JPEG", "WEBP")
-_MAX_PIXELS = 1 << 26  # 8192 x 8192
-_MAX_BYTES = 1 << 29  # of the encoded picture, 16-bit RGB of that size; a sparse file may claim terabytes
-_MAX_JPEG = 1 << 26
-_FILLING = tuple(byte * (1 << 17) for byte in (b"\0", b"\xff"))  # Pillow searches such for a marker, byte by byte
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+_MOST_PIXELS = 1 << 26  # 8192 x 8192
+_EACH = 12 + 4 + 4  # bytes a pixel: the result, the decoded picture, and the same as RGB
+_ROWS = 1 << 18  # pixels that are turned into light at once
 
 
 def decode_srgb_image(stream: IO[bytes], file: str | Path, field: str = "") -> F32:
@@ -32,37 +31,21 @@ def decode_srgb_image(stream: IO[bytes], file: str | Path, field: str = "") -> F
         (h, w, 3) float32, row 0 the top, sRGB decoded.
 
     Raises:
-        InputError: not a PNG, JPEG or WebP picture, damaged, or larger than 67 million pixels.
+        InputError: not a PNG, JPEG or WebP picture, damaged, larger than 67 million pixels, or than memory.
     """
-    from PIL import Image
-
-    head, size = stream.read(2), stream.seek(0, 2)
-    most = _MAX_JPEG if head == b"\xff\xd8" else _MAX_BYTES
-    if size > most:
-        raise InputError(file, f"an image of {size:,} bytes", f"at most {most:,} are read", field=field)
-    stream.seek(0)
-    data = stream.read()
-    if head == b"\xff\xd8" and any(x in data for x in _FILLING):
-        raise InputError(file, "a JPEG image with long runs of nothing", "the file is damaged", field=field)
-    try:
-        with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
-            if image.width * image.height > _MAX_PIXELS:
-                found = f"an image of {image.width} x {image.height} pixels"
-                raise InputError(file, found, "scale it down to at most 8192 x 8192", field=field)
-            return _linear(image)
-    except (InputError, MemoryError):
-        raise
-    except Exception as e:  # Pillow's decoders raise errors of a dozen types, zlib.error for a broken colour profile
-        found = f"an image that cannot be decoded ({type(e).__name__})"
-        raise InputError(file, found, "give a sound PNG, JPEG or WebP image", field=field) from None
+    with opened(stream, file, _MOST_PIXELS, _EACH, field) as image:
+        gray = image.mode.startswith("I")  # 16 bits, which Pillow would clip to 8
+        return _linear(image if gray or image.mode == "RGB" else image.convert("RGB"), 65536 if gray else 256)
 
 
-def _linear(image: object) -> F32:
-    from PIL import Image
-
-    assert isinstance(image, Image.Image)
-    if image.mode.startswith("I"):  # 16-bit gray, which Pillow would clip to 8 bits
-        gray = np.asarray(image, dtype=np.float32) / np.float32(65535)
-        return np.repeat(colour.srgb_decode(gray)[:, :, None], 3, axis=2)
-    table = colour.srgb_decode(np.arange(256, dtype=np.float32) / np.float32(255))
-    return np.asarray(table[np.asarray(image.convert("RGB"))])
+def _linear(image: Picture, levels: int) -> F32:
+    """Some rows at a time: NumPy's index into the table takes 24 bytes a pixel."""
+    table = colour.srgb_decode(np.arange(levels, dtype=np.float32) / np.float32(levels - 1))
+    image.load()
+    out = np.empty((image.height, image.width, 3), np.float32)
+    step = max(_ROWS // image.width, 1)
+    for top in range(0, image.height, step):
+        rows = np.asarray(image.crop((0, top, image.width, min(top + step, image.height))))
+        values = table[np.clip(rows, 0, levels - 1)]
+        out[top : top + step] = values[..., None] if values.ndim == 2 else values
+    return out

@@ -6,10 +6,12 @@ import hashlib
 import os
 import platform
 import re
+import subprocess
+import zlib
 from functools import cache
 from pathlib import Path
 
-_TOKEN = re.compile(r"([0-9a-f]{10})-([0-9]{1,9})")
+_TOKEN = re.compile(r"([0-9a-f]{10})-([0-9]{1,9})(?:-t([0-9]{1,20}))?")
 
 
 @cache
@@ -26,8 +28,11 @@ def machine() -> str:
 
 
 def token() -> str:
-    """This process: its machine and its number."""
-    return f"{machine()}-{os.getpid()}"
+    """This process: its machine, its number, and when it was started, where that can be told: numbers come again (in a
+    container that is started anew, the first process is number 1 each time)."""
+    process = os.getpid()
+    start = _own_start(process)
+    return f"{machine()}-{process}" + (f"-t{start}" if start else "")
 
 
 def process_of(owner: str) -> int:
@@ -41,19 +46,41 @@ def runs(owner: str) -> bool | None:
     found = _TOKEN.fullmatch(owner)
     if found is None or found[1] != machine():
         return None
+    process = int(found[2])
     try:
-        os.kill(int(found[2]), 0)
+        os.kill(process, 0)
     except ProcessLookupError:
         return False
     except PermissionError:
-        return True
-    return not _is_zombie(int(found[2]))
-
-
-def _is_zombie(process: int) -> bool:
-    """A killed process whose parent has not asked for its exit code does nothing any more."""
-    try:
-        status = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
-    except OSError:
+        pass  # somebody else's
+    state, start = _state(process)
+    if state == "Z":  # killed, and its parent has not asked for its exit code: it does nothing any more
         return False
-    return status.rpartition(")")[2].split()[:1] == ["Z"]
+    return not (found[3] and start) or found[3] == start
+
+
+@cache
+def _own_start(process: int) -> str:
+    return _state(process)[1]
+
+
+def _state(process: int) -> tuple[str, str]:
+    """One letter, Z for a zombie, and digits that tell when a process was started; empty where that cannot be told."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
+        fields = text.rpartition(")")[2].split()  # from the third on: the second may hold anything
+        return fields[0], fields[19]
+    except OSError:
+        pass
+    except IndexError:
+        return "", ""
+    if Path("/proc/self/stat").exists():
+        return "", ""
+    command = ["ps", "-o", "stat=", "-o", "lstart=", "-p", str(process)]
+    plain = {**os.environ, "LC_ALL": "C", "TZ": "UTC"}
+    try:
+        told = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True, env=plain).stdout
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return "", ""
+    state, _, start = told.strip().partition(" ")
+    return state[:1], str(zlib.crc32(start.strip().encode())) if start.strip() else ""

@@ -101,7 +101,8 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     ways are split, so that a corner of a room keeps the colours of its walls apart. E holds light reflected by the
     proxy, so colours and light are found in turns. Where splats end at display white, all that lie in light as bright
     count only if there are no others: which of them are clipped depends on their colour, and to leave out those alone
-    would leave the dark ones.
+    would leave the dark ones. What those others tell is held to what
+    the clipped ones show at least, channel by channel.
 
     Args:
         splats: in world space; their colour averaged over directions is used, decoded from sRGB.
@@ -240,10 +241,25 @@ def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured:
 
 
 def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> F32:
-    """(V, 3) sums of the splats' colours over sums of their light."""
-    count = np.where(_overexposed(shape, deposits, light), _OVEREXPOSED, 1)
+    """(V, 3) sums of the splats' colours over sums of their light; no darker than what clipped ones show at least."""
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
     color = np.minimum(deposits.color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
+    over = _overexposed(shape, deposits, light)
+    found = _told(shape, deposits, color, light, np.where(over, _OVEREXPOSED, 1.0), filling)
+    if not over.any():
+        return found
+    around = (found[shape.mesh.faces[deposits.face]] * deposits.corners[:, :, None]).sum(axis=1)
+    clipped = over[:, None] & (deposits.color >= 1 - CLIPPED)
+    color = np.where(clipped, np.maximum(color, around * light / np.pi), color)
+    least = _told(shape, deposits, color, light, np.ones(len(light)), filling)
+    beside = np.zeros(len(found), bool)
+    beside[shape.mesh.faces[deposits.face[over]]] = True
+    return np.asarray(np.where(beside[:, None], np.maximum(found, least), found), dtype=np.float32)
+
+
+def _told(shape: _Shape, deposits: Deposits, color: F64, light: F64, count: F64, filling: Filling) -> F32:
+    """(V, 3) what splats tell that show such colours (N, 3), count (N,) each, under light (N, 3)."""
+    mean = np.average(light.mean(axis=1), weights=deposits.weight)
     values = np.concatenate([color, light, np.ones((len(light), 1))], axis=1)
     sums, samples = _around(shape, deposits, values * (deposits.weight * count)[:, None], count)
     c, e, w = np.split(_means(shape, sums, samples, filling), [3, 6], axis=1)

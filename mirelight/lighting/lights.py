@@ -29,6 +29,7 @@ ROW = 24  # floats a light: six groups of four, which one packet gather each rea
 ALL_LIGHTS = (
     12  # up to this many, every light is sampled at every hit, so that each layer is as clean as rendered alone
 )
+_NEAREST = 1e18  # the largest 1 / range in the table: what reaches no farther lights nothing, and more is no float32
 _OWN = np.uint32(1 << 31)  # apart from the numbers that a hit's other samples are drawn with
 
 
@@ -65,7 +66,7 @@ def _row(
     groups = [
         (position, float(kind)),
         (np.zeros(3) if axis is None else axis, radius),
-        (strength, 1.0 / reach),
+        (strength, min(1.0 / reach, _NEAREST)),
         x or zero,
         y or zero,
         (np.array(cone), 0.0),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +9,7 @@ from mirelight.errors import InputError
 from mirelight.io import job as jobs
 from mirelight.io.atomic import atomic_path
 from mirelight.io.job import Source
+from mirelight.io.job.limits import large_numbers, load_toml
 from mirelight.io.job.write import with_mix
 from mirelight.io.safety import open_binary
 
@@ -77,9 +77,11 @@ class Saved:
 
 def _read(text: bytes) -> tuple[Mapping[str, Any], dict[str, Any], float]:
     try:
-        data = tomllib.loads(text.decode("utf-8"))
-    except (ValueError, RecursionError):
+        data = load_toml(text.decode("utf-8"))
+    except ValueError:
         raise InputError("the page", "no TOML") from None
+    if large_numbers(data):
+        raise InputError("the page", "a number of more than 64 bits")
     display = data.pop("display", {})
     mix, moved = data.pop("mix", {}), data.pop("moved", {})
     if data or not all(isinstance(x, dict) for x in (mix, moved, display)) or set(display) - {"exposure"}:

@@ -93,6 +93,8 @@ def serve(folder: Path, pages: Mapping[str, bytes], limits: Mapping[str, int]) -
 class _Server(ThreadingHTTPServer):
     """Quiet where a browser has gone before its answer."""
 
+    request_queue_size = 128  # connections that wait to be answered: a page may open fifty at once
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Says what went wrong, unless the other side is no longer there."""
         if not isinstance(sys.exc_info()[1], OSError):

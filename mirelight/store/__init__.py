@@ -7,9 +7,12 @@ artefacts (traced unit lights, so that a changed colour or intensity traces noth
 
 from __future__ import annotations
 
+import hashlib
+import math
 import os
+import re
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +22,10 @@ from numpy.typing import NDArray
 
 from mirelight import keys
 from mirelight.errors import OutputError
-from mirelight.io import image, owner
-from mirelight.io.atomic import output_error, owner_of
+from mirelight.io import image
+from mirelight.io.atomic import clear, output_error
 from mirelight.io.folders import NewFolders
+from mirelight.io.safety import read_file
 from mirelight.model import (
     F32,
     Camera,
@@ -44,10 +48,9 @@ from mirelight.store.folder import ASIDE
 from mirelight.store.index import Index, digest_of
 from mirelight.store.journal import FileRow, Journal, Row, sync_folder
 from mirelight.store.planned import PlannedRuns
+from mirelight.store.touching import Toucher
 
 __all__ = ["Index", "Row", "Store", "write"]
-
-_STALE = 600.0  # seconds after which another machine's temporary file counts as left behind
 
 
 class Store:
@@ -63,11 +66,15 @@ class Store:
         aside = self.folder / ASIDE
         self._aside = {name: aside / name for name in ("journal", "claims", "light", "scene", "plans")}
         self._journal = Journal(self._aside["journal"])
-        self._claims = Claims(self._aside["claims"])
-        self._light, self._scene = Artefacts(self._aside["light"]), Artefacts(self._aside["scene"])
+        self._toucher = Toucher()
+        self._claims = Claims(self._aside["claims"], self._toucher)
+        self._job = str(job.source.absolute())
+        maker = hashlib.sha256(self._job.encode(errors="surrogateescape")).hexdigest()[:16]
+        self._light, self._scene = (Artefacts(self._aside[name], maker) for name in ("light", "scene"))
+        self._opened = 0.0  # by the folder's own clock
         self.planned = PlannedRuns(self._aside["plans"])
         self._index: Index | None = None
-        self._ballast = Ballast(aside)
+        self._ballast = Ballast(aside, self._toucher)
         self._run = ""
         self._new = NewFolders(self.folder, *self._aside.values())
         self.partial: tuple[Path, ...] = ()  # of the frame that an interrupt stopped, where it could be kept
@@ -81,13 +88,13 @@ class Store:
         """
         self._new.make()
         try:
-            with tempfile.TemporaryFile(dir=self.folder):
-                pass
+            with tempfile.TemporaryFile(dir=self.folder) as probe:
+                self._opened = os.fstat(probe.fileno()).st_mtime
         except OSError as e:
             raise output_error(self.folder, e) from None
         for folder in (self.folder, *self._aside.values()):
-            _clear(folder)
-        _clear(self._ballast.folder)
+            clear(folder)
+        clear(self._ballast.folder)
         self._claims.clear()
         self._ballast.take()
 
@@ -102,13 +109,15 @@ class Store:
             self._ballast.free()
 
     def close(self) -> None:
-        """No more writing by this process. What is left of others that were killed meanwhile is cleared away."""
+        """No more writing by this process. What is left of others that were killed meanwhile is cleared away, and of
+        what a scene needs besides light the oldest, beyond a reserve."""
         self._journal.close()
         self._claims.close()
         self._ballast.free()
         for folder in (self.folder, *self._aside.values(), self._ballast.folder):
-            _clear(folder)
+            clear(folder)
         self._claims.clear()
+        self._scene.tidy(self._named(), self._opened)
 
     def withdraw(self) -> None:
         """Close, and where nothing came of the run take away what opening made: bad input leaves no empty folders, and
@@ -131,6 +140,15 @@ class Store:
         """What is there now, from the journal and one look at the folder."""
         self._index = Index(self.folder, self._journal.rows())
         return self._index
+
+    @property
+    def bad_rows(self) -> int:
+        """Lines of the journal that are no rows, of those that were read."""
+        return self._journal.bad
+
+    def hear(self, tell: Callable[[str], None]) -> None:
+        """Have what is found damaged, and is made again, said."""
+        self._light.tell = self._scene.tell = tell
 
     def refresh(self) -> None:
         """Take what other processes have written into the journal since it was read."""
@@ -282,7 +300,7 @@ class Store:
         Raises:
             OutputError: layers alone are wanted, and it cannot be written.
         """
-        if self._output.store == "frames" or key in self._light.there():
+        if self._output.store == "frames" or self._light.is_whole(key):
             return
         if self._output.store == "layers":
             self._light.keep_composite(key, splats)
@@ -300,8 +318,17 @@ class Store:
         self._journal.add(Row(name, {}, round(seconds, 3)))
 
     def tidy(self, used: Collection[str]) -> None:
-        """See :meth:`mirelight.store.artefacts.Artefacts.tidy`."""
-        self._light.tidy(used)
+        """See :meth:`mirelight.store.artefacts.Artefacts.tidy`; what other jobs keep instead of frames is in use."""
+        others = (run for run in self.planned.runs() if run.job != self._job)
+        wanted = {key for run in others for keys in run.layers.values() for key in keys}
+        self._light.tidy({*used, *wanted, *self._named()}, math.inf)
+
+    def _named(self) -> set[str]:
+        """What the index of a data set names."""
+        try:
+            return set(re.findall("[0-9a-f]{16,}", read_file(self.folder / ASIDE / "dataset.json").decode()))
+        except (OSError, ValueError):
+            return set()
 
 
 def write(frame: Frame, path: str | Path, job: Job | None = None) -> None:
@@ -341,17 +368,3 @@ def _is_finished(path: Path) -> bool:
 def _file_row(path: Path, key: str) -> FileRow:
     status = path.stat()
     return FileRow(key, status.st_size, status.st_mtime_ns, digest_of(path))
-
-
-def _clear(folder: Path) -> None:
-    """Remove temporary files whose process has ended; another machine's once they are old by the folder's own clock."""
-    with suppress(OSError), tempfile.TemporaryFile(dir=folder) as probe, os.scandir(folder) as entries:
-        now = os.fstat(probe.fileno()).st_mtime
-        for entry in entries:
-            holder = owner_of(entry.name)
-            if holder is None:
-                continue
-            running = owner.runs(holder)
-            with suppress(OSError):
-                if running is False or (running is None and now - entry.stat().st_mtime > _STALE):
-                    Path(entry.path).unlink()

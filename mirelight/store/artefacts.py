@@ -6,18 +6,15 @@ Nothing is compressed: reading must cost next to nothing beside tracing.
 from __future__ import annotations
 
 import os
-import zipfile
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.io.atomic import atomic_path
-from mirelight.io.safety import open_file
 from mirelight.model import (
     F32,
     Camera,
@@ -30,32 +27,38 @@ from mirelight.model import (
     SurfaceCells,
     SurfaceTransport,
 )
-from mirelight.store.arrays import Arrays, is_sound, read_arrays, write_arrays
+from mirelight.store.arrays import Arrays, maker_of, read_arrays, write_arrays
 
-_MOST_UNUSED = 2 * 2**30  # bytes of buffers that the job does not use now, kept in case it does again
-_BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, RecursionError, zipfile.BadZipFile)
+T = TypeVar("T")
+
+_MOST_UNUSED = 2 * 2**30  # bytes of what the job does not use now, kept in case it does again
+_BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError)
 _KINDS = ("lights", "environment", "emission")  # of `CellLight`
 _LIGHT = ".light"  # suffix of buffers, composites and light on the surface
+_ARRAY = ".array"  # suffix of arrays and meshes
 
 
 class Artefacts:
-    """Files named by their keys."""
+    """Files named by their keys.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    Args:
+        folder: their place.
+        maker: the job that they are made for, as a word; empty: nothing is made here, and what is read is not touched.
+    """
+
+    def __init__(self, folder: Path, maker: str = "") -> None:
+        self._folder, self._maker = folder, maker
+        self.tell: Callable[[str], None] = lambda line: None  # hears of files that are damaged
 
     def array(self, key: str) -> F32 | None:
         """A kept array; None where there is none, or it is damaged."""
-        try:
-            with open_file(self._folder / f"{key}.npy") as file:
-                values = np.asarray(np.load(file, allow_pickle=False))
-            return values if is_sound(values) else None
-        except _BROKEN:
-            return None
+        self._touch(key)
+        return self._read(key, _ARRAY, lambda file: file.arrays["values"])
 
     def has_array(self, key: str) -> bool:
         """Whether there is such an array."""
-        return (self._folder / f"{key}.npy").is_file()
+        self._touch(key)
+        return self._path(key, _ARRAY).is_file()
 
     def keep_array(self, key: str, values: NDArray[Any]) -> None:
         """Keep an array.
@@ -63,18 +66,16 @@ class Artefacts:
         Raises:
             OutputError: it cannot be written.
         """
-        with atomic_path(self._folder / f"{key}.npy") as temporary, temporary.open("wb") as stream:
-            np.save(stream, values, allow_pickle=False)
+        self._write(key, _ARRAY, {"values": values})
 
     def mesh(self, key: str) -> ProxyMesh | None:
         """A kept mesh, vertices and faces alone; None where there is none, or it is damaged."""
-        try:
-            whole = open_file(self._folder / f"{key}.npz")
-            with whole, np.load(whole, allow_pickle=False) as file:
-                mesh = ProxyMesh(vertices=file["vertices"], faces=file["faces"])
-            return mesh if is_sound(mesh.vertices) else None
-        except _BROKEN:
-            return None
+        self._touch(key)
+
+        def made(file: Arrays) -> ProxyMesh:
+            return ProxyMesh(vertices=file.arrays["vertices"], faces=file.arrays["faces"])
+
+        return self._read(key, _ARRAY, made)
 
     def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
         """Keep the vertices and faces of a mesh.
@@ -82,15 +83,11 @@ class Artefacts:
         Raises:
             OutputError: they cannot be written.
         """
-        with atomic_path(self._folder / f"{key}.npz") as temporary, temporary.open("wb") as stream:
-            np.savez(stream, allow_pickle=False, vertices=mesh.vertices, faces=mesh.faces)
+        self._write(key, _ARRAY, {"vertices": mesh.vertices, "faces": mesh.faces})
 
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
         """A kept buffer, of the view of `camera`; None where there is none, or it is damaged."""
-        try:
-            return _buffer(read_arrays(self.path(key)), camera)
-        except _BROKEN:
-            return None
+        return self._read(key, _LIGHT, lambda file: _buffer(file, camera))
 
     def keep_light(self, key: str, buffer: LightingBuffer) -> None:
         """Keep a buffer.
@@ -104,15 +101,15 @@ class Artefacts:
             "layers": [x.name for x in buffer.layers],
             "noisy": [x.name for x in buffer.noisy],
         }
-        write_arrays(self.path(key), _arrays(buffer), about)
+        self._write(key, _LIGHT, _arrays(buffer), about)
 
     def composite(self, key: str, camera: Camera, profile: Profile, linear: bool) -> SplatLayer | None:
         """A kept composite of a camera; None where there is none, or it is damaged."""
-        try:
-            file = read_arrays(self.path(key))
+
+        def layer(file: Arrays) -> SplatLayer:
             return SplatLayer(camera=camera, profile=profile, linear=linear, **file.arrays)
-        except _BROKEN:
-            return None
+
+        return self._read(key, _LIGHT, layer)
 
     def keep_composite(self, key: str, splats: SplatLayer) -> None:
         """Keep a composite.
@@ -120,19 +117,19 @@ class Artefacts:
         Raises:
             OutputError: it cannot be written.
         """
-        write_arrays(self.path(key), _own_arrays(splats), {})
+        self._write(key, _LIGHT, _own_arrays(splats))
+
+    def is_whole(self, key: str) -> bool:
+        """Whether such a composite or buffer is there, its bytes those that were written."""
+        return self._read(key, _LIGHT, lambda file: True) or False
 
     def path(self, key: str) -> Path:
         """The file of a composite or buffer."""
-        return self._folder / f"{key}{_LIGHT}"
+        return self._path(key, _LIGHT)
 
     def cells(self, key: str) -> SurfaceCells | None:
         """Kept cells of a surface; None where there are none, or they are damaged."""
-        try:
-            file = read_arrays(self._folder / f"{key}{_LIGHT}")
-            return SurfaceCells(size=float(file.about["size"]), **file.arrays)
-        except _BROKEN:
-            return None
+        return self._read(key, _LIGHT, lambda file: SurfaceCells(size=float(file.about["size"]), **file.arrays))
 
     def keep_cells(self, key: str, cells: SurfaceCells) -> None:
         """Keep cells.
@@ -140,16 +137,12 @@ class Artefacts:
         Raises:
             OutputError: they cannot be written.
         """
-        write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(cells), {"size": cells.size})
+        self._write(key, _LIGHT, _own_arrays(cells), {"size": cells.size})
 
     def transport(self, key: str, count: int) -> SurfaceTransport | None:
         """Kept transport between `count` cells; None where there is none, or it is damaged."""
-        try:
-            file = read_arrays(self._folder / f"{key}{_LIGHT}")
-            made = SurfaceTransport(seed=int(file.about["seed"]), **file.arrays)
-        except _BROKEN:
-            return None
-        return made if made.cells == count else None
+        made = self._read(key, _LIGHT, lambda x: SurfaceTransport(seed=int(x.about["seed"]), **x.arrays))
+        return made if made is not None and made.cells == count else None
 
     def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
         """Keep transport.
@@ -157,15 +150,15 @@ class Artefacts:
         Raises:
             OutputError: it cannot be written.
         """
-        write_arrays(self._folder / f"{key}{_LIGHT}", _own_arrays(transport), {"seed": transport.seed})
+        self._write(key, _LIGHT, _own_arrays(transport), {"seed": transport.seed})
 
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
         """Kept light on `count` cells; None where there is none, or it is damaged."""
-        try:
-            file = read_arrays(self._folder / f"{key}{_LIGHT}")
+
+        def lights(file: Arrays) -> tuple[CellLight, ...]:
             return tuple(_cell_light(file, i, count) for i in range(len(file.about["names"])))
-        except _BROKEN:
-            return None
+
+        return self._read(key, _LIGHT, lights)
 
     def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
         """Keep light on `count` cells.
@@ -176,7 +169,7 @@ class Artefacts:
         arrays = {f"{i}.{name}": x for i, light in enumerate(lights) for name, x in _own_arrays(light).items()}
         arrays["cells"] = np.array([count], np.int64)
         about = {"names": [x.name for x in lights], "kinds": [x.kind for x in lights], "rays": [x.rays for x in lights]}
-        write_arrays(self._folder / f"{key}{_LIGHT}", arrays, about)
+        self._write(key, _LIGHT, arrays, about)
 
     def there(self) -> frozenset[str]:
         """Keys of the composites and buffers that are kept."""
@@ -186,24 +179,61 @@ class Artefacts:
         except OSError:
             return frozenset()
 
-    def tidy(self, used: Collection[str]) -> None:
-        """Remove the oldest of the buffers whose keys are not in `used`, but for a reserve."""
-        unused = []
+    def files(self) -> list[Path]:
+        """All of them, sorted."""
         try:
             with os.scandir(self._folder) as entries:
-                for entry in entries:
-                    key, _, kind = entry.name.partition(".")
-                    if key and f".{kind}" == _LIGHT and key not in used:
-                        status = entry.stat()
-                        unused.append((status.st_mtime_ns, status.st_size, entry.path))
+                return sorted(Path(x.path) for x in entries if x.name[0] != "." and x.name.endswith((_LIGHT, _ARRAY)))
         except OSError:
+            return []
+
+    def tidy(self, used: Collection[str], since: float) -> None:
+        """Remove the oldest of what this job made and does not use, but for a reserve. What others made stays.
+
+        Args:
+            used: keys that stay.
+            since: whatever was made, read or asked for after that time stays, too.
+        """
+        unused = []
+        for path in self.files():
+            with suppress(OSError):
+                status = path.stat()
+                if path.stem not in used and status.st_mtime < since:
+                    unused.append((status.st_mtime_ns, status.st_size, path))
+        if sum(size for _, size, _ in unused) <= _MOST_UNUSED:
             return
         kept = 0
         for _, size, path in sorted(unused, reverse=True):
+            if maker_of(path) != self._maker:
+                continue
             kept += size
             if kept > _MOST_UNUSED:
                 with suppress(OSError):
-                    Path(path).unlink()
+                    path.unlink()
+
+    def _path(self, key: str, suffix: str) -> Path:
+        return self._folder / f"{key}{suffix}"
+
+    def _touch(self, key: str) -> None:
+        """Note that an array is in use."""
+        if self._maker:
+            with suppress(OSError):
+                os.utime(self._path(key, _ARRAY))
+
+    def _read(self, key: str, suffix: str, made: Callable[[Arrays], T]) -> T | None:
+        path = self._path(key, suffix)
+        try:
+            return made(read_arrays(path))
+        except FileNotFoundError:
+            return None
+        except _BROKEN:
+            self.tell(f"{path} is damaged; what it held is made again")
+            return None
+
+    def _write(
+        self, key: str, suffix: str, arrays: dict[str, NDArray[Any]], about: dict[str, Any] | None = None
+    ) -> None:
+        write_arrays(self._path(key, suffix), arrays, about or {}, self._maker)
 
 
 def _arrays(buffer: LightingBuffer) -> dict[str, NDArray[Any]]:

@@ -2,6 +2,7 @@
 
 A claim is a file that only one process can make (`O_EXCL` is atomic, on NFS too). Its process touches it while it
 works; a claim of a process that has ended, or that was not touched for long, is taken over by whoever renames it first.
+Who has renamed one that is not what it had looked at (another was quicker, and it is that one's now) puts it back.
 Should two work at once all the same, they make the same files twice, and lose nothing.
 """
 
@@ -13,7 +14,6 @@ import os
 import platform
 import re
 import secrets
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,11 +23,12 @@ from pathlib import Path
 from mirelight.io import owner
 from mirelight.io.atomic import output_error
 from mirelight.io.safety import NotAFileError, open_file
+from mirelight.store.touching import Toucher
 
-_TOUCH = 30.0  # seconds between two touches
-_STALE = 600.0  # seconds without a touch after which another machine's process counts as gone
+_STALE = 600.0  # seconds without a touch after which a process counts as gone, even where its number lives
 _LONGEST = 1 << 16  # bytes of a claim that are read
 _UNSIGNED = 10.0  # seconds after which a claim without a name counts as that of a process killed while it made it
+_OWN: set[str] = set()  # marks of the claims that this process holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +43,42 @@ class Held:
     alive: bool  # False: its process has ended, or was silent for too long; whoever comes next takes it over
 
 
-class Claims:
-    """The claims in a folder."""
+@dataclass(frozen=True, slots=True)
+class _Signed:
+    """What a claim's file says."""
 
-    def __init__(self, folder: Path) -> None:
+    holder: str  # token of its process; empty where that has not come to write it
+    text: str  # all besides
+    touched: float
+
+    @property
+    def about(self) -> dict[str, object]:
+        """What it says of itself."""
+        try:
+            about = json.loads(self.text)
+        except (ValueError, RecursionError):
+            return {}
+        return about if isinstance(about, dict) else {}
+
+    @property
+    def runs(self) -> bool | None:
+        """Whether its process is at it; None where that cannot be told from here."""
+        if self.holder == owner.token():  # given up by us, or of an earlier process that cannot be told from this one
+            return self.about.get("mark") in _OWN
+        return owner.runs(self.holder)
+
+
+class Claims:
+    """The claims in a folder.
+
+    Args:
+        folder: its place.
+        toucher: gives signs of life; None: one of its own.
+    """
+
+    def __init__(self, folder: Path, toucher: Toucher | None = None) -> None:
         self._folder = folder
-        self._held: set[Path] = set()
-        self._toucher: threading.Thread | None = None
-        self._ended = threading.Event()
+        self._toucher = toucher or Toucher()
 
     @contextmanager
     def claim(self, name: str, run: str = "") -> Iterator[bool]:
@@ -63,16 +92,18 @@ class Claims:
         Raises:
             OutputError: the folder cannot be written.
         """
-        path = self._path(name)
-        mine = self._take(path, name, run)
+        path, mark = self._path(name), secrets.token_hex(8)
+        mine = self._take(path, name, run, mark)
         try:
             yield mine
         finally:
             if mine:
-                self._held.discard(path)
+                self._toucher.leave(path)
                 with suppress(OSError):
-                    if _signed(path)[0] == owner.token():  # it may have been taken over meanwhile
-                        path.unlink()
+                    now = _signed(path)
+                    if now.holder == owner.token() and now.about.get("mark") == mark:  # else it was taken over
+                        self._removed(path, now)
+                _OWN.discard(mark)
 
     def held(self) -> list[Held]:
         """All claims, the oldest first."""
@@ -81,17 +112,16 @@ class Claims:
         with suppress(OSError):
             for path in self._folder.glob("[!.]*"):
                 with suppress(OSError):
-                    touched = path.lstat().st_mtime
-                    holder, about = _signed(path)
-                    running = owner.runs(holder)
+                    claim = _signed(path)
+                    about, running, silent = claim.about, claim.runs, max(0.0, now - claim.touched)
                     found.append(
                         Held(
                             name=str(about.get("name", path.name)),
                             host=str(about.get("host", "an unknown machine")),
-                            process=owner.process_of(holder),
-                            age=max(0.0, now - _number(about.get("since"), touched)),
-                            silent=max(0.0, now - touched),
-                            alive=running if running is not None else now - touched <= _STALE,
+                            process=owner.process_of(claim.holder),
+                            age=max(0.0, now - _number(about.get("since"), claim.touched)),
+                            silent=silent,
+                            alive=running is not False and silent <= _STALE,
                         )
                     )
         return sorted(found, key=lambda x: -x.age)
@@ -100,46 +130,49 @@ class Claims:
         """Take away the claims of processes that have ended: of work that was done, nobody comes for them."""
         with suppress(OSError):
             for path in self._folder.glob("[!.]*"):
-                if self._abandoned(path, ""):
-                    self._removed(path)
+                if (found := self._abandoned(path, "")) is not None:
+                    self._removed(path, found)
 
     def _path(self, name: str) -> Path:
         plain = re.sub(r"[^\w.-]+", "_", name)[:80]
         return self._folder / f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
-    def _take(self, path: Path, name: str, run: str) -> bool:
+    def _take(self, path: Path, name: str, run: str, mark: str) -> bool:
         for _ in range(2):
             try:
                 handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
             except FileExistsError:
-                if not self._abandoned(path, run) or not self._removed(path):
+                found = self._abandoned(path, run)
+                if found is None or not self._removed(path, found):
                     return False
                 continue
             except OSError as e:
                 raise output_error(path, e) from None
-            about = {"name": name, "host": platform.node(), "since": os.fstat(handle).st_mtime, "run": run}
+            since = os.fstat(handle).st_mtime
+            about = {"name": name, "host": platform.node(), "since": since, "run": run, "mark": mark}
+            _OWN.add(mark)
             try:
                 os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
             except OSError as e:
+                _OWN.discard(mark)
                 path.unlink(missing_ok=True)
                 raise output_error(path, e) from None
             finally:
                 os.close(handle)
-            self._hold(path)
+            self._toucher.hold(path)
             return True
         return False
 
-    def _abandoned(self, path: Path, run: str) -> bool:
+    def _abandoned(self, path: Path, run: str) -> _Signed | None:
+        """The claim, where nobody is at its work any more."""
         try:
-            holder, about = _signed(path)
-            running = owner.runs(holder)
-            if running is False or (run and about.get("run") == run and holder != owner.token()):
-                return True
-            if running:
-                return False
-            return self._now() - path.lstat().st_mtime > (_STALE if holder else _UNSIGNED)
+            found = _signed(path)
         except OSError:
-            return False  # it has just been given up
+            return None  # it has just been given up
+        running = found.runs
+        if running is False or (run and found.about.get("run") == run and found.holder != owner.token()):
+            return found
+        return found if self._now() - found.touched > (_STALE if found.holder else _UNSIGNED) else None
 
     def _now(self) -> float:
         """The folder's own clock: the machines' may differ."""
@@ -153,52 +186,54 @@ class Claims:
             with suppress(OSError):
                 probe.unlink()
 
-    def _removed(self, path: Path) -> bool:
-        """Takes an abandoned claim away; of several that try, one can."""
+    def _removed(self, path: Path, seen: _Signed) -> bool:
+        """Takes a claim away that was seen to be abandoned; of several that try, one can."""
         taken = path.with_name(f".{path.name}~{owner.token()}-{secrets.token_hex(4)}")
         try:
             path.rename(taken)
         except OSError:
             return False
+        with suppress(OSError):
+            if _signed(taken) != seen:  # taken over, or touched, between the look and the renaming
+                _put_back(taken, path)
+                return False
         with suppress(OSError):  # what is no file stays aside
             taken.unlink()
         return True
 
-    def _hold(self, path: Path) -> None:
-        self._held.add(path)
-        if self._toucher is None:
-            self._toucher = threading.Thread(target=self._touch, name="mirelight claims", daemon=True)
-            self._toucher.start()
-
-    def _touch(self) -> None:
-        while not self._ended.wait(_TOUCH):
-            for path in tuple(self._held):
-                with suppress(OSError):
-                    os.utime(path)
-
     def close(self) -> None:
         """Stop touching."""
-        self._ended.set()
+        self._toucher.close()
 
 
-def _signed(path: Path) -> tuple[str, dict[str, object]]:
-    """Whose a claim is, and what it says of itself; both empty where its process has not come to write that.
+def _put_back(taken: Path, path: Path) -> None:
+    """Undo a renaming, unless somebody has claimed the work in between: then two are at it, and lose nothing."""
+    try:
+        os.link(taken, path, follow_symlinks=False)
+    except FileExistsError:
+        pass
+    except (OSError, NotImplementedError):  # a folder, or a file system without such links
+        if not path.exists():
+            taken.rename(path)
+            return
+    taken.unlink()
+
+
+def _signed(path: Path) -> _Signed:
+    """What a claim says.
 
     Raises:
         OSError: it has been given up.
     """
+    touched = path.lstat().st_mtime
     try:
         with open_file(path) as file:
             holder, _, rest = file.read(_LONGEST).decode("utf-8", "replace").partition("\n")
     except OSError as e:
         if not (isinstance(e, NotAFileError) or path.is_symlink()):
             raise
-        return "", {}  # nobody's
-    try:
-        about = json.loads(rest)
-    except (ValueError, RecursionError):
-        about = {}
-    return holder, about if isinstance(about, dict) else {}
+        return _Signed("", "", touched)  # nobody's
+    return _Signed(holder, rest, touched)
 
 
 def _number(value: object, otherwise: float) -> float:

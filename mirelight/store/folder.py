@@ -32,7 +32,7 @@ class Folder:
             raise InputError(path, "no such folder" if not self.path.exists() else "a file", remedy)
         aside = self.path / ASIDE
         self.journal = Journal(aside / "journal")
-        self.light = Artefacts(aside / "light")
+        self.light, self.scene = Artefacts(aside / "light"), Artefacts(aside / "scene")
         self._claims = Claims(aside / "claims")
         self._planned = PlannedRuns(aside / "plans")
 

@@ -1,13 +1,17 @@
-"""What was made, as rows: one file a process, a line a frame. Readers merge them all and skip a torn last line."""
+"""What was made, as rows: one file a process, a line a frame. Readers merge them all, skip a torn last line, and count
+what is no row."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import secrets
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
+from io import BufferedReader
 from pathlib import Path
+from typing import Any
 
 from mirelight.io import owner
 from mirelight.io.atomic import output_error
@@ -35,7 +39,9 @@ class Row:
     wanted: Mapping[str, str] = field(default_factory=dict)  # of a failed one: by suffix the keys that it was to have
 
 
-_LONGEST = 1 << 20  # bytes of a line
+_LONGEST = 1 << 20  # bytes of a line that are read
+_MOST_SKIPPED = 1 << 26  # bytes of a longer one that are looked through for its end; a file without ends holds no more
+_MOST_SAID = 1 << 16  # characters of an error that are kept
 
 
 class Journal:
@@ -45,10 +51,11 @@ class Journal:
         self._folder = folder
         self._own: int | None = None
         self._read: dict[str, int] = {}  # bytes of each file that were read
+        self.bad = 0  # lines among them that are no rows
 
     def rows(self) -> Iterator[Row]:
         """Every row of every process, in no order that matters; what cannot be read is skipped."""
-        self._read = {}
+        self._read, self.bad = {}, 0
         return self.new_rows()
 
     def new_rows(self) -> Iterator[Row]:
@@ -58,7 +65,7 @@ class Journal:
 
     def by_process(self) -> Iterator[list[Row]]:
         """The rows of each process in the order in which it wrote them."""
-        self._read = {}
+        self._read, self.bad = {}, 0
         return self._new()
 
     def _new(self) -> Iterator[list[Row]]:
@@ -74,9 +81,12 @@ class Journal:
                 rows = []
                 with open_file(file) as stream:
                     stream.seek(begin)
-                    while (line := stream.readline(_LONGEST)).endswith(b"\n"):
-                        begin += len(line)
-                        if (row := _row(line)) is not None:
+                    while size := (line := stream.readline(_LONGEST + 1)) and _to_its_end(stream, line):
+                        begin += size
+                        row = _row(line) if size == len(line) else None
+                        if row is None:
+                            self.bad += 1
+                        else:
                             rows.append(row)
             except OSError:
                 continue
@@ -95,9 +105,15 @@ class Journal:
                 self._own = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
                 sync_folder(self._folder)
             entry = {name: value for name, value in asdict(row).items() if value or name in ("files", "seconds")}
-            os.write(self._own, json.dumps(entry, sort_keys=True).encode() + b"\n")
+            if len(row.error) > _MOST_SAID:
+                half = _MOST_SAID // 2
+                entry["error"] = f"{row.error[:half]} … {row.error[-half:]}"
+            rest = json.dumps(entry, sort_keys=True).encode() + b"\n"
+            while rest:
+                rest = rest[os.write(self._own, rest) :]
             os.fsync(self._own)
         except OSError as e:
+            self.close()  # what may be torn stays the end of its file: the next row begins another
             raise output_error(self._folder, e) from None
 
     def close(self) -> None:
@@ -121,12 +137,46 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
+def said_of(bad: int) -> str:
+    """A line about rows that are none, empty where there are none."""
+    if not bad:
+        return ""
+    those = "a row of the journal is" if bad == 1 else f"{bad} rows of the journal are"
+    return f"{those} damaged and left out; frames are known by their files"
+
+
+def _to_its_end(stream: BufferedReader, line: bytes) -> int:
+    """Bytes of a line, of which `line` has just been read; 0 where it has no end, or none that is worth looking for."""
+    size = len(line)
+    while not line.endswith(b"\n"):
+        line = stream.readline(_LONGEST)
+        size += len(line)
+        if not line or size > _MOST_SKIPPED:
+            return 0
+    return size
+
+
 def _row(line: bytes) -> Row | None:
     try:
         values = json.loads(line.decode())
-        files = {suffix: FileRow(**entry) for suffix, entry in values["files"].items()}
-        wanted = {str(suffix): str(key) for suffix, key in values.get("wanted", {}).items()}
-        error = str(values.get("error", ""))
-        return Row(str(values["frame"]), files, float(values["seconds"]), error, wanted)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        files = {_word(suffix): _file(entry) for suffix, entry in values["files"].items()}
+        wanted = {_word(suffix): _word(key) for suffix, key in values.get("wanted", {}).items()}
+        seconds = values["seconds"]
+        if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 0 <= float(seconds) < math.inf:
+            return None
+        return Row(_word(values["frame"]), files, float(seconds), _word(values.get("error", "")), wanted)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
+
+
+def _file(entry: Mapping[str, Any]) -> FileRow:
+    sizes = entry["bytes"], entry["mtime_ns"]
+    if len(entry) != len(fields(FileRow)) or not all(isinstance(x, int) and not isinstance(x, bool) for x in sizes):
+        raise ValueError
+    return FileRow(_word(entry["key"]), *sizes, _word(entry["sha256"]))
+
+
+def _word(value: object) -> str:
+    if not isinstance(value, str):
+        raise ValueError
+    return value

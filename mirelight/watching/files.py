@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
-import tomllib
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from mirelight.errors import InputError
 from mirelight.io.job.hashing import companions, strings
+from mirelight.io.job.limits import load_toml
+from mirelight.io.job.source import MOST_BYTES
+from mirelight.io.safety import read_bytes
 
 _MOST = 5_000  # files that are asked for
 _SETTLED = 0.04  # seconds between two looks that must agree: an editor may write in several steps
@@ -26,8 +29,8 @@ def files_of(job: Path, named: Iterable[str] = ()) -> set[Path]:
     """
     out = {job}
     names = list(named)
-    with suppress(OSError, ValueError, RecursionError):
-        names += strings(tomllib.loads(job.read_text(encoding="utf-8-sig")))
+    with suppress(InputError, ValueError):
+        names += strings(load_toml(read_bytes(job, MOST_BYTES).decode("utf-8-sig")))
     for name in dict.fromkeys(names):
         if not name or len(name) > 1000 or "\0" in name:
             continue

@@ -1,1 +1,1 @@
-"""Hostile input by seed: `damage` spoils files, `cases` lays them out, `worker` runs them, `campaign` judges."""
+"""Hostile input by seed: `damage` spoils what is `sound`, `cases` lays it out, `worker` runs it, `campaign` judges."""

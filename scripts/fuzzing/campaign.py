@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing.cases import CANARY, Case
+from fuzzing.case import CANARY, Case
 
 GOOD = ("ok", "refused")
-BAD = ("traceback", "crash", "hang", "memory", "output", "escape", "silent", "control", "noisy", "unclear")
+BAD = ("traceback", "crash", "hang", "memory", "output", "escape", "silent", "wrong", "control", "noisy", "unclear")
 SECONDS = 20.0  # of processor time; six times as much by the clock, less what it waited for a processor
 MEMORY = 1 << 30  # bytes beyond what the process had before the case
 OUTPUT = 1 << 28  # bytes in the case's folder
@@ -73,7 +73,8 @@ class Worker:
                 why = "memory"
             else:
                 own = monotonic() - began - (_waited(process.pid) - waited)
-                why = "hang" if _seconds(process.pid) - spent > SECONDS or own > 6 * SECONDS else ""
+                late = own > min(6 * SECONDS, case.seconds)
+                why = "hang" if _seconds(process.pid) - spent > SECONDS or late else ""
         self.close()
         return None, why, monotonic() - began, took
 
@@ -155,6 +156,11 @@ def _judged(case: Case, root: Path, answer: dict[str, Any], before: dict[Path, i
         return "noisy", stderr
     if sum(x.lstat().st_size for x in (root / "case").rglob("*.partial*")) > OUTPUT:
         return "output", "too much was written"
+    wrong = case.after(root / "case") if case.after is not None else ""
+    if wrong:
+        return "wrong", wrong
+    if case.codes and answer["code"] not in case.codes:
+        return "wrong", f"exit {answer['code']}, expected {case.codes}; {stderr}"
     if answer["code"] == 0:
         silent = _silent(root / "case", before, case.bright)
         return ("silent", silent) if silent else ("ok", "")

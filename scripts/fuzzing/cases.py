@@ -6,204 +6,34 @@ import io
 import json
 import random
 import zipfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
+from collections.abc import Iterator
 
-import numpy as np
-
-from fuzzing import damage
-
-CANARY = b"secret"
-STREAMS = ("closed", "full", "unread", "ascii")  # besides "kept": both closed, a full disk, a pipe nobody reads, ASCII
-DATA = Path(__file__).parents[2] / "tests" / "data" / "splats"
-TINY = ("--set", "resolution=[16, 12]", "--set", "render.spp=1", "--set", "resolution_scale=1", "-o", "out", "-q")
-
-JOB = """\
-splats = "{splats}"
-proxy = {{ path = "{proxy}", albedo = "file" }}
-{more}
-[[cameras]]
-name = "front"
-position = [0, 1, 6]
-target = [0, 0, 0]
-
-[[lightings]]
-name = "day"
-environment = {{ path = "{sky}", intensity = 1.5, rotation = 10 }}
-lights = [{{ type = "spot", position = [0, 4, 0], direction = [0, -1, 0], intensity = 30, radius = 0.1 }}]
-"""
-WHOLE = """\
-splats = [{ path = "splats.ply", transform = { translation = [0, 0, 0], rotation_euler = [0, 0, 180], scale = 1.0 } }]
-proxy = { path = "proxy.glb", albedo = [0.5, 0.4, 0.3] }
-resolution = [64, 48]
-captured = "day"
-
-[[cameras]]
-name = "front"
-position = [0, 1, 6]
-target = [0, 0, 0]
-yfov = 40
-
-[[cameras]]
-type = "turntable"
-name = "orbit"
-radius = 6
-frames = 2
-
-[[lightings]]
-name = "day"
-environment = { sky = { latitude = 48.0, longitude = 11.0, time = 2026-06-21T15:30:00+02:00 } }
-
-[[lightings]]
-name = "night"
-lights_from = "proxy"
-
-[[lightings.lights]]
-type = "area"
-shape = "rectangle"
-position = [0, 3, 0]
-direction = [0, -1, 0]
-size = [1, 2]
-intensity = 5
-name = "panel"
-
-[relight]
-mode = "ratio"
-delta = 0.01
-
-[render]
-spp = 1
-max_depth = 3
-seed = 7
-
-[output]
-directory = "out"
-png = true
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """A folder and a command."""
-
-    name: str
-    arguments: tuple[str, ...]
-    build: Callable[[Path], None]  # fills the folder
-    bright: bool = False  # a finished frame must not be black
-    streams: str = "kept"  # what stdout and stderr are, see STREAMS
-
-
-def of_files(
-    name: str,
-    arguments: tuple[str, ...],
-    files: dict[str, bytes],
-    *,
-    bright: bool = False,
-    setup: Callable[[Path], None] | None = None,
-) -> Case:
-    """A case of plain files; `setup` adds what is not."""
-
-    def build(folder: Path) -> None:
-        for path, data in files.items():
-            (folder / path).parent.mkdir(parents=True, exist_ok=True)
-            (folder / path).write_bytes(data)
-        if setup is not None:
-            setup(folder)
-
-    return Case(name, arguments, build, bright)
-
-
-@cache
-def base() -> dict[str, bytes]:
-    """Sound files of every format, by name."""
-    import tempfile
-
-    from PIL import Image
-
-    from mirelight.io import splats
-    from mirelight.io.environment import write_environment
-    from mirelight.io.gltf.write import write_glb
-    from mirelight.model import Camera, Material, PointLight, ProxyMesh
-
-    rng = np.random.default_rng(0)
-    out: dict[str, bytes] = {}
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        splats.write(splats.read(DATA / "small.splat"), folder / "splats.ply")
-        picture = rng.integers(0, 256, (4, 8, 3)).astype(np.uint8)
-        for suffix in ("png", "jpg", "webp"):
-            Image.fromarray(picture).save(folder / f"sky.{suffix}")
-        for suffix in ("hdr", "exr"):
-            write_environment(folder / f"sky.{suffix}", rng.random((8, 16, 3)).astype(np.float32))
-        corners = np.array([[-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]], dtype=np.float32)
-        mesh = ProxyMesh(
-            vertices=corners,
-            faces=np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32),
-            normals=np.tile(np.array([0, 1, 0], dtype=np.float32), (4, 1)),
-            uvs=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32),
-            vertex_colors=np.ones((4, 3), dtype=np.float32),
-            materials=(
-                Material(
-                    name="floor", base_color_texture=np.full((2, 2, 3), 0.5, dtype=np.float32), emissive=np.ones(3)
-                ),
-            ),
-        )
-        lamp = PointLight(name="lamp", position=np.array([1.0, 3.0, 1.0]), intensity=20.0)
-        write_glb(
-            folder / "proxy.glb", mesh, [lamp], [Camera.look_at((0, 1, 5), (0, 0, 0), 64, 48, yfov=40, name="cam")]
-        )
-        out |= {path.name: path.read_bytes() for path in folder.iterdir()}
-    out["skin.png"] = out["sky.png"]
-    lines = ["mtllib proxy.mtl", "usemtl floor", *(f"v {x} {y} {z} 0.5 0.5 0.5" for x, y, z in corners.tolist())]
-    lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vn 0 1 0", "f 1/1/1 3/3/1 2/2/1", "f -4/1/1 -1/3/1 -2/2/1"]
-    out["proxy.obj"] = "\n".join(lines).encode() + b"\n"
-    out["proxy.mtl"] = b"newmtl floor\nKd 0.5 0.4 0.3\nKe 1 1 1\nmap_Kd skin.png\nmap_Ke skin.png\n"
-    head = "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 4\n"
-    head += "".join(f"property float {x}\n" for x in ("x", "y", "z", "s", "t"))
-    head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
-    out["mesh.ply"] = head.encode() + b"-3 -1 -3 0 0\n3 -1 -3 1 0\n3 -1 3 1 1\n-3 -1 3 0 1\n3 0 2 1\n3 0 3 2\n"
-    triangle = np.zeros(2, dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
-    triangle["v"] = corners[[[0, 2, 1], [0, 3, 2]]]
-    out["proxy.stl"] = b"\0" * 80 + np.uint32(2).tobytes() + triangle.tobytes()
-    out |= {
-        path.name: path.read_bytes() for path in DATA.iterdir() if path.suffix in (".ply", ".spz", ".sog", ".splat")
-    }
-    out["small.glb"] = (DATA / "small.glb").read_bytes()
-    out |= {
-        f"streamed/{x.relative_to(DATA / 'streamed').as_posix()}": x.read_bytes()
-        for x in (DATA / "streamed").rglob("*.*")
-    }
-    with zipfile.ZipFile(DATA / "small.sog") as archive:
-        out |= {f"sog/{name}": archive.read(name) for name in archive.namelist()}
-    return out
-
-
-COMPANIONS = ("splats.ply", "proxy.glb", "sky.png", "skin.png", "proxy.mtl")
-
-
-def job(splats: str = "splats.ply", proxy: str = "proxy.glb", sky: str = "sky.png", more: str = "") -> bytes:
-    """A job of these files."""
-    return JOB.format(splats=splats, proxy=proxy, sky=sky, more=more).encode()
-
-
-def scene(**files: bytes) -> dict[str, bytes]:
-    """The files of a sound scene, with others laid over them."""
-    return {name: base()[name] for name in COMPANIONS} | files
+from fuzzing import commands, damage, reviewed, written
+from fuzzing.case import Case, of_files
+from fuzzing.sound import CAMERA_FILES, TINY, WHOLE, base, job, scene
 
 
 def cases(count: int, seed: int = 1) -> Iterator[Case]:
     """`count` cases: the written ones first, then drawn ones."""
-    from fuzzing.commands import drawn
-    from fuzzing.written import written
-
-    fixed = written()
+    fixed = [*written.written(), *reviewed.written()]
     yield from fixed[:count]
-    kinds = (_job, _override, _splats, _sog, _streamed, _mesh, _gltf, _picture, _compare, _cameras)
+    kinds = (
+        reviewed.drawn,
+        _job,
+        reviewed.drawn,
+        _override,
+        _splats,
+        _sog,
+        _streamed,
+        _mesh,
+        _gltf,
+        _picture,
+        _compare,
+        _cameras,
+    )
     for number in range(max(count - len(fixed), 0)):
         rng = random.Random(f"{seed} {number}")
-        yield drawn(number, rng) if number % 2 else kinds[number // 2 % len(kinds)](number, rng)
+        yield commands.drawn(number, rng) if number % 2 else kinds[number // 2 % len(kinds)](number, rng)
 
 
 def _job(number: int, rng: random.Random) -> Case:
@@ -324,17 +154,6 @@ def _gltf(number: int, rng: random.Random) -> Case:
     return of_files(
         f"{number} glTF {role}", ("render", "job.toml", *TINY, "--camera", "*"), {**files, "job.toml": text}
     )
-
-
-CAMERA_FILES = {
-    "transforms.json": b'{"camera_angle_x": 0.7, "w": 16, "h": 12, "frames": [{"file_path": "a.png", '
-    b'"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 1], [0, 0, 1, 6], [0, 0, 0, 1]]}]}',
-    "cameras.json": b'[{"id": 0, "img_name": "a", "width": 16, "height": 12, "position": [0, 1, 6], "rotation": '
-    b'[[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 20, "fy": 20}]',
-    "sparse/cameras.txt": b"1 PINHOLE 16 12 20 20 8 6\n",
-    "sparse/images.txt": b"1 1 0 0 0 0 1 6 1 a.png\n\n2 1 0 0 0 0 1 7 1 b.png\n\n",
-    "sparse/points3D.txt": b"",
-}
 
 
 def _cameras(number: int, rng: random.Random) -> Case:

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from fuzzing import damage
-from fuzzing.cases import STREAMS, Case, base, of_files
+from fuzzing.case import STREAMS, Case, of_files
+from fuzzing.sound import base
 
 JOB = """\
 splats = "floor.ply"

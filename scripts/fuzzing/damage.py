@@ -11,6 +11,7 @@ from typing import Any
 NUMBERS: tuple[Any, ...] = (
     *(0, -1, 1, 2, 7, 255, 65536, 2**31 - 1, 2**31, 2**32, 2**53, 2**63, 10**30),
     *(0.5, -0.0, 1e-308, 1e-30, 1e9, 1e12, 1e20, 1e38, 3.5e38, 1e308, -1e308),
+    *(5e-324, 1e-300, 1e-160, 1e-45, 1e-20, 1e-9, 1e30, -1e30, 1e77, 1e154, 1.4e154, -1e200, 1e200, 1e300),
 )
 STRINGS = (
     *("", "a", "../outside/canary.png", "/etc/passwd", "/etc/hostname", "pipe", "folder", "link", "/dev/zero", "/usr"),

@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from fuzzing import damage
-from fuzzing.cases import TINY, WHOLE, Case, base, job, of_files, scene
+from fuzzing.case import Case, of_files
+from fuzzing.sound import TINY, WHOLE, base, job, scene
 
 _RENDER = ("render", "job.toml", *TINY)
 _INSPECT = ("inspect", "job.toml")

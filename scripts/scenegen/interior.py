@@ -148,9 +148,7 @@ def looks() -> Looks:
     return Looks(soups=soups(_shell() + _sofa() + _table() + _shelf() + _plant()), surfaces=surfaces())
 
 
-def _outside(
-    name: str, level: float, glow: tuple[float, float, float], azimuth: float, elevation: float
-) -> Environment:
+def outside(name: str, level: float, glow: tuple[float, float, float], azimuth: float, elevation: float) -> Environment:
     look = Sky(
         zenith=(0.52 * level, 0.72 * level, 1.0 * level),
         horizon=(0.95 * level, 0.98 * level, 1.0 * level),
@@ -161,7 +159,7 @@ def _outside(
     return Environment(name=name, radiance=sky(look, 64))
 
 
-def _sun(azimuth: float, elevation: float, color: tuple[float, float, float], lux: float, wide: float) -> SunLight:
+def sunlight(azimuth: float, elevation: float, color: tuple[float, float, float], lux: float, wide: float) -> SunLight:
     return SunLight(
         name="sun",
         direction=-towards(azimuth, elevation),
@@ -177,21 +175,21 @@ def _lamps() -> Lighting:
         PointLight(name=f"lamp {k}", position=np.array(at), color=warm, intensity=strength)
         for k, (at, strength) in enumerate(zip(LAMPS, (2.2, 1.1), strict=True))
     )
-    return Lighting(name="lamps", lights=lamps, environment=_outside("dusk", 0.12, (0, 0, 0), 0, 30))
+    return Lighting(name="lamps", lights=lamps, environment=outside("dusk", 0.12, (0, 0, 0), 0, 30))
 
 
 def recipe() -> Recipe:
     """How the scene is made."""
     day = Lighting(
         name="sunny",
-        lights=(_sun(-24, 38, (1.0, 0.93, 0.82), 14.0, 0.6),),
-        environment=_outside("sky", 2.6, (1.2, 1.0, 0.8), -24, 38),
+        lights=(sunlight(-24, 38, (1.0, 0.93, 0.82), 14.0, 0.6),),
+        environment=outside("sky", 2.6, (1.2, 1.0, 0.8), -24, 38),
     )
-    overcast = Lighting(name="overcast", environment=_outside("clouds", 6.0, (0, 0, 0), 0, 90))
+    overcast = Lighting(name="overcast", environment=outside("clouds", 6.0, (0, 0, 0), 0, 90))
     low = Lighting(
         name="low sun",
-        lights=(_sun(31, 17, (1.0, 0.62, 0.32), 11.0, 0.9),),
-        environment=_outside("evening sky", 1.2, (1.6, 0.8, 0.3), 31, 17),
+        lights=(sunlight(31, 17, (1.0, 0.62, 0.32), 11.0, 0.9),),
+        environment=outside("evening sky", 1.2, (1.6, 0.8, 0.3), 31, 17),
     )
     eye, target = (2.2, 1.55, 1.85), (-0.75, 0.85, -0.7)
     front = Camera.look_at(eye, target, 960, 540, yfov=58, name="front")

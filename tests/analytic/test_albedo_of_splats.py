@@ -24,6 +24,7 @@ from mirelight.model import (
     ProxyMesh,
     RenderSettings,
     SplatCloud,
+    SpotLight,
 )
 from mirelight.model.profiles import BRIGHTEST
 
@@ -271,6 +272,34 @@ def test_bounced_light_has_the_right_colour_under_another_light() -> None:
 
 
 # --- the rest --------------------------------------------------------------------------------------------------------
+
+
+def test_a_clipped_thing_is_as_bright_as_it_shows_at_least() -> None:
+    """A light rug that lies in the sun as a whole, red past white: the dark floor does not tell its colour."""
+    floor = joined(quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), parts=40))
+    rng = np.random.default_rng(5)
+    at = np.stack([rng.uniform(-2, 2, 40000), np.zeros(40000), rng.uniform(-2, 2, 40000)], axis=1)
+    cone = np.arctan(0.55)
+    spot = SpotLight(
+        name="sun",
+        position=np.array([0.0, 1, 0]),
+        direction=np.array([0.0, -1, 0]),
+        intensity=8.0,
+        inner_cone_angle=float(cone) * 0.95,
+        outer_cone_angle=float(cone),
+    )
+    lamp = replace(lit((0.0, -1.0, 0.0), 0.4), lights=(spot, *lit((0.0, -1.0, 0.0), 0.4).lights))
+    rug = np.abs(at[:, [0, 2]]).max(axis=1) < 0.35
+    dye = np.where(rug[:, None], [0.8, 0.3, 0.2], [0.2, 0.15, 0.1])
+    up = np.tile([0.0, 1.0, 0.0], (len(at), 1))
+    shown = dye * Tracer(floor, SETTINGS).point_layers(lamp, at, up, 16).total / np.pi
+    assert (shown[rug, 0] > 1).all() and (shown[:, 1:] < 1).all()
+    found = colored_by(splats_on(at, up, np.minimum(shown, 1), 0.02), floor, lamp, SETTINGS)
+    middle = np.abs(found.vertices[:, [0, 2]]).max(axis=1) < 0.21
+    red, green, blue = np.asarray(found.vertex_colors)[middle].T
+    assert (red > 0.37).all()  # white, in light of 8.4 at the middle
+    np.testing.assert_allclose(np.mean(green), 0.3, rtol=0.04)
+    np.testing.assert_allclose(np.mean(blue), 0.2, rtol=0.04)
 
 
 def test_same_seed_same_bits() -> None:

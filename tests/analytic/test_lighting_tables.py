@@ -290,3 +290,9 @@ def test_denoising_without_the_library_says_what_to_install(monkeypatch: pytest.
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(BackendError, match=r"pip install 'mirelight\[denoise\]', or set render.denoise = false"):
         denoise(noisy())
+
+
+def test_a_range_of_next_to_nothing_stays_in_single_precision() -> None:
+    for reach in (1e-300, 5e-324):
+        table = lights.pack((PointLight(name="p", position=np.zeros(3), range=reach),))
+        assert np.all(np.isfinite(table))

@@ -87,7 +87,8 @@ def run(tmp_path: Path) -> Run:
 
     def run(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
         done: subprocess.CompletedProcess[str] = subprocess.run(  # type: ignore[call-overload]
-            [*COMMAND, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False, **options
+            [*COMMAND, *arguments],
+            **{"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 300, "check": False, **options},
         )
         assert "Traceback" not in done.stderr, done.stderr
         return done

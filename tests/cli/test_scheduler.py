@@ -6,8 +6,10 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -176,6 +178,21 @@ def test_a_scheduler_that_goes_is_said_in_a_line(folder: Path, run: Run, cluster
     nobody = run("render", "job.toml", "--scheduler", cluster.address, "--out", "other", "--set", away)
     said, last = nobody.stderr.strip().splitlines()
     assert "front" in said and "nothing of the proxy" in said and "no Dask scheduler answers" in last
+
+
+@pytest.mark.parametrize("kind", ["silent", "other", "name", "file", "empty"])
+def test_what_is_no_scheduler_is_said_in_a_line(folder: Path, run: Run, kind: str) -> None:
+    """What listens and says nothing, or something else than Dask; addresses and files that are none."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        if kind == "other":
+            threading.Thread(target=lambda: server.accept()[0].sendall(b"HTTP/1.1 200 OK" * 99), daemon=True).start()
+        (folder / "s.json").write_text("[" if kind == "file" else "{}")
+        where = {"name": "ftp://[", "file": "s.json", "empty": "s.json"}.get(kind, address)
+        done = run("render", "job.toml", "--scheduler", where, timeout=60)
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith(f"mirelight: --scheduler {where}: no Dask scheduler answers there")
 
 
 def test_without_the_extra_nothing_is_begun(folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

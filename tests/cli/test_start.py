@@ -217,7 +217,7 @@ def test_inspect_a_job(run: Run, folder: Path) -> None:
     assert "6, written to" in text and "lamp: point, 20 cd" in text
     (folder / "clean.toml").write_text((folder / "job.toml").read_text() + "denoise = true\n")  # stands in [render]
     clean = json.loads(run("inspect", "--json", "clean.toml").stdout)
-    assert clean["memory"] - facts["memory"] == 64 * 48 * (600 + 90)  # one layer a lighting
+    assert clean["memory"] - facts["memory"] == 64 * 48 * (510 + 110)  # one layer a lighting
 
 
 def test_inspect_splats_meshes_and_images(run: Run, folder: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from mirelight.io.exr import read_exr
+from mirelight.store.claims import Claims
 
 from .conftest import COMMAND, Run, environment
 from .test_store import left_over
@@ -108,6 +109,32 @@ def test_what_cannot_be_made_is_recorded_and_the_rest_goes_on(folder: Path, run:
     done = run("render", "job.toml", *TURN, "--workers", "2")  # the fault is mended
     assert done.returncode == 0 and "12 of them already there" in done.stdout
     assert not left_over(folder / "out")
+
+
+def test_idle_workers_that_are_killed_are_replaced(folder: Path) -> None:
+    """All that is left is another process's, and given up once the workers are dead."""
+    claims = folder / "out" / ".mirelight" / "claims"
+    claims.mkdir(parents=True)
+    other = Claims(claims)
+    with other.claim("front.day") as mine:
+        process = subprocess.Popen(
+            [*COMMAND, "render", "job.toml", "--camera", "front", "--workers", "2", "--set", "render.spp=1"],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert mine and process.stderr is not None
+        said = ""
+        for line in process.stderr:
+            said += line
+            if "waiting for 1 cameras" in line:
+                break
+        for worker in children(process.pid):
+            os.kill(worker, signal.SIGKILL)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0 and out.startswith("2 frames in out"), said + err
+    assert len(list((folder / "out").glob("front.*.exr"))) == 2 and not left_over(folder / "out")
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import json
 import multiprocessing
 import pickle
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +19,8 @@ from mirelight.dataset import index as indexing
 from mirelight.dataset.draws import Draws, split
 from mirelight.dataset.view import DataSet
 from mirelight.errors import InputError
+from mirelight.farm.checks import Finding
+from mirelight.farm.verify import verify
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.write import write_glb
@@ -272,6 +278,71 @@ def test_what_is_no_data_set(tmp_path: Path, folders: tuple[Path, Path]) -> None
         file.write_text(text)
         with pytest.raises(InputError, match=found):
             dataset.open(tmp_path)
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Of everything in JSON how one comes there; of lists the first two."""
+    yield path
+    if isinstance(value, dict):
+        for key in value:
+            yield from places(value[key], (*path, key))
+    elif isinstance(value, list):
+        for i in range(min(len(value), 2)):
+            yield from places(value[i], (*path, i))
+
+
+def test_a_damaged_index_is_refused_in_a_line(tmp_path: Path, folders: tuple[Path, Path]) -> None:
+    """Whatever stands in the place of any of its values: it is refused, or read without a traceback."""
+    good = json.loads((folders[1] / indexing.FILE).read_text())
+    (tmp_path / ".mirelight").mkdir()
+    for name in ("light", "scene"):
+        (tmp_path / ".mirelight" / name).symlink_to(folders[1] / ".mirelight" / name)
+    wrong: list[Any] = [None, [], "../a", -1, 10**400]
+    refused = 0
+    for path in list(places(good))[1:]:
+        for value in wrong:
+            data = copy.deepcopy(good)
+            of = data
+            for key in path[:-1]:
+                of = of[key]
+            of[path[-1]] = value
+            (tmp_path / indexing.FILE).write_text(json.dumps(data))
+            try:
+                with np.errstate(all="ignore"):
+                    read = indexing.read(tmp_path)
+                    if value == -1 and path[0] != "views":
+                        dataset.open(tmp_path).frame(0, read.lightings[0].name)
+            except InputError:
+                refused += 1
+    assert refused > 500
+    (tmp_path / indexing.FILE).write_text(json.dumps(good).replace('"front"', "NaN", 1))
+    with pytest.raises(InputError, match="not an index"):
+        dataset.open(tmp_path)
+
+
+def test_a_rotted_layer_is_refused_and_made_again(tmp_path: Path) -> None:
+    """One bit of a kept file: neither used nor lost from sight, by `verify` and the next render."""
+    make_scene(tmp_path)
+    out = render(tmp_path, JOB, "--set", "output.store=layers")
+    name = "front", "lamps"
+    before = dataset.open(out).frame(*name)
+    kept = sorted([*(out / ".mirelight" / "light").iterdir(), *(out / ".mirelight" / "scene").iterdir()])
+    for path in kept:
+        sound = path.read_bytes()
+        at = len(sound) - 100
+        path.write_bytes(sound[:at] + bytes([sound[at] ^ 1]) + sound[at + 1 :])
+        heard: list[Finding] = []
+        assert verify(out, heard.append).findings == 1 and heard[0].what.endswith(path.name)
+        path.write_bytes(sound)
+    for path in kept:
+        data = bytearray(path.read_bytes())
+        data[-100] ^= 1
+        path.write_bytes(data)
+    with pytest.raises(InputError, match="is damaged; mirelight verify --rebuild forgets it"):
+        dataset.open(out).frame(*name)
+    assert verify(out, lambda finding: None, rebuild=True).forgotten == len(kept)
+    render(tmp_path, JOB, "--set", "output.store=layers")
+    assert np.array_equal(dataset.open(out).frame(*name), before)
 
 
 def test_draws_depend_on_seed_and_number_alone(folders: tuple[Path, Path]) -> None:

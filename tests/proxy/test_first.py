@@ -363,6 +363,13 @@ def test_names_of_files_stay_within_their_comments(tmp_path: Path) -> None:
     assert "b" not in tomllib.loads(job_for(tmp_path / "a\nb = 1.ply", tmp_path).text)
 
 
+def test_a_name_that_no_job_can_hold(tmp_path: Path) -> None:
+    path = tmp_path / "\udcff.ply"
+    splats.write(ball(), path)
+    with pytest.raises(InputError, match=r"\\udcff\.ply: a name that is not UTF-8, which no job can hold; rename it"):
+        job_for(path, tmp_path)
+
+
 @pytest.mark.parametrize(("away", "size", "told"), [(1e6, 1, True), (0, 1, False), (1e6, 1e4, False)])
 def test_what_is_too_far_for_single_precision_is_said(tmp_path: Path, away: float, size: float, told: bool) -> None:
     """With frames and by inspect, of splats, a mesh, and a job. A job may go on; the same at the origin, and larger

@@ -81,7 +81,7 @@ def test_it_is_found_from_any_folder(job: Path, cache: Path, capsys: pytest.Capt
     assert read_exr(one).channels.keys() == read_exr(two).channels.keys()
     for name, plane in read_exr(one).channels.items():
         np.testing.assert_array_equal(plane, read_exr(two).channels[name])
-    kept = list((job.parent / "two" / ".mirelight" / "scene").glob("*.npz"))
+    kept = list((job.parent / "two" / ".mirelight" / "scene").glob("*.array"))
     assert len(kept) == 1  # for machines that share the folder and not the cache
     assert cli.main(["inspect", str(job), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["proxy_to_make"] is False

@@ -270,12 +270,35 @@ def test_the_job_is_saved_whole(asker: Asker) -> None:
         b"[moved]\nlamp = [1, 2]",
         b"[moved.dusk]\nlamp = [1, 2, 3]",
         b"mix = 3",
+        b"mix" + b".a" * 40_000 + b" = 1",
+        b"x = " + b"[" * 100_000,
+        b"[display]\nexposure = 1" + b"0" * 400,
+        b"[mix]\nlamp = 0x" + b"f" * 100_000,
+        b"[mix]\n" + b"".join(b"n%d = 1\n" % i for i in range(10_001)),
+        b"[moved]\n" + b"".join(b"n%d = [1, 2, 3]\n" % i for i in range(10_001)),
     ],
 )
 def test_what_is_no_mix_is_not_saved(asker: Asker, text: bytes) -> None:
     status, said = asker.ask("mix.toml", text)
     assert status == 422 and len(said.splitlines()) == 1
     assert not (asker.folder / "mix.toml").exists()
+
+
+def test_a_light_of_several_lightings_is_moved_in_all_of_them(folder: Path) -> None:
+    lamp = 'lights = [{ type = "point", name = "lamp", position = [1, 2, 3] }]\n'
+    two = "".join(f'[[lightings]]\nname = "{name}"\n{lamp}' for name in ("day", "night"))
+    (folder / "two.toml").write_text(
+        'proxy = "proxy.obj"\nmoved = { day = { lamp = [7, 8, 9] } }\n'
+        f"{two}[[cameras]]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\n"
+    )
+    saved = Saved(jobs.parse(folder / "two.toml")[0])
+    saved.save(b"[moved]\nlamp = [4, 5, 6]\n")
+    day, night = jobs.load(saved.path).lightings
+    np.testing.assert_array_equal(cast(np.ndarray, position_of(day.lights[0])), [7, 8, 9])  # its own goes before
+    np.testing.assert_array_equal(cast(np.ndarray, position_of(night.lights[0])), [4, 5, 6])
+    with pytest.raises(InputError, match=r"moved\.day"):
+        saved.save(b"[moved]\nday = [4, 5, 6]\n")
+    saved.path.unlink()
 
 
 def test_a_file_of_the_users_own_is_left_alone(folder: Path) -> None:

@@ -6,12 +6,14 @@ import http.client
 import os
 import socket
 from collections.abc import Iterator
+from contextlib import ExitStack
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 
-from mirelight.realtime.server import Inbox, serve
+from mirelight.realtime.server import Inbox, _Server, serve
 
 
 class Asker:
@@ -107,3 +109,10 @@ def test_a_name_that_nothing_waits_for_is_refused(asker: Asker) -> None:
     assert asker.ask(f"/{asker.token}/captured/other", "PUT", b"1")[0] == 404
     assert asker.ask(f"/{asker.token}/captured/frame", "PUT", b"1", Transfer_Encoding="chunked")[0] == 411
     assert asker.inbox.empty()
+
+
+def test_fifty_connections_at_once_are_all_taken(tmp_path: Path) -> None:
+    """Before any of them is answered."""
+    with _Server(("127.0.0.1", 0), BaseHTTPRequestHandler) as server, ExitStack() as held:
+        for _ in range(50):
+            held.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=5))

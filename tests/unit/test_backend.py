@@ -228,3 +228,14 @@ def test_doctor_survives_a_child_that_aborts(
     monkeypatch.setattr(sys, "executable", str(aborting))
     assert doctor.run() == 2
     assert "llvm_ad_rgb  FAILED: the process was ended by SIGABRT" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("home", [None, "/dev/null/nobody"])
+def test_without_a_home_kernels_go_elsewhere_without_a_word(tmp_path: Path, home: str | None) -> None:
+    code = "from mirelight import backend; dr, t = backend.drjit(); dr.eval(t.Float(dr.arange(t.UInt32, 9)) * 2.5)"
+    env = {k: v for k, v in os.environ.items() if k not in ("HOME", "DRJIT_CACHE_DIR")} | {"TMPDIR": str(tmp_path)}
+    env |= {} if home is None else {"HOME": home}
+    ran = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    assert ran.stdout == ran.stderr == ""
+    (folder,) = tmp_path.glob("mirelight-kernels-*")
+    assert list(folder.iterdir()) and folder.stat().st_mode & 0o777 == 0o700

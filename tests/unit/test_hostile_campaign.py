@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from fuzzing import campaign
 from fuzzing.campaign import BAD, run
-from fuzzing.cases import cases, of_files
+from fuzzing.case import of_files
+from fuzzing.cases import cases
 
 from mirelight.cli import make_parser
 

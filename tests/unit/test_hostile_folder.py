@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,8 +14,8 @@ import pytest
 from mirelight.dataset import index
 from mirelight.errors import InputError
 from mirelight.io import image, owner, safety
-from mirelight.model import Camera, SplatLayer
-from mirelight.store import arrays
+from mirelight.model import Camera, ProxyMesh, SplatLayer
+from mirelight.store import arrays, artefacts
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims
 from mirelight.store.index import Index, digest_of, is_one_of
@@ -101,7 +102,7 @@ def test_a_row_that_grows_is_read_when_it_is_whole(tmp_path: Path) -> None:
 
 @each
 def test_artefacts(tmp_path: Path, make: Make) -> None:
-    for suffix in ("npy", "npz", "light"):
+    for suffix in ("array", "light"):
         make(tmp_path / f"a.{suffix}")
     kept = Artefacts(tmp_path)
     assert kept.array("a") is None
@@ -129,9 +130,14 @@ def test_artefacts(tmp_path: Path, make: Make) -> None:
     ],
 )
 def test_artefacts_with_other_heads(tmp_path: Path, head: bytes) -> None:
-    text = arrays._MAGIC + head + b"\n"
-    (tmp_path / "a.light").write_bytes(text + bytes(-len(text) % arrays._ALIGN) + b"1234")
+    line = head.replace(b'"bytes":4', b'"crc":%d,"bytes":4' % zlib.crc32(b"1234")) + b"\n"
+    start = len(arrays._MAGIC) + 9
+    line = line[:-1].ljust(-(start + len(line)) % arrays._ALIGN + len(line) - 1) + b"\n"
+    for suffix in ("array", "light"):
+        whole = arrays._MAGIC + b"%08x\n" % zlib.crc32(line) + line + b"1234"
+        (tmp_path / f"a.{suffix}").write_bytes(whole)
     kept = Artefacts(tmp_path)
+    assert kept.array("a") is None and kept.mesh("a") is None
     assert kept.light("a", CAMERA) is None
     assert kept.composite("a", CAMERA, "physical", True) is None
     assert kept.cells("a") is None
@@ -220,7 +226,61 @@ def test_kept_values_that_are_none(tmp_path: Path, value: float) -> None:
     )
     kept.keep_composite("b", layer)
     assert kept.array("a") is not None and kept.composite("b", CAMERA, "physical", True) is not None
-    for name in ("a.npy", "b.light"):
+    for name in ("a.array", "b.light"):
         data = (tmp_path / name).read_bytes()
         (tmp_path / name).write_bytes(data[:-64] + np.full(16, value, np.float32).tobytes())
     assert kept.array("a") is None and kept.composite("b", CAMERA, "physical", True) is None
+
+
+def test_any_bit_that_has_changed_is_found(tmp_path: Path) -> None:
+    """Wherever it is, in values, names or what fills up between them; and it is said, once for each read."""
+    kept, said = Artefacts(tmp_path, "job"), list[str]()
+    kept.tell = said.append
+    kept.keep_array("a", np.arange(5, dtype=np.float32))
+    kept.keep_mesh("b", ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32)))
+    reads = {"a": kept.array, "b": kept.mesh}
+    for name, read in reads.items():
+        path = tmp_path / f"{name}.array"
+        sound = path.read_bytes()
+        assert read(name) is not None
+        for at in range(len(sound)):
+            path.write_bytes(sound[:at] + bytes([sound[at] ^ (1 << at % 8)]) + sound[at + 1 :])
+            assert read(name) is None, at
+        assert len(said) == len(sound) and str(path) in said[0] and "is made again" in said[0]
+        path.write_bytes(sound)
+        assert read(name) is not None and read("none") is None and len(said) == len(sound)
+        said.clear()
+
+
+@pytest.mark.parametrize("shape", [(), (0, 7), (2, 3)])
+def test_arrays_of_any_shape_come_back(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    kept = Artefacts(tmp_path)
+    kept.keep_array("a", np.full(shape, 2.5, np.float64))
+    found = kept.array("a")
+    assert found is not None and found.shape == shape and found.dtype == np.float64 and (found == 2.5).all()
+
+
+def test_light_of_the_first_version_is_read(tmp_path: Path) -> None:
+    head = b'{"about":{"size":0.5},"arrays":{"values":["<f4",[2],0]},"bytes":64}\n'
+    text = arrays._MAGIC_1 + head
+    path = tmp_path / "a.array"
+    path.write_bytes(text + bytes(-len(text) % 64) + np.array([1, 2], "<f4").tobytes().ljust(64, b"\0"))
+    found = Artefacts(tmp_path).array("a")
+    assert found is not None and found.tolist() == [1, 2] and arrays.maker_of(path) == ""
+
+
+def test_what_a_job_did_not_make_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The oldest of what it made itself goes, but what is in use and a reserve."""
+    monkeypatch.setattr(artefacts, "_MOST_UNUSED", 1000)
+    one, other = Artefacts(tmp_path, "one"), Artefacts(tmp_path, "other")
+    for i in range(6):
+        (one if i % 2 else other).keep_array(f"a{i}", np.zeros(40))
+        os.utime(tmp_path / f"a{i}.array", (1000 + i, 1000 + i))
+    one.tidy({"a1"}, since=1000)
+    assert len(one.files()) == 6  # made or used after that
+    one.tidy({"a1"}, since=2000)
+    assert [path.stem for path in one.files()] == ["a0", "a1", "a2", "a4", "a5"]
+    assert one.array("a1") is not None
+    other.array("a0")
+    other.tidy((), since=2000)
+    assert [path.stem for path in one.files()] == ["a0", "a1", "a4", "a5"]  # what was read is in use

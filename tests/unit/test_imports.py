@@ -32,7 +32,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "advice": BASE | {"colour"},
     "checking": BASE | {"advice", "lighting", "proxy", "viewing"},
     "engine_lights": BASE | {"colour"},
-    "io": BASE | TOOLS | {"extras", "engine_lights", "machine", "proxy", "units", "viewing"},
+    "io": BASE | TOOLS | {"extras", "engine_lights", "machine", "peak", "proxy", "units", "viewing"},
     "dataset": BASE | TOOLS | {"io", "kept", "keys", "needs", "plan", "relighting", "store", "units"},
     "backend": {"errors"},
     "lighting": BASE | TOOLS | {"extras", "backend", "engine_lights", "machine"},
@@ -70,7 +70,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "stages": {"model", "keys", "needs", "provenance", "relighting", "scene", "view_light"},
     "plan": {"errors", "model", "engine_lights", "keys", "needs", "scene", "lighting"},
     "store": BASE | {"io", "keys", "plan"},
-    "forecast": {"viewing", "keys", "needs", "model", "plan", "relighting", "scene", "stages", "store"},
+    "peak": {"keys", "model", "needs", "relighting", "units"},
+    "forecast": {"peak", "viewing", "keys", "needs", "model", "plan", "relighting", "scene", "stages", "store"},
     "executor": {"viewing", "advice", "dataset", "errors", "model", "plan", "scene", "stages", "store", "units"},
     "matching": BASE | {"colour", "io", "relighting", "units", "scene", "stages"},
     "farm": BASE

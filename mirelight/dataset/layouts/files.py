@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mirelight.base.png import png_bytes
 from mirelight.dataset.layouts.pictures import Picture
 from mirelight.io import exr
-from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.atomic import atomic_path, clear, output_error
 from mirelight.io.safety import read_file
 
 RECORD = Path(".mirelight") / "export.jsonl"
@@ -64,7 +64,9 @@ class Files:
         self.made = 0  # files that were not there before
         self.frames: list[FrameRow] = []
         self._heard, self._before = heard, 0
-        folder_for(folder, folder / RECORD.parent)
+        self._looked_at: set[Path] = set()  # folders
+        self._enter(folder)
+        self._enter(folder / RECORD.parent)
         self._rows = self._read()
         self._wanted: dict[str, None] = {}
         try:
@@ -100,10 +102,10 @@ class Files:
             OutputError: it cannot be written.
         """
         self._wanted[name] = None
+        path = self.folder / name
+        self._enter(path.parent)
         if key and self.has(name, key):
             return
-        path = self.folder / name
-        folder_for(path.parent)
         if name in self._rows:  # made from something else; gone before its row could be taken for the new one's
             path.unlink(missing_ok=True)
         with atomic_path(path) as temporary:
@@ -171,6 +173,13 @@ class Files:
         with atomic_path(self.folder / RECORD) as temporary:
             lines = (_line(name, self._rows[name]) for name in sorted(self._rows))
             temporary.write_text("".join(lines), encoding="utf-8", newline="\n")
+
+    def _enter(self, folder: Path) -> None:
+        """A folder to write into, made where it is missing; what a killed export left there is cleared away."""
+        if folder not in self._looked_at:
+            self._looked_at.add(folder)
+            folder_for(folder)
+            clear(folder)
 
     def _note(self, name: str, row: _Row) -> None:
         self._rows[name] = row

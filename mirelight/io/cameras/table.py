@@ -24,6 +24,7 @@ from mirelight.io.cameras.transforms import Axes
 from mirelight.io.safety import read_bytes
 
 _LARGEST = 1 << 27  # bytes
+_LARGEST_NUMBER = 1e9  # of units and pixels, as everywhere in a job
 _YFOV = 45.0  # degrees
 _POSITION = ("x", "y", "z")
 _QUATERNION = ("qw", "qx", "qy", "qz")
@@ -84,8 +85,8 @@ class _Row:
             value = float(cell)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
-            raise self.fail(f"{cell[:40]!r} as {name}", "give a finite number")
+        if not abs(value) <= _LARGEST_NUMBER:
+            raise self.fail(f"{cell[:40]!r} as {name}", f"give a number of at most {_LARGEST_NUMBER:g}")
         return value
 
     def vector(self, names: tuple[str, ...]) -> Matrix:

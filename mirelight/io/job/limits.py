@@ -1,4 +1,4 @@
-"""What bounds a job's text before anything walks through it: depth, and the size of numbers."""
+"""What bounds TOML before anything walks through it: depth, and the size of numbers. Nothing else reads TOML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from mirelight.io.job.positions import Path
 
 DEEPEST = 64  # tables and lists inside each other; a job needs nine
-_MOST_DOTS = 1000  # in one key; the parser's time grows with their square
+_MOST_DOTS = 1000  # in one key, or the like in several; the parser's time and memory grow with their square
 _BETWEEN_KEYS = re.compile(r"[^\w\-.\"' \t]+")
 _LONGEST_INTEGER = 63  # bits, as TOML 1.0.0 asks of every reader
 _MOST = 20  # numbers that are complained about
@@ -24,7 +24,8 @@ def load_toml(text: str) -> dict[str, Any]:
         tomllib.TOMLDecodeError: it is not TOML.
         ValueError: it is nested too deeply, or holds a number of thousands of digits.
     """
-    if any(part.count(".") > _MOST_DOTS for part in _BETWEEN_KEYS.split(text)):
+    dots = (part.count(".") for part in _BETWEEN_KEYS.split(text))
+    if sum(count**2 for count in dots if count > DEEPEST) > _MOST_DOTS**2:
         raise ValueError("nested too deeply")
     try:
         data = tomllib.loads(text)

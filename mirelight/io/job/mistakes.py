@@ -69,9 +69,7 @@ def _mistake(detail: ErrorDetails, data: dict[str, Any], outline: Outline) -> Mi
         case "literal_error":
             return Mistake(path, shown(value), _choice(value, re.findall(r"'([^']*)'", context["expected"])))
         case "too_short" | "too_long":
-            return Mistake(
-                path, _count(context["actual_length"]), _wanted_length(detail["type"], context, outline, path, data)
-            )
+            return Mistake(path, _count(value), _wanted_length(detail["type"], context, outline, path, data))
         case kind:
             return Mistake(path, shown(value), _plain(kind, context))
 
@@ -100,8 +98,10 @@ def _plain(kind: str, context: dict[str, Any]) -> str:
     return kinds.get(kind, f"give another value ({kind.replace('_', ' ')})")
 
 
-def _count(length: int) -> str:
-    return "an empty list" if length == 0 else f"{length} value{'s' if length > 1 else ''}"
+def _count(value: list[Any] | dict[str, Any]) -> str:
+    if isinstance(value, dict):
+        return f"{len(value)} names"
+    return "an empty list" if not value else f"{len(value)} value{'s' if len(value) > 1 else ''}"
 
 
 def _wanted_length(kind: str, context: dict[str, Any], outline: Outline, path: Path, data: dict[str, Any]) -> str:

@@ -20,7 +20,7 @@ from mirelight.io.job.overrides import Override
 from mirelight.io.job.words import label
 from mirelight.io.suffixes import SPLATS
 
-_MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
+MOST_BYTES = 16 * 2**20  # a job of 100,000 lights is below this
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class Source:
     def _order(self, mistake: Mistake) -> int:
         brought = self._override(mistake.path)
         if brought is not None:
-            return _MOST_BYTES + self.overrides.index(brought)  # after the file's own
+            return MOST_BYTES + self.overrides.index(brought)  # after the file's own
         place = self.places.key(mistake.path)
         return place.start if place else -1
 
@@ -110,7 +110,7 @@ def read(path: str | Path, overrides: Sequence[str | Override] = (), text: str |
 def _text(path: Path) -> str:
     if path.is_dir():
         raise InputError(path, "a folder", "name a job file (.toml)")
-    raw = safety.read_bytes(safety.existing(path), _MOST_BYTES)
+    raw = safety.read_bytes(safety.existing(path), MOST_BYTES)
     try:
         return raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as e:

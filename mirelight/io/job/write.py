@@ -68,7 +68,7 @@ def with_lighting(source: Source, job: Job, lighting: Lighting, path: Path, comm
 def with_mix(
     source: Source,
     mix: Mapping[str, Any],
-    moved: Mapping[str, Mapping[str, Any]],
+    moved: Mapping[str, Any],
     exposure: float,
     path: Path,
     comments: Sequence[str],
@@ -78,13 +78,14 @@ def with_mix(
     Args:
         source: the job as it was read, overrides included.
         mix: in place of the job's.
-        moved: by lighting the lights that are moved; others stay where the job has them.
+        moved: the lights that are moved, by lighting or, in all of them, by name; others stay where the job has them.
         exposure: of the display, in stops.
         path, comments: as for :func:`with_lighting`.
     """
     places = dict(source.data.get("moved", {}))
     for name, own in moved.items():
-        places[name] = {**places.get(name, {}), **own}
+        before = places.get(name)
+        places[name] = {**before, **own} if isinstance(before, dict) and isinstance(own, dict) else own
     tables = {"mix": dict(mix), "moved": places, "display": {**source.data.get("display", {}), "exposure": exposure}}
     data = {key: value for key, value in source.data.items() if key not in tables}
     data |= {key: value for key, value in tables.items() if value}

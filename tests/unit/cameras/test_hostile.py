@@ -197,6 +197,8 @@ CSV = "x,y,z,qw,qx,qy,qz,fx,width,height\n0,0,3,1,0,0,0,50,64,48\n"
         (CSV.replace(",50,", ",nan,"), "line 2: 'nan' as fx"),
         (CSV.replace(",50,", ",1e400,"), "'1e400' as fx"),
         (CSV.replace(",64,", ",6.5,"), "line 2: 6.5 as width"),
+        ("x,y,z,target_x,target_y,target_z\n1e200,2,3,1,2,3\n", "line 2: '1e200' as x; give a number of at most 1e+09"),
+        ("x,y,z,target_x,target_y,target_z\n1,2,3,-1e30,2,3\n", "line 2: '-1e30' as target_x"),
         (CSV.replace(",64,", ",,"), "line 2: no width"),
         (CSV.replace("1,0,0,0", "1,,0,0"), "line 2: no qx"),
         (CSV.replace("3,1,0,0,0", "3,0,0,0,0"), "a quaternion of length zero"),

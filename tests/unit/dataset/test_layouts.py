@@ -24,6 +24,7 @@ from mirelight.dataset.layouts.olat import check_olat
 from mirelight.dataset.layouts.pictures import file_names
 from mirelight.dataset.layouts.tensoir import check_tensoir
 from mirelight.errors import InputError
+from mirelight.io import owner
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP
 from mirelight.io.exr import read_exr
@@ -292,6 +293,24 @@ def test_files_are_made_once_and_again_where_their_content_changed(tmp_path: Pat
         other.finish()
     assert not damaged.exists() and not gone.exists()
     assert (np.asarray(Image.open(tmp_path / "geometry" / "depth" / "orbit_0002.png")) == 2000).all()
+
+
+def test_what_a_killed_export_left_is_cleared_away(tmp_path: Path) -> None:
+    """Temporary files of processes that have ended, wherever the next export looks for its files."""
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(cameras(), lighting="noon"), Shared())
+        files.finish()
+    ended, own = f"{owner.machine()}-4194305", owner.token()
+    folders = [tmp_path, tmp_path / ".mirelight", tmp_path / "noon" / "images", tmp_path / "noon" / "hdr"]
+    for folder in folders:
+        (folder / f".a~{ended}-0123456789ab.png").write_bytes(b"half")
+        (folder / f".a~{own}-0123456789ab.png").write_bytes(b"at work")
+    with Files(tmp_path) as files:
+        write_nerf(files, pictures(cameras(), lighting="noon"), Shared())
+        files.finish()
+        assert files.made == 0
+    left = sorted(x.parent for x in tmp_path.rglob(".a~*"))
+    assert left == sorted(folders) and all(own in x.name for x in tmp_path.rglob(".a~*"))
 
 
 def test_files_of_others_stay(tmp_path: Path) -> None:

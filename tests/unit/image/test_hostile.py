@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mirelight.compare.pictures import read_picture
 from mirelight.errors import InputError
+from mirelight.io.display import read_display
 from mirelight.io.environment import read_environment
 from mirelight.io.exr import write_exr
 from mirelight.io.facts import PictureFacts
@@ -53,6 +56,33 @@ def test_broken_chunks_of_a_png(tmp_path: Path, kind: bytes, body: bytes) -> Non
         assert np.array_equal(read_environment(path), np.ones((4, 4, 3)))
     except InputError as e:
         assert "an image that cannot be decoded" in str(e)
+
+
+@pytest.mark.parametrize("body", [b"", b"p\0", b"p\0\7"])
+def test_a_broken_chunk_behind_the_pixels(tmp_path: Path, body: bytes) -> None:
+    """Pillow comes to it only when it decodes, and is not ready for it there."""
+    path = tmp_path / "a.png"
+    Image.fromarray(np.full((4, 4, 3), 255, dtype=np.uint8)).save(path)
+    data = path.read_bytes()
+    chunk = with_chunk(data[:33], b"iCCP", body)[33:]
+    path.write_bytes(data[:-12] + chunk + data[-12:])
+    for read in (read_environment, read_display, read_picture):
+        with pytest.raises(InputError, match=r"a\.png: an image that cannot be decoded"):
+            read(path)
+
+
+def test_a_large_picture_of_few_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes its pixels and what Pillow holds, and is refused before that where they do not fit."""
+    path = tmp_path / "a.png"
+    Image.new("RGB", (2048, 2048)).save(path)
+    assert path.stat().st_size < 20_000
+    tracemalloc.start()
+    pixels = read_environment(path)
+    assert tracemalloc.get_traced_memory()[1] < 1.6 * pixels.nbytes  # Pillow's own picture is not counted
+    tracemalloc.stop()
+    monkeypatch.setattr("mirelight.io.safety.free_memory", lambda: 2048 * 2048 * 15)
+    with pytest.raises(InputError, match=r"a\.png: 2048 x 2048 pixels take 0\.1 GiB"):
+        read_environment(path)
 
 
 def test_light_without_bounds(tmp_path: Path) -> None:

@@ -189,6 +189,25 @@ def test_hostile_and_foreign_files(tmp_path: Path) -> None:
         job.load(tmp_path / "none.toml")
 
 
+@pytest.mark.parametrize(("table", "value"), [("mix", "1"), ("moved", "[1, 2, 3]")])
+def test_tables_of_too_many_names(complaints: Complaints, table: str, value: str) -> None:
+    names = "".join(f"n{i} = {value}\n" for i in range(10_001))
+    assert complaints(SCENE + f"[{table}]\n{names}") == [f"job.toml:3:1: {table}: 10001 names; give at most 10000"]
+
+
+def test_keys_of_many_parts_are_refused_before_they_are_read(complaints: Complaints) -> None:
+    """The parser's time and memory grow with the square of a key's parts, in one key or in many."""
+    for text in ("a" + ".a" * 40_000 + " = 1\n", "".join(f"k{i}{'.a' * 500} = 1\n" for i in range(2_000))):
+        (found,) = complaints(text)
+        assert "nested too deeply" in found
+
+
+def test_nothing_reads_toml_past_the_guard() -> None:
+    root = Path(job.__file__).parents[2]
+    readers = {x.name for x in root.rglob("*.py") if "tomllib.load" in x.read_text(encoding="utf-8")}
+    assert readers == {"limits.py", "positions.py"}  # the other one reads single keys of what was read already
+
+
 def test_windows_line_ends_and_byte_order_mark_move_nothing(scene: Path, tmp_path: Path) -> None:
     path = tmp_path / "job.toml"
     path.write_bytes(b"\xef\xbb\xbf[render]\r\nspp = 0\r\n[display]\r\nexposure = 'a'\r\n")

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import F32, DisplaySettings, Frame, rules_of
 from mirelight.model.profiles import BRIGHTEST
 

@@ -12,11 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import colour, needs
+from mirelight import needs
+from mirelight.base import colour
+from mirelight.base.sh import C0
 from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
 from mirelight.relighting import gloss_of
 from mirelight.scene import Scene
-from mirelight.sh import C0
 from mirelight.splat_light import Progress, SplatLight
 
 _PLAIN = RelightSettings()

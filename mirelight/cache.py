@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import owner
 from mirelight.io.atomic import atomic_path, owner_of
 from mirelight.io.safety import open_file

@@ -13,7 +13,7 @@ import numpy as np
 
 from mirelight import viewing
 from mirelight.advice import MOST_GAP, MOST_UNCOVERED, Finding
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, AreaLight, Camera, Job, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
 from mirelight.proxy import ProxyQuality, ProxySettings, judge, mesh_of

@@ -10,10 +10,10 @@ import subprocess
 import sys
 from typing import get_args
 
-from mirelight import backend, extras
+from mirelight.base import backend, extras
+from mirelight.base.errors import BackendError
+from mirelight.base.machine import memory
 from mirelight.base.version import __version__
-from mirelight.errors import BackendError
-from mirelight.machine import memory
 from mirelight.model import Variant
 
 _SECONDS = 300  # a cold kernel compile takes under one; a machine under load takes longer

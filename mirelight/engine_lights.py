@@ -31,7 +31,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import (
     F64,
     AreaLight,

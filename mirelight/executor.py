@@ -17,8 +17,8 @@ from typing import Protocol
 import numpy as np
 
 from mirelight import advice, stages, viewing
+from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.dataset import describe, index
-from mirelight.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.model import Frame, ProxyMesh, SplatLayer, shown
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare

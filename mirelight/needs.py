@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mirelight import relighting
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.model import Camera, Job, Lighting
 from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from mirelight import engine_lights, keys, needs
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.model import Camera, EstimatedSky, Job, Lighting
 from mirelight.scene import check, prepare
 

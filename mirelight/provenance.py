@@ -16,7 +16,7 @@ _PACKAGES = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "pyoidn")
 @cache
 def versions() -> dict[str, str]:
     """Versions of what decides pixels and files: packages, read without importing them, and libLLVM."""
-    from mirelight import backend
+    from mirelight.base import backend
 
     found = {"mirelight": __version__}
     for name in _PACKAGES:

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mirelight import advice, backend, extras, keys, needs, relighting, viewing
+from mirelight import advice, keys, needs, relighting, viewing
+from mirelight.base import backend, extras
+from mirelight.base.errors import InputError
 from mirelight.cache import UserCache
-from mirelight.errors import InputError
 from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
     F32,

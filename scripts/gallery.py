@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import cli
-from mirelight.errors import MirelightError
+from mirelight.base.errors import MirelightError
+from mirelight.base.sh import C0
 from mirelight.io.atomic import atomic_path
 from mirelight.io.sheet import Tile, write_sheet
-from mirelight.sh import C0
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -189,7 +189,7 @@ def gloss(work: Work) -> Tiles:
 
 def clipped(work: Work) -> Tiles:
     """The marble plinth, from the capture and from one that was two stops too bright for what a file can hold."""
-    from mirelight import colour
+    from mirelight.base import colour
     from mirelight.io import splats
     from mirelight.io.job import load
 

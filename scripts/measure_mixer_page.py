@@ -18,7 +18,8 @@ import numpy as np
 from PIL import Image
 
 import mirelight
-from mirelight import colour, stages
+from mirelight import stages
+from mirelight.base import colour
 from mirelight.io.png import write_png
 from mirelight.mixing.bundle import export
 from mirelight.model import F32

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour, sh
+from mirelight.base import colour, sh
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, Loaded, engine_rank, loaded_ply
 from mirelight.compositor.source import uploaded

@@ -14,8 +14,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from mirelight.base.errors import MirelightError, RenderError, printable
 from mirelight.base.version import __version__
-from mirelight.errors import MirelightError, RenderError, printable
 
 BAD = 2  # exit code of expected trouble: bad input, no backend, a full disk
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it

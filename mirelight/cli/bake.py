@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError
 
 if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source

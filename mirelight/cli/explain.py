@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import BackendError, InputError
 from mirelight.cli import say
-from mirelight.errors import BackendError, InputError
 
 if TYPE_CHECKING:
     from mirelight.model import Camera, Job, Lighting

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.errors import BackendError, InputError
+from mirelight.base.errors import BackendError, InputError
 
 if TYPE_CHECKING:
     from mirelight.checking import Check

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     from mirelight.matching import LayerMatch, Match

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError, MirelightError
 from mirelight.io.folders import NewFolders
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError, OutputError
 from mirelight.io.suffixes import SPLATS
 
 if TYPE_CHECKING:

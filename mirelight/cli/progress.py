@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Protocol, Self
 
+from mirelight.base.errors import printable
 from mirelight.cli import say
-from mirelight.errors import printable
 from mirelight.farm.pace import Pace
 
 

@@ -8,8 +8,8 @@ import time
 from functools import partial
 from pathlib import Path
 
+from mirelight.base.errors import InputError
 from mirelight.cli import say
-from mirelight.errors import InputError
 
 
 def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

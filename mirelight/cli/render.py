@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from mirelight import executor
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.cli import BAD, export, new, progress, say, stop
 from mirelight.cli.report import size
-from mirelight.errors import InputError, MirelightError
 from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from mirelight.errors import printable
+from mirelight.base.errors import printable
 from mirelight.io.facts import (
     Bounds,
     CameraFacts,

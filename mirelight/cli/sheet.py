@@ -30,7 +30,7 @@ def add_sheet(commands: Any) -> None:
 
 def run_sheet(args: argparse.Namespace) -> int:
     """The command. One line to stdout."""
-    from mirelight.errors import InputError
+    from mirelight.base.errors import InputError
     from mirelight.io.sheet import sheet_format
     from mirelight.showing import sheets, shots
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.cli import TERMINATED
 from mirelight.cli.new import refuse_capture
-from mirelight.errors import InputError, MirelightError, printable
 from mirelight.executor import Silent
 
 if TYPE_CHECKING:

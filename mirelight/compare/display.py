@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.compare.pictures import blended_in_light, shows_engine_colours
 from mirelight.compare.types import CompareSettings, Picture
 from mirelight.model import F32, Profile, rules_of

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mirelight import relighting
+from mirelight.base.errors import InputError
 from mirelight.compare import metrics
 from mirelight.compare.explain import Ladder
 from mirelight.compare.explain_engine import EngineRun
@@ -13,7 +14,6 @@ from mirelight.compare.explain_splats import SplatPictures
 from mirelight.compare.explain_steps_engine import as_modelled, with_physical_falloffs
 from mirelight.compare.explain_steps_physical import Say, physical_steps
 from mirelight.engine_lights import to_engine
-from mirelight.errors import InputError
 from mirelight.kept import KeptNowhere
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
 from mirelight.realtime.engine import VERSION

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mirelight import colour, relighting
+from mirelight import relighting
+from mirelight.base import colour
 from mirelight.compare.explain import CAUSES, Rung
 from mirelight.compare.explain_engine import EngineRun, engine_tone
 from mirelight.compare.explain_light import LitSurface

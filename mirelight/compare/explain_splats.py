@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import EngineDrawing, engine_rank
 from mirelight.model import Camera, CompositorSettings, Job, SplatCloud, SplatLayer, rules_of

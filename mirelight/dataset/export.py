@@ -14,15 +14,16 @@ from typing import Protocol
 
 import numpy as np
 
-from mirelight import colour, relighting
-from mirelight.conventions import Matrix
+from mirelight import relighting
+from mirelight.base import colour
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.dataset import card, contact, croissant, rig
 from mirelight.dataset.draws import Split, split
 from mirelight.dataset.index import Index, KeptView, Weighted
 from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
 from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
-from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.model import DatasetSettings, HeldOut, Job, Layout, PointLight, SpotLight, digest
 

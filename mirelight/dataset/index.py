@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.base.errors import InputError
 from mirelight.dataset import fitting
-from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import read_file
 from mirelight.model import (

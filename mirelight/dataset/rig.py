@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.conventions import Matrix
+from mirelight.base.conventions import Matrix
 from mirelight.dataset.index import UnitLight
 from mirelight.dataset.layouts.pictures import Lamp, Shared
 from mirelight.dataset.layouts.world import scale_of

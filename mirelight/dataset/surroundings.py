@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.dataset.small_maps import MOST_ROWS, shrunk
 from mirelight.model import F32, F64
 

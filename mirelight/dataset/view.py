@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirelight import relighting
+from mirelight.base.errors import InputError
 from mirelight.dataset import index as indexing
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.dataset.surroundings import Map, Sun, Surroundings
-from mirelight.errors import InputError
 from mirelight.model import (
     F32,
     Camera,
@@ -175,8 +175,8 @@ class DataSet:
             rows: of the map; None: as many as are kept, at most 1024.
 
         Returns:
-            (rows, 2 rows, 3) linear radiance, row 0 is +Y, `mirelight.conventions` says which way the columns look;
-            None where there is no such light.
+            (rows, 2 rows, 3) linear radiance, row 0 is +Y, `mirelight.base.conventions` says which way the columns
+            look; None where there is no such light.
         """
         found = self.surroundings(lighting)
         return None if found is None else found.picture(rows)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour, conventions, sh
+from mirelight.base import colour, conventions, sh
 from mirelight.model import F64, SplatCloud
 
 NEAREST = 12  # splats that are looked at for each place

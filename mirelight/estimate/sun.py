@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import REC709_LUMINANCE
+from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of, surely
 from mirelight.estimate.sky import frame_around, sphere
 from mirelight.estimate.transport import Places

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mirelight.errors import MirelightError
+from mirelight.base.errors import MirelightError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import post
 from mirelight.farm.post import Word

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from mirelight import executor
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import post
 from mirelight.farm.book import Book

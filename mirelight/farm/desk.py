@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
+from mirelight.base.errors import MirelightError
 from mirelight.base.version import __version__
-from mirelight.errors import MirelightError
 from mirelight.executor import RenderSummary
 from mirelight.farm import post
 from mirelight.farm.crew import threads_of

@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job, digest

@@ -18,9 +18,10 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
-from mirelight import executor, extras
+from mirelight import executor
+from mirelight.base import extras
+from mirelight.base.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.base.version import __version__
-from mirelight.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import desk, post
 from mirelight.farm.book import Book

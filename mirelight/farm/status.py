@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.farm.pace import Costs
 from mirelight.store import Row
 from mirelight.store.folder import Folder

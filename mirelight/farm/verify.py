@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight import mix, relighting
-from mirelight.errors import InputError, MirelightError
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.farm import checks
 from mirelight.farm.checks import Finding, Kind, Sums
 from mirelight.farm.order import Order

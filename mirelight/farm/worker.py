@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from mirelight import executor
-from mirelight.errors import InputError, MirelightError
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.executor import RenderSummary
 from mirelight.farm import post
 from mirelight.farm.order import Order, fingerprint

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.errors import InputError, one_line, printable
+from mirelight.base import colour
+from mirelight.base.errors import InputError, one_line, printable
 from mirelight.io.suffixes import GLTF, MESHES
 from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
 

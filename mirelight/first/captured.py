@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.first import beside
 from mirelight.model import F64, RenderSettings, SplatCloud
 

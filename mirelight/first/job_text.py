@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.errors import InputError, printable
+from mirelight.base import conventions
+from mirelight.base.errors import InputError, printable
 from mirelight.first import beside, captured, lighting, up, view
 from mirelight.first.toml_text import Names, position, vector
 from mirelight.model import SplatCloud

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight import colour, conventions
-from mirelight.errors import InputError
+from mirelight.base import colour, conventions
+from mirelight.base.errors import InputError
+from mirelight.base.sh import C0
 from mirelight.first import beside, view
 from mirelight.first.toml_text import Names, position, vector
 from mirelight.model import F64, Camera, SplatCloud
-from mirelight.sh import C0
 
 if TYPE_CHECKING:
     from mirelight.io.job.lighting import FreeNames

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.first import view
 from mirelight.model import F64
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight import peak, viewing
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.facts import (
     CameraFacts,
     Facts,

@@ -11,9 +11,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.base.png import END, SIGNATURE, png_bytes
-from mirelight.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import open_file
 from mirelight.model import F32, DisplaySettings, Profile, rules_of
@@ -24,7 +24,7 @@ def encode_display(
 ) -> NDArray[np.uint8]:
     """A premultiplied linear picture as display values over the display's background.
 
-    See :func:`mirelight.colour.shown`.
+    See :func:`mirelight.base.colour.shown`.
 
     Args:
         rgba: (H, W, 4) linear, premultiplied.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour, conventions, sh
-from mirelight.errors import RenderError
+from mirelight.base import colour, conventions, sh
+from mirelight.base.errors import RenderError
 from mirelight.lighting.appearance import shown
 from mirelight.lighting.filling import Filling, add_rows
 from mirelight.lighting.pooling import pooled

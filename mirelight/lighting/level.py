@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.errors import RenderError
+from mirelight.base import colour
+from mirelight.base.errors import RenderError
 from mirelight.lighting.albedo import UNLIT, deposits_of, face_normals
 from mirelight.lighting.appearance import shown
 from mirelight.lighting.engine import EngineTracer

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.matching.columns import ROWS, Columns
 from mirelight.matching.solve import Bool, Column, closest
 from mirelight.matching.target import Target

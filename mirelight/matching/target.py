@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io.exr import read_exr
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.safety import existing, open_binary

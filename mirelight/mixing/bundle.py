@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import needs
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import compressed_ply, ply

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mirelight import needs, relighting
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.model import F32, F64, Lighting
 from mirelight.model.lights import position_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job as jobs
 from mirelight.io.atomic import atomic_path
 from mirelight.io.job import Source

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.errors import InputError, MirelightError, printable
+from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.fields import LARGEST
 from mirelight.mixing.bundle import DESCRIPTION, LAYERS, PAGE, SPLATS
 from mirelight.mixing.saved import MOST_BYTES, NAME, Saved

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import MirelightError
+from mirelight.base.errors import MirelightError
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.first_light import SAMPLES, FirstLight
 from mirelight.mixing.layers import MixLayers

@@ -1,13 +1,13 @@
 """The types that cross module borders: frozen, NumPy only, every array checked and read-only.
 
 Shapes and units stand in each field's comment. H, W: image rows and columns. Light is linear Rec.709; see
-`mirelight.conventions` for axes.
+`mirelight.base.conventions` for axes.
 """
 
 from __future__ import annotations
 
-from mirelight.backend import Variant
-from mirelight.colour import ToneCurve
+from mirelight.base.backend import Variant
+from mirelight.base.colour import ToneCurve
 from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cameras import Camera

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from mirelight.colour import Transfer
+from mirelight.base.colour import Transfer
 
 Profile: TypeAlias = Literal["physical", "playcanvas"]
 RelightMode: TypeAlias = Literal["tint", "ratio", "albedo"]  # names; `mirelight.relighting` holds what each does

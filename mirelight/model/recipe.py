@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NoReturn
 
-from mirelight.backend import Variant
+from mirelight.base.backend import Variant
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.scene import ProxyMesh, SplatCloud

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from mirelight.backend import Variant
-from mirelight.colour import ToneCurve
+from mirelight.base.backend import Variant
+from mirelight.base.colour import ToneCurve
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.base.png import png_bytes
 from mirelight.model.arrays import F32
 from mirelight.model.profiles import Profile, rules_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import F64, SplatCloud
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.model import F64, SplatCloud, shown
 from mirelight.model.scene import SOLID
 from mirelight.proxy.axes import axes_of

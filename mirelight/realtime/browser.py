@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import BackendError, InputError, RenderError
+from mirelight.base.errors import BackendError, InputError, RenderError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.png import write_png
 from mirelight.io.safety import open_file, read_bytes

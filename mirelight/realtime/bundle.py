@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.colour import ENGINE_GAMMA
+from mirelight.base.colour import ENGINE_GAMMA
+from mirelight.base.errors import InputError, OutputError
 from mirelight.engine_lights import (
     NORMAL_OFFSET_BIAS,
     EngineLight,
@@ -24,7 +25,6 @@ from mirelight.engine_lights import (
     engine_rotation,
     to_engine,
 )
-from mirelight.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.compositor.engine import Loaded, corners_of, loaded_ply
 from mirelight.compositor.source import uploaded
 from mirelight.io import splats as files

@@ -10,7 +10,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from mirelight.errors import BackendError
+from mirelight.base.errors import BackendError
 
 VERSION = "2.23.3"  # script and engine come from the same package: uniform names changed between 2.22 and 2.23
 SHA512 = (

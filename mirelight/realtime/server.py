@@ -21,7 +21,7 @@ from shutil import copyfileobj
 from typing import Any
 from urllib.parse import unquote
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.safety import open_binary
 
 Inbox = queue.Queue[tuple[str, bytes]]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
 from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import colour, sh
+from mirelight.base import colour, sh
 from mirelight.model import (
     F32,
     Frame,

@@ -13,8 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import extras
-from mirelight.errors import InputError, OutputError
+from mirelight.base import extras
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.safety import require_memory
 from mirelight.io.sheet import spread
 from mirelight.showing import yuv

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from mirelight import stages
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.executor import Progress
 from mirelight.kept import Kept, KeptInMemory
 from mirelight.model import Camera, Frame, Job

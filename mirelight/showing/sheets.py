@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.sheet import MOST, Tile, spread, write_sheet
 from mirelight.showing.shots import Shot
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import dataset
+from mirelight.base.errors import InputError
 from mirelight.dataset.index import FILE as LAYERS
 from mirelight.dataset.view import DataSet
-from mirelight.errors import InputError
 from mirelight.farm.order import named
 from mirelight.io.display import SUFFIXES, read_display
 from mirelight.io.exr import read_header

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import keys
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import image
 from mirelight.io.atomic import clear, output_error
 from mirelight.io.folders import NewFolders

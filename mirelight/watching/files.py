@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.job.hashing import companions, strings
 from mirelight.io.job.limits import load_toml
 from mirelight.io.job.source import MOST_BYTES

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mirelight import executor, needs, relighting, stages
-from mirelight.errors import InputError, RenderError
+from mirelight.base.errors import InputError, RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm.order import Order
 from mirelight.io import image

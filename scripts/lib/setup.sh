@@ -62,7 +62,7 @@ llvm_package() {
 need_llvm() {
     local check package
     # The package's own search decides; it needs nothing but its own plain modules and NumPy.
-    check="from mirelight.backend import choose; raise SystemExit(choose() is None)"
+    check="from mirelight.base.backend import choose; raise SystemExit(choose() is None)"
     "$PYTHON" -c "$check" && return
     command -v apt-get >/dev/null || install_system "libLLVM 17 or newer" libllvm19
     apt_update

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import mirelight
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.dataset import index, rig
 from mirelight.engine_lights import to_engine
-from mirelight.errors import InputError, MirelightError
 from mirelight.io.ies import read_ies
 from mirelight.lighting import Tracer
 from mirelight.model import IesProfile, Lighting, PointLight, ProxyMesh, RenderSettings, SpotLight, cones, digest

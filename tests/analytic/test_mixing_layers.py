@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.lighting import Tracer, splat_light
 from mirelight.lighting.appearance import shown
 from mirelight.mixing import rgb9e5

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import image
 from mirelight.io.atomic import output_error
 from mirelight.model import Camera, Frame, Job, OutputSettings, Provenance

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import owner
 from mirelight.io.atomic import atomic_path, clear, owner_of
 from mirelight.io.exr import read_exr

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.executor import Silent
 from mirelight.farm.order import Order
 from mirelight.plan import FrameTask

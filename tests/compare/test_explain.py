@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from mirelight import stages
+from mirelight.base.errors import InputError
 from mirelight.compare.explain import CAUSES, Ladder, Rung, summary
 from mirelight.compare.explain_engine import EngineRun, physical_display, physical_settings
 from mirelight.compare.explain_ladder import explain
 from mirelight.compare.explain_light import LitSurface, shadows
 from mirelight.compare.explain_report import write_ladder
-from mirelight.errors import InputError
 from mirelight.io.png import encode_display
 from mirelight.lighting import Tracer
 from mirelight.lighting.engine.raster import rasterise

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mirelight import stages
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.matching import Match, Target, match
 from mirelight.model import (
     F32,

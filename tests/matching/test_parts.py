@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io.png import encode_display, write_png
 from mirelight.matching.solve import Column, closest, fitted, nonnegative
 from mirelight.matching.target import read_target, resized

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour, relighting, sh, stages
+from mirelight import relighting, stages
+from mirelight.base import colour, sh
+from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
-from mirelight.errors import InputError
 from mirelight.model import (
     Camera,
     Deferred,

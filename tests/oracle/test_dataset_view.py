@@ -15,10 +15,10 @@ import pytest
 
 import mirelight
 from mirelight import cli, dataset
+from mirelight.base.errors import InputError
 from mirelight.dataset import index as indexing
 from mirelight.dataset.draws import Draws, split
 from mirelight.dataset.view import DataSet
-from mirelight.errors import InputError
 from mirelight.farm.checks import Finding
 from mirelight.farm.verify import verify
 from mirelight.io import splats

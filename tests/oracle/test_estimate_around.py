@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.conventions import quaternion_from_rotation
+from mirelight.base import colour
+from mirelight.base.conventions import quaternion_from_rotation
+from mirelight.base.sh import C0
 from mirelight.estimate.around import evened
 from mirelight.estimate.sky import frame_around
 from mirelight.model import F64, SplatCloud
-from mirelight.sh import C0
 
 
 def discs(points: F64, way: F64, color: F64) -> SplatCloud:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import mirelight
+from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
-from mirelight.errors import InputError
 from mirelight.estimate import Estimate, estimate
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats

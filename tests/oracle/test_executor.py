@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mirelight import executor, scene, stages
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.exr import read_exr
 from mirelight.model import (
     Camera,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.compositor import Compositor
 from mirelight.io import job
 from mirelight.io.png import encode_display

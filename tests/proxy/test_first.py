@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight import cli, conventions
+from mirelight import cli
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.cli.report import lines
-from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
 from mirelight.first import Wish, beside, job_for, up
 from mirelight.first.lighting import _candela

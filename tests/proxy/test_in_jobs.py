@@ -13,7 +13,7 @@ import pytest
 
 import mirelight
 from mirelight import cli, executor, keys
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
 from mirelight.plan import plan

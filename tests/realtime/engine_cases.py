@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import colour, conventions
+from mirelight.base import colour, conventions
 from mirelight.engine_lights import EngineLight, EngineLighting, engine_rotation, physical_light, physical_warnings
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.hdr import read_hdr

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import baking, conventions, realtime
+from mirelight import baking, realtime
+from mirelight.base import conventions
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
 from mirelight.io import splats

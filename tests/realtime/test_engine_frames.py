@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import colour, realtime, stages
+from mirelight import realtime, stages
+from mirelight.base import colour
 from mirelight.compare import CompareSettings, Pair, evaluate
 from mirelight.io import job as jobs
 from mirelight.io.exr import read_exr

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mirelight import conventions, engine_lights
+from mirelight import engine_lights
+from mirelight.base import conventions
 from mirelight.engine_lights import EngineLight, EngineLighting
 from mirelight.lighting import trace
 from mirelight.lighting.engine.raster import Rasterised, rasterise

@@ -10,8 +10,8 @@ import pytest
 
 import mirelight
 from mirelight import realtime
+from mirelight.base.errors import InputError
 from mirelight.engine_lights import engine_diffuse, to_engine
-from mirelight.errors import InputError
 from mirelight.lighting import trace
 from mirelight.model import Job, RenderSettings
 from mirelight.plan import plan, warnings

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.engine_lights import EngineLight, EngineLighting
 from mirelight.lighting.engine.ambient import ambient_light, ambient_tile
 from mirelight.lighting.engine.raster import rasterise

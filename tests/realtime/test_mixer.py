@@ -15,9 +15,10 @@ import pytest
 from mixer_page import decibels
 
 import mirelight
-from mirelight import colour, mixing, sh, stages
+from mirelight import mixing, stages
+from mirelight.base import colour, sh
+from mirelight.base.errors import RenderError
 from mirelight.compositor.engine import Loaded, corners_of
-from mirelight.errors import RenderError
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job as jobs
 from mirelight.mixing.saved import Saved
 from mirelight.mixing.server import _camera, claimed, serving

@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import ToneCurve
 
 ENGINE_FRAMES = Path(__file__).parents[1] / "data" / "realtime"

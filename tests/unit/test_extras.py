@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import doctor, extras
+from mirelight import doctor
+from mirelight.base import extras
+from mirelight.base.errors import BackendError, InputError
 from mirelight.cli import main
-from mirelight.errors import BackendError, InputError
 from mirelight.model import Deferred, DirectionalLight, Job, Lighting, ProxyMesh, RenderSettings
 from mirelight.scene import prepare
 

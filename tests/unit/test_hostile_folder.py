@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirelight.base.errors import InputError
 from mirelight.dataset import index
-from mirelight.errors import InputError
 from mirelight.io import image, owner, safety
 from mirelight.model import Camera, ProxyMesh, SplatLayer
 from mirelight.store import arrays, artefacts

@@ -9,7 +9,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from mirelight import colour, relighting
+from mirelight import relighting
+from mirelight.base import colour
 from mirelight.model import PROFILES, CompositorSettings, Profile, rules_of
 from mirelight.model.profiles import COLOURING, COMPARING
 

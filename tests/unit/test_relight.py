@@ -8,7 +8,8 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import advice, colour, relighting
+from mirelight import advice, relighting
+from mirelight.base import colour
 from mirelight.model import (
     Camera,
     DisplaySettings,

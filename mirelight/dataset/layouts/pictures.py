@@ -12,11 +12,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.conventions import Matrix
+from mirelight.base import colour
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.dataset.surroundings import Surroundings
-from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.io.cameras.transforms import Z_UP
 from mirelight.model import F32, Camera, DisplaySettings

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.pictures import U8, Picture, Pixels, Shared, check_lenses, check_pinholes, with_alpha
 from mirelight.dataset.layouts.shared import ENVIRONMENTS, write_environments

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mirelight import extras
+from mirelight.base import extras
 from mirelight.io.gltf.document import read_document
 
 _MESHOPT = "EXT_meshopt_compression"

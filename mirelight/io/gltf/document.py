@@ -17,7 +17,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.fields import Bytes, Fields
 from mirelight.io.gltf.meshopt import decompress
 from mirelight.io.safety import contained, require_memory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import extras
+from mirelight.base import extras
 from mirelight.io.gltf.fields import Bytes, Fields
 
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")

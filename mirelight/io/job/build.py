@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mirelight import model
-from mirelight.conventions import Matrix
+from mirelight.base.conventions import Matrix
 from mirelight.io.job import camera_files, cameras, lighting, mixing, moments, moving, placing, sweep
 from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.fields import PROXY, SPLATS

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.io.job import sampling
 from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name, scaled
 from mirelight.io.job.camera_tables import (

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from mirelight.colour import blackbody
+from mirelight.base.colour import blackbody
 from mirelight.engine_lights import DEFAULT_RANGE
 from mirelight.io.job.fields import (
     AssetPath,

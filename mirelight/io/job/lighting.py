@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.engine_lights import EngineLight, lumens, physical_light
 from mirelight.io.ies import IesFile
 from mirelight.io.job.lamp_tables import (

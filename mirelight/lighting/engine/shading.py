@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.engine_lights import EngineLight, EngineLighting
 from mirelight.lighting.engine.ambient import ambient_light
 from mirelight.model import F64

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.dataset.small_maps import shrunk
 from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, solid_angles
 from mirelight.model import Camera

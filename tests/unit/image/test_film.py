@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight.errors import InputError, OutputError
+from mirelight.base.errors import InputError, OutputError
 from mirelight.showing import encoders, yuv
 from mirelight.showing.encoders import durations, encoder_of
 from mirelight.showing.film import Order, ordered, rate_of, write_film

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mirelight.base.errors import InputError
 from mirelight.compare.pictures import read_picture
-from mirelight.errors import InputError
 from mirelight.io.display import read_display
 from mirelight.io.environment import read_environment
 from mirelight.io.exr import write_exr

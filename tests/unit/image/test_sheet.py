@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight.errors import InputError, OutputError
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.display import read_display
 from mirelight.io.exr import write_exr
 from mirelight.io.image import write

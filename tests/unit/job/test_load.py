@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import conventions, model, needs
-from mirelight.errors import InputError
+from mirelight import model, needs
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.tables import JobTable
 from mirelight.model import AreaLight, DirectionalLight, PointLight, SpotLight, SunLight
@@ -418,7 +419,7 @@ def test_splats_alone_are_shown_as_captured(write_job: WriteJob) -> None:
 
 
 def mirelight_direction(u: float, rotation: float) -> tuple[float, float]:
-    """(x, z) of column u, written from mirelight.conventions: +X at 0.5, +Z at 0.75; turned about +Y."""
+    """(x, z) of column u, written from mirelight.base.conventions: +X at 0.5, +Z at 0.75; turned about +Y."""
     angle = (u - 0.5) * 2 * math.pi
     x, z = math.cos(angle), math.sin(angle)
     t = math.radians(rotation)  # counter-clockwise seen from above: X goes to -Z

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import colour, keys, needs
-from mirelight.errors import InputError
+from mirelight import keys, needs
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.model import Job, PointLight, SkyModel, SunLight
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Literal, TypeAlias
 
-from mirelight.errors import BackendError
+from mirelight.base.errors import BackendError
 
 Name: TypeAlias = Literal["compare", "dask", "denoise", "film", "formats", "scenes"]
 

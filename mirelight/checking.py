@@ -11,11 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight import viewing
 from mirelight.advice import MOST_GAP, MOST_UNCOVERED, Finding
 from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64, AreaLight, Camera, Job, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
+from mirelight.model import (
+    F64,
+    AreaLight,
+    Camera,
+    Job,
+    Lighting,
+    PointLight,
+    ProxyMesh,
+    SplatCloud,
+    SpotLight,
+    camera_checks,
+)
 from mirelight.proxy import ProxyQuality, ProxySettings, judge, mesh_of
 from mirelight.proxy.advice import MOST_LEAKS, UNEXPLAINED
 from mirelight.proxy.views import rays
@@ -74,7 +84,7 @@ def _idle_cameras(cameras: Sequence[Camera], mesh: ProxyMesh | None, splats: Spl
     remedy = "move it, or leave cameras out: one is placed that sees all"
     return [
         Finding("nothing", f"camera {view.camera!r} {view.problem}", remedy)
-        for view in viewing.views(cameras, proxy=mesh, splats=splats)
+        for view in camera_checks.views(cameras, proxy=mesh, splats=splats)
         if view.problem
     ]
 

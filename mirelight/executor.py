@@ -16,15 +16,15 @@ from typing import Protocol
 
 import numpy as np
 
-from mirelight import advice, stages, viewing
+from mirelight import advice, stages
 from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.dataset import describe, index
-from mirelight.model import Frame, ProxyMesh, SplatLayer, shown
+from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
+from mirelight.model.unit_lights import terms
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store
 from mirelight.store.journal import said_of
-from mirelight.units import terms
 
 _MOST_SAID = 3  # lines of one kind of finding
 _WAIT = 0.25  # seconds between two looks at cameras that others work on
@@ -196,7 +196,7 @@ def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -
     """Say before any work which cameras and lights are of no use: inside the mesh, or before nothing."""
     lightings = lightings_of(groups)
     if proxy is not None and lightings:
-        for line in viewing.remarks([group.camera for group in groups], lightings, proxy):
+        for line in camera_checks.remarks([group.camera for group in groups], lightings, proxy):
             progress.note(line)
 
 

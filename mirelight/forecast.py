@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mirelight import keys, needs, peak, relighting, stages, viewing
-from mirelight.model import Camera, Job
+from mirelight import keys, needs, peak, relighting, stages
+from mirelight.model import Camera, Job, camera_checks
 from mirelight.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.scene import Scene, prepare
 from mirelight.store import Store, write
@@ -33,7 +33,7 @@ class Forecast:
     seconds: float  # measured on a small frame and scaled by pixels and samples: no more than a guide
     bytes: int  # of new files
     memory: int  # bytes that one process takes at once; without a mesh that is still to be made of the splats
-    remarks: tuple[str, ...] = ()  # cameras and lights of no use, see `mirelight.viewing.remarks`
+    remarks: tuple[str, ...] = ()  # cameras and lights of no use, see `mirelight.model.camera_checks.remarks`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +105,7 @@ def _remarks(plan: Plan) -> tuple[str, ...]:
     job = plan.job
     if job.proxy is None or job.made_proxy is not None or not job.lightings:
         return ()
-    return viewing.remarks([g.camera for g in plan.groups], lightings_of(plan.groups), job.proxy.value)
+    return camera_checks.remarks([g.camera for g in plan.groups], lightings_of(plan.groups), job.proxy.value)
 
 
 def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) -> tuple[int, int]:

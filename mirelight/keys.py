@@ -25,7 +25,7 @@ from mirelight.model import (
     digest,
 )
 from mirelight.model.profiles import rules_of
-from mirelight.units import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
+from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
 
 FILE_SUFFIXES = (".exr", ".png")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mirelight.model import F32, F64, Camera, LightingBuffer, LightLayer
 from mirelight.model.results import EMISSION, free_layer_name
-from mirelight.units import GLOW, LightSet, Mixture
+from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 
 BEAUTY = "beauty"  # the one layer where nobody asks for more
 _PARTS = ("direct", "indirect", "half", "quarter", "other_quarter")  # what is linear in the light

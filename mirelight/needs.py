@@ -7,7 +7,7 @@ from mirelight.base.errors import InputError
 from mirelight.model import Camera, Job, Lighting
 from mirelight.model.planes import MATTES
 from mirelight.model.profiles import rules_of
-from mirelight.units import Rules
+from mirelight.model.unit_lights import Rules
 
 
 def compares(job: Job) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight import keys, needs, relighting
 from mirelight.model import Camera, Job, Lighting, ProxyMesh
-from mirelight.units import GLOW, LightSet
+from mirelight.model.unit_lights import GLOW, LightSet
 
 _PROGRAM = 180 << 20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
 _SPLAT = 270  # bytes of a splat beside it and its copy: projected records twice, keys, order

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from mirelight import engine_lights, keys, needs
+from mirelight import keys, needs
 from mirelight.base.errors import InputError
-from mirelight.model import Camera, EstimatedSky, Job, Lighting
+from mirelight.model import Camera, EstimatedSky, Job, Lighting, playcanvas_lights
 from mirelight.scene import check, prepare
 
 
@@ -113,7 +113,7 @@ def warnings(plan: Plan) -> tuple[str, ...]:
     if needs.follows_engine(job):
         found = _engine_warnings(job, [group.camera for group in plan.groups], lightings)
     else:
-        found = [(x.name, engine_lights.physical_warnings(x.lights)) for x in lightings]
+        found = [(x.name, playcanvas_lights.physical_warnings(x.lights)) for x in lightings]
     if job.albedo_from_splats and not needs.colors_proxy(job):
         gray = "the splats' colours are used in modes 'ratio' and 'albedo' with path-traced light; gray here"
         found.append(("proxy.albedo", (gray,)))
@@ -126,7 +126,7 @@ def _engine_warnings(
     found: list[tuple[str, tuple[str, ...]]] = []
     if needs.compares(job):
         found.append(("relight.mode", ("the engine knows the tint only",)))
-    found += [("camera", engine_lights.camera_warnings(x)) for x in cameras]
+    found += [("camera", playcanvas_lights.camera_warnings(x)) for x in cameras]
     if job.proxy is not None and lightings:
         from mirelight.lighting.engine.raster import culling_warnings
 
@@ -135,8 +135,8 @@ def _engine_warnings(
         assert proxy is not None
         found.append(("proxy", culling_warnings(proxy, cameras, job.render.variant)))
         known = [x for x in lightings if not isinstance(x.sky, EstimatedSky)]
-        found += [(x.name, engine_lights.to_engine(scene.resolved(x), proxy)[1]) for x in known]
-    found += [(x.name, engine_lights.penumbra_warnings(x.lights)) for x in lightings]
+        found += [(x.name, playcanvas_lights.to_engine(scene.resolved(x), proxy)[1]) for x in known]
+    found += [(x.name, playcanvas_lights.penumbra_warnings(x.lights)) for x in lightings]
     if job.engine.hdr_format is not None:
         found.append(("engine.hdr_format", ("mirelight blends in 32-bit floats; the engine's own frames follow it",)))
     return found

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mirelight import advice, keys, needs, relighting, viewing
+from mirelight import advice, keys, needs, relighting
 from mirelight.base import backend, extras
 from mirelight.base.errors import InputError
 from mirelight.cache import UserCache
@@ -32,11 +32,12 @@ from mirelight.model import (
     RelightSettings,
     SplatCloud,
     SurfaceCache,
+    camera_checks,
 )
 from mirelight.model.profiles import COMPARING
+from mirelight.model.unit_lights import LightSet, Mixture
 from mirelight.splat_light import SplatLight
 from mirelight.surface_light import SurfaceLight
-from mirelight.units import LightSet, Mixture
 from mirelight.view_light import ViewLight
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ class Scene:
         cloud = None if self.job.splats is None else self.job.splats.value
         if cloud is not None and cloud.dropped:
             self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
-        if cloud is not None and (line := viewing.too_far(cloud)):
+        if cloud is not None and (line := camera_checks.too_far(cloud)):
             self._tell(line)
         return cloud
 
@@ -187,7 +188,7 @@ class Scene:
         if job.proxy is None:
             return None
         if job.made_proxy is None:
-            if line := viewing.too_far(job.proxy.value):
+            if line := camera_checks.too_far(job.proxy.value):
                 self._tell(line)
             return job.proxy.value
         from mirelight.proxy.recipe import made_by

@@ -28,7 +28,7 @@ from mirelight.model import (
     SurfaceCells,
     SurfaceTransport,
 )
-from mirelight.units import GLOW, LightSet, Unit
+from mirelight.model.unit_lights import GLOW, LightSet, Unit
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from mirelight import keys, needs
 from mirelight.kept import WAIT, Kept, made_once
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
-from mirelight.units import LightSet
+from mirelight.model.unit_lights import LightSet
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer

@@ -11,7 +11,7 @@ from mirelight import keys, needs
 from mirelight.kept import Kept
 from mirelight.mix import Wanted, mix
 from mirelight.model import Camera, DirectionalLight, Job, Lighting, LightingBuffer, SunLight, SurfaceCache
-from mirelight.units import GLOW, LightSet, Mixture
+from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 
 if TYPE_CHECKING:
     from mirelight.lighting import EngineTracer, Tracer

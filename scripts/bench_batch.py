@@ -29,10 +29,10 @@ from unittest import mock
 import mirelight
 from mirelight import cli, executor, relighting, stages
 from mirelight.model import Job
+from mirelight.model.unit_lights import LightSet
 from mirelight.plan import FrameTask, plan
 from mirelight.scene import prepare
 from mirelight.store import Store
-from mirelight.units import LightSet
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "stage"
 PARTS = ("light", "plan", "again", "workers")

@@ -20,9 +20,9 @@ from mirelight.mixing import rgb9e5
 from mirelight.mixing.session import STAGES, Session
 from mirelight.model import F32
 from mirelight.model.lights import position_of
+from mirelight.model.unit_lights import terms
 from mirelight.scene import prepare
 from mirelight.store import Store
-from mirelight.units import terms
 
 
 def cpu() -> float:

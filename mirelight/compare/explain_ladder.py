@@ -13,9 +13,9 @@ from mirelight.compare.explain_recipe import Rungs, Subject
 from mirelight.compare.explain_splats import SplatPictures
 from mirelight.compare.explain_steps_engine import as_modelled, with_physical_falloffs
 from mirelight.compare.explain_steps_physical import Say, physical_steps
-from mirelight.engine_lights import to_engine
 from mirelight.kept import KeptNowhere
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
+from mirelight.model.playcanvas_lights import to_engine
 from mirelight.realtime.engine import VERSION
 from mirelight.scene import Scene, prepare
 

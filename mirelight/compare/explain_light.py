@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from mirelight.engine_lights import EngineLighting
 from mirelight.lighting.engine.raster import Rasterised
 from mirelight.lighting.engine.shading import ambient, received
 from mirelight.lighting.visibility import Bool, ShadowRays
@@ -32,6 +31,7 @@ from mirelight.model import (
     SunLight,
     cones,
 )
+from mirelight.model.playcanvas_lights import EngineLighting
 
 _MAP = (128, 256)  # an environment's directions that its irradiance is summed over
 _TABLE = (45, 90)  # normals at which it is summed: every 4 degrees, bilinear between

@@ -12,7 +12,6 @@ from mirelight.compare.explain import CAUSES, Rung
 from mirelight.compare.explain_engine import EngineRun, engine_tone
 from mirelight.compare.explain_light import LitSurface
 from mirelight.compare.explain_splats import SplatPictures
-from mirelight.engine_lights import EngineLighting
 from mirelight.model import (
     F32,
     Camera,
@@ -25,6 +24,7 @@ from mirelight.model import (
     SplatLayer,
     rules_of,
 )
+from mirelight.model.playcanvas_lights import EngineLighting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,10 +13,10 @@ from mirelight.compare.explain import Rung
 from mirelight.compare.explain_engine import EngineRun, corner_bits, engine_compositor, engine_tone
 from mirelight.compare.explain_light import LitSurface, shadows, texture
 from mirelight.compare.explain_recipe import PointLight, Recipe, Rungs, Subject, as_float
-from mirelight.engine_lights import NORMAL_OFFSET_BIAS
 from mirelight.lighting.engine.raster import rasterise
 from mirelight.lighting.visibility import ShadowRays
 from mirelight.model import F32, Camera, DisplaySettings, LightingBuffer
+from mirelight.model.playcanvas_lights import NORMAL_OFFSET_BIAS
 from mirelight.realtime.engine import VERSION
 
 

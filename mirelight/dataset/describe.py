@@ -15,8 +15,8 @@ from mirelight.dataset.small_maps import shrunk
 from mirelight.kept import Kept
 from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
+from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.plan import Plan
-from mirelight.units import GLOW, LightSet, Unit
 
 _TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
 

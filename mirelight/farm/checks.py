@@ -11,7 +11,7 @@ import numpy as np
 from mirelight import advice
 from mirelight.io.exr import ExrImage
 from mirelight.model import F32, DisplaySettings, Frame, Lighting, LightingBuffer, LightLayer
-from mirelight.units import Term, terms
+from mirelight.model.unit_lights import Term, terms
 
 Kind = Literal["missing", "failed", "other", "damaged", "values", "picture", "sum", "layers", "closed"]
 

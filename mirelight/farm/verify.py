@@ -22,12 +22,12 @@ from mirelight.io.exr import read_exr
 from mirelight.io.safety import open_file
 from mirelight.keys import Keys
 from mirelight.model import DisplaySettings, Frame, Job, Lighting, LightingBuffer
+from mirelight.model.unit_lights import terms
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
 from mirelight.store.index import digest_of, is_one_of
 from mirelight.store.journal import FileRow, Journal, Row, said_of
 from mirelight.store.planned import PlannedFrame
-from mirelight.units import terms
 
 SUFFIXES = (".exr", ".png")
 

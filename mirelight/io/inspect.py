@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import peak, viewing
+from mirelight import peak
 from mirelight.base.errors import InputError
 from mirelight.io.facts import (
     CameraFacts,
@@ -30,7 +30,7 @@ from mirelight.io.facts import (
 )
 from mirelight.io.safety import existing, open_binary, read_bytes
 from mirelight.io.suffixes import GLTF
-from mirelight.model import Job, ProxyMesh, SplatCloud
+from mirelight.model import Job, ProxyMesh, SplatCloud, camera_checks
 
 _MESHES = (".obj", ".stl")  # and nothing else; other meshes' files may as well hold splats
 _PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp")
@@ -141,7 +141,7 @@ def _mesh_facts(
 
 def _far(*things: SplatCloud | ProxyMesh | None) -> tuple[str, ...]:
     """Lines on what lies where single precision is too coarse."""
-    lines = [viewing.too_far(x) for x in things if x is not None]
+    lines = [camera_checks.too_far(x) for x in things if x is not None]
     return tuple(x for x in lines if x)
 
 

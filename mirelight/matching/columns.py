@@ -11,8 +11,8 @@ from mirelight import relighting, stages
 from mirelight.matching.target import Target, resized
 from mirelight.matching.uncertain import Int, tiles
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, SplatLayer
+from mirelight.model.unit_lights import terms
 from mirelight.scene import Scene
-from mirelight.units import terms
 
 ROWS = 90  # pixels are averaged in linear light to at most so many rows: noise of both sides counts less
 _NO_CLAMP = 1e30

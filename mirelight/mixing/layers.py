@@ -18,9 +18,9 @@ from mirelight.base.errors import InputError
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.model import F32, F64, Lighting
 from mirelight.model.lights import position_of
+from mirelight.model.unit_lights import ALIKE, GLOW, LightSets, Unit, terms
 from mirelight.scene import Scene
 from mirelight.splat_light import EMISSION, Progress, SplatLight
-from mirelight.units import ALIKE, GLOW, LightSets, Unit, terms
 
 BASE = "base"
 MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them up to seven textures of the splats

@@ -2,7 +2,7 @@
 
 ``engine`` fetches the engine; ``bundle`` writes a page that runs it; ``browser`` runs that page and reads its buffers;
 ``predict`` makes the same frame without the engine. Its light model is `mirelight.lighting.engine`, the table of its
-units `mirelight.engine_lights`.
+units `mirelight.model.playcanvas_lights`.
 """
 
 from __future__ import annotations

@@ -16,15 +16,6 @@ import numpy as np
 
 from mirelight.base.colour import ENGINE_GAMMA
 from mirelight.base.errors import InputError, OutputError
-from mirelight.engine_lights import (
-    NORMAL_OFFSET_BIAS,
-    EngineLight,
-    EngineLighting,
-    camera_warnings,
-    engine_diffuse,
-    engine_rotation,
-    to_engine,
-)
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
@@ -42,6 +33,15 @@ from mirelight.model import (
     ToneCurve,
     rules_of,
     triangles,
+)
+from mirelight.model.playcanvas_lights import (
+    NORMAL_OFFSET_BIAS,
+    EngineLight,
+    EngineLighting,
+    camera_warnings,
+    engine_diffuse,
+    engine_rotation,
+    to_engine,
 )
 from mirelight.realtime import captures, engine, pages
 from mirelight.scene import Scene

@@ -19,7 +19,7 @@ def engine_frame(job: Job, camera: Camera, lighting: Lighting) -> Frame:
     Args:
         job: scene and settings; its profile is taken as `playcanvas`, its mode as `tint`.
         camera: any.
-        lighting: physical units; the table of :mod:`mirelight.engine_lights` turns them into the engine's.
+        lighting: physical units; the table of :mod:`mirelight.model.playcanvas_lights` turns them into the engine's.
 
     Raises:
         ValueError: the job has no splats and no proxy.

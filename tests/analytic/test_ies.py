@@ -15,11 +15,11 @@ import pytest
 import mirelight
 from mirelight.base.errors import InputError, MirelightError
 from mirelight.dataset import index, rig
-from mirelight.engine_lights import to_engine
 from mirelight.io.ies import read_ies
 from mirelight.lighting import Tracer
 from mirelight.model import IesProfile, Lighting, PointLight, ProxyMesh, RenderSettings, SpotLight, cones, digest
 from mirelight.model.cones import ConeLaw
+from mirelight.model.playcanvas_lights import to_engine
 
 from .lighting_scenes import FLOOR, Array, floor_mean, join, overhead, quad, render
 

@@ -11,9 +11,9 @@ import pytest
 import mirelight
 from mirelight import realtime
 from mirelight.base.errors import InputError
-from mirelight.engine_lights import engine_diffuse, to_engine
 from mirelight.lighting import trace
 from mirelight.model import Job, RenderSettings
+from mirelight.model.playcanvas_lights import engine_diffuse, to_engine
 from mirelight.plan import plan, warnings
 
 from .engine_cases import texture

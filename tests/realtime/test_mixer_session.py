@@ -22,9 +22,9 @@ from mirelight.mixing.first_light import FirstLight
 from mirelight.mixing.session import Session
 from mirelight.mixing.stills import View
 from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, RenderSettings
+from mirelight.model.unit_lights import LightSet, terms
 from mirelight.scene import Scene, prepare
 from mirelight.splat_light import SplatLight
-from mirelight.units import LightSet, terms
 
 from .mixer_scene import walls
 

@@ -37,7 +37,7 @@ from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import GLTF
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
-from mirelight.viewing import Judge, is_room
+from mirelight.model.camera_checks import Judge, is_room
 
 __all__ = ["CameraFiles", "Extent", "of_job"]
 

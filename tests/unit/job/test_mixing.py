@@ -13,7 +13,7 @@ from mirelight.io import job
 from mirelight.keys import Keys
 from mirelight.lighting.sunsky import resolved
 from mirelight.model import Lighting
-from mirelight.units import terms
+from mirelight.model.unit_lights import terms
 
 from .conftest import WriteJob
 

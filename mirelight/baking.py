@@ -1,9 +1,9 @@
 """Relit splats: new light written into the splats' own colours, for any viewer.
 
-Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy (`mirelight.splat_light`,
-the same light as the mixer's). Splats are blended in display space, so a surface whose splats share a factor keeps its
-look up to the curvature of enc(f dec(c)) over the colours that meet in a pixel. What a colour does with the view
-(SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
+Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy
+(`mirelight.pipeline.splat_light`, the same light as the mixer's). Splats are blended in display space, so a surface
+whose splats share a factor keeps its look up to the curvature of enc(f dec(c)) over the colours that meet in a pixel.
+What a colour does with the view (SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import needs
 from mirelight.base import colour
 from mirelight.base.sh import C0
 from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
+from mirelight.pipeline import requirements
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.splat_light import Progress, SplatLight
 from mirelight.relighting import gloss_of
-from mirelight.scene import Scene
-from mirelight.splat_light import Progress, SplatLight
 
 _PLAIN = RelightSettings()
 _STEP = 1e-3  # of display values, for the slope
@@ -39,7 +39,7 @@ def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: Progress | 
         RenderError: no splat lies on the proxy.
         BackendError: the variant cannot be used on this machine.
     """
-    needs.check_lit_splats(scene.job)
+    requirements.check_lit_splats(scene.job)
     blend = np.float32(scene.job.relight_of(lighting).blend)
     return np.asarray(1 - blend + blend * SplatLight(scene, spp, progress).factor(lighting), np.float32)
 

@@ -16,13 +16,13 @@ from typing import Protocol
 
 import numpy as np
 
-from mirelight import advice, stages
 from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.dataset import describe, index
 from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
 from mirelight.model.unit_lights import terms
-from mirelight.plan import FrameTask, Group, Plan, lightings_of
-from mirelight.scene import Scene, prepare
+from mirelight.pipeline import frame_diagnostics, stages
+from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store
 from mirelight.store.journal import said_of
 
@@ -120,7 +120,7 @@ def run(
     Raises:
         InputError: a file that the job names cannot be used.
         OutputError: a file cannot be written.
-        BackendError: see `mirelight.stages`.
+        BackendError: see `mirelight.pipeline.stages`.
     """
     heard = progress or Silent()
     store.hear(heard.note)
@@ -211,7 +211,7 @@ class Said:
         """Tell what is wrong with a frame."""
         off = [x.layer for x in terms(task.lighting) if not np.any(x.weight)] if task.lighting else []
         own = scene.job.made_proxy is not None
-        for finding in advice.of_frame(frame, scene.job.display, off=off, own=own):
+        for finding in frame_diagnostics.of_frame(frame, scene.job.display, off=off, own=own):
             self._counts[finding.kind] += 1
             if self._counts[finding.kind] <= _MOST_SAID:
                 self._progress.note(f"{task.name}: {finding}")

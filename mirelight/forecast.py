@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mirelight import keys, needs, peak, relighting, stages
+from mirelight import relighting
 from mirelight.model import Camera, Job, camera_checks
-from mirelight.plan import FrameTask, Group, Plan, lightings_of
-from mirelight.scene import Scene, prepare
+from mirelight.pipeline import keys, peak, requirements, stages
+from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store, write
 
 _SIDE = 96  # pixels of the measured frame's longer side
@@ -74,7 +75,9 @@ def forecast(plan: Plan) -> Forecast:
         cameras=len(plan.groups),
         lightings=max(len(g.tasks) for g in plan.groups),
         traces=traces,
-        fills=None if not needs.reads_surface(job) or not left else int(not store.has_layers([made.surface_transport])),
+        fills=None
+        if not requirements.reads_surface(job) or not left
+        else int(not store.has_layers([made.surface_transport])),
         gathered=sum(not store.has_layers([x]) for x in _on_surface(plan, missing)),
         seconds=seconds,
         bytes=round(size),
@@ -87,9 +90,11 @@ def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> set[str]:
     """Keys of the unit lights on the surface that frames are made from."""
     job, made = plan.job, plan.keys
     wanted = [t.lighting for tasks in missing.values() for t in tasks if t.lighting is not None]
-    if not needs.reads_surface(job) or not wanted:
+    if not requirements.reads_surface(job) or not wanted:
         return set()
-    captured = [job.captured] if job.splats is not None and needs.compares(job) and job.captured is not None else []
+    captured = (
+        [job.captured] if job.splats is not None and requirements.compares(job) and job.captured is not None else []
+    )
     sets = {s.digest: s for x in (*wanted, *captured) for s in made.mixture(x).sets}
     return {made.surface_light(part) for one in sets.values() for part in one.parts()}
 
@@ -111,7 +116,9 @@ def _remarks(plan: Plan) -> tuple[str, ...]:
 def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) -> tuple[int, int]:
     """How many sets of a camera must be traced, and how many unit lights are in them."""
     job, seen = made.job, relighting.lighting_camera(group.camera, made.job.relight)
-    captured = [job.captured] if job.splats is not None and needs.compares(job) and job.captured is not None else []
+    captured = (
+        [job.captured] if job.splats is not None and requirements.compares(job) and job.captured is not None else []
+    )
     wanted = [t.lighting for t in missing if t.lighting is not None]
     sets = {s.digest: s for x in (*wanted, *(captured if wanted else [])) for s in made.mixture(x).sets}
     due = [s for s in sets.values() if not store.has_layers([made.light(s, seen)])]
@@ -143,7 +150,7 @@ def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
     lit = None
     if task.lighting is not None:
         lit = stages.light(scene, camera, task.lighting)
-        compared = job.splats is not None and needs.compares_in(job, task.lighting) and job.captured is not None
+        compared = job.splats is not None and requirements.compares_in(job, task.lighting) and job.captured is not None
         lightings = [task.lighting, *([job.captured] if compared and job.captured is not None else [])]
         sets = len({s.digest for x in lightings for s in scene.mixture(x).sets})
     traced = time.perf_counter()

@@ -27,11 +27,12 @@ from pathlib import Path
 from unittest import mock
 
 import mirelight
-from mirelight import cli, executor, relighting, stages
+from mirelight import cli, executor, relighting
 from mirelight.model import Job
 from mirelight.model.unit_lights import LightSet
-from mirelight.plan import FrameTask, plan
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.plan import FrameTask, plan
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "stage"

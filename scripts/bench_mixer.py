@@ -21,7 +21,7 @@ from mirelight.mixing.session import STAGES, Session
 from mirelight.model import F32
 from mirelight.model.lights import position_of
 from mirelight.model.unit_lights import terms
-from mirelight.scene import prepare
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
 

@@ -26,7 +26,7 @@ from mirelight.base.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import Deferred, Indirect, Job, LightingBuffer, PointLayers, RenderSettings, triangles
-from mirelight.splat_light import by_sharpness
+from mirelight.pipeline.splat_light import by_sharpness
 
 T = TypeVar("T")
 MODES: tuple[Indirect, ...] = ("traced", "surface", "near")

@@ -45,8 +45,8 @@ def run_bake(args: argparse.Namespace) -> int:
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
     from mirelight.model.shown import count
-    from mirelight.plan import plan
-    from mirelight.scene import prepare
+    from mirelight.pipeline.plan import plan
+    from mirelight.pipeline.scene import prepare
 
     out = outputs.named(args.out, "splats are", *_SUFFIXES)
     if not 1 <= args.spp <= 1 << 20:

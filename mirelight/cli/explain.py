@@ -75,7 +75,7 @@ def run_explain(args: argparse.Namespace) -> int:
 
 def _frame(work: Job, camera: str | None, lighting: str | None) -> tuple[str, Camera, Lighting]:
     """The name, camera and lighting of the frame that is meant."""
-    from mirelight.plan import plan
+    from mirelight.pipeline.plan import plan
 
     task = plan(work, None if camera is None else [camera], None if lighting is None else [lighting]).tasks[0]
     if task.lighting is None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from mirelight.base.errors import BackendError, InputError
 
 if TYPE_CHECKING:
-    from mirelight.checking import Check
     from mirelight.model import Job
+    from mirelight.pipeline.job_diagnostics import Check
 
 
 def add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -67,8 +67,8 @@ def _supply(work: Job) -> None:
     """The proxy that is made from the splats, where an earlier render has kept it."""
     if work.made_proxy is None:
         return
-    from mirelight.cache import UserCache
-    from mirelight.keys import Keys
+    from mirelight.pipeline.cache import UserCache
+    from mirelight.pipeline.keys import Keys
     from mirelight.store import Store
 
     key = Keys(work).made_proxy
@@ -81,7 +81,7 @@ def _supply(work: Job) -> None:
 
 def _checked(work: Job, heat: str | None) -> Check | None:
     """What a look at the job finds; None where this machine has nothing to look with and no picture is asked for."""
-    from mirelight.checking import check
+    from mirelight.pipeline.job_diagnostics import check
 
     try:
         found = check(work, every_camera=heat is not None)
@@ -92,7 +92,7 @@ def _checked(work: Job, heat: str | None) -> Check | None:
     if heat is not None and found.quality is not None:
         from mirelight.io.atomic import output_error
         from mirelight.io.png import write_png
-        from mirelight.plan import camera_names
+        from mirelight.pipeline.plan import camera_names
 
         folder = Path(heat)
         try:

@@ -61,8 +61,8 @@ def run_match(args: argparse.Namespace) -> int:
     from mirelight.io.job.build import build
     from mirelight.io.job.write import with_lighting
     from mirelight.matching import match, read_target
-    from mirelight.plan import plan
-    from mirelight.scene import prepare
+    from mirelight.pipeline.plan import plan
+    from mirelight.pipeline.scene import prepare
 
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists() and out.resolve() == Path(args.job).resolve():

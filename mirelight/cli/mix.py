@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mirelight.mixing import Exported
     from mirelight.mixing.saved import Saved
     from mirelight.model import Job
-    from mirelight.scene import Scene
+    from mirelight.pipeline.scene import Scene
 
 
 def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -47,7 +47,7 @@ def run_mix(args: argparse.Namespace) -> int:
     from mirelight.io.job.overrides import parse
     from mirelight.mixing.saved import Saved
     from mirelight.mixing.server import claimed
-    from mirelight.needs import check_lit_splats
+    from mirelight.pipeline.requirements import check_lit_splats
 
     overrides = [parse(text) for text in args.set]
     work = job.load(args.job, overrides)
@@ -80,7 +80,7 @@ def run_mix(args: argparse.Namespace) -> int:
 
 def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, saved: Saved | None) -> None:
     from mirelight import mixing
-    from mirelight.scene import prepare
+    from mirelight.pipeline.scene import prepare
     from mirelight.store import Store
 
     live = sys.stderr.isatty() and not args.quiet

@@ -44,7 +44,7 @@ def run_realtime(args: argparse.Namespace) -> int:
     from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
-    from mirelight.plan import plan
+    from mirelight.pipeline.plan import plan
     from mirelight.realtime import pages
 
     work = job.load(args.job, [parse(text) for text in args.set])

@@ -15,8 +15,8 @@ from mirelight.farm import Order, Shard, crew, scheduler
 from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
 from mirelight.model.shown import count
-from mirelight.plan import light_keys, warnings
-from mirelight.scene import check
+from mirelight.pipeline.plan import light_keys, warnings
+from mirelight.pipeline.scene import check
 from mirelight.showing.preview import Previews
 from mirelight.store import Store
 

@@ -22,7 +22,7 @@ from mirelight.io.facts import (
 )
 
 if TYPE_CHECKING:
-    from mirelight.checking import Check
+    from mirelight.pipeline.job_diagnostics import Check
 
 _UNITS = {"directional": "lux", "sun": "lux", "point": "cd", "spot": "cd", "area": "cd/m²"}
 _MOST = 20  # lights or cameras that are listed

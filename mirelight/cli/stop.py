@@ -12,7 +12,7 @@ from typing import Self
 
 from mirelight.cli import INTERRUPTED, TERMINATED
 from mirelight.cli.progress import Tally
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 
 
 class Watched:

@@ -16,7 +16,7 @@ from mirelight.cli.new import refuse_capture
 from mirelight.executor import Silent
 
 if TYPE_CHECKING:
-    from mirelight.plan import FrameTask
+    from mirelight.pipeline.plan import FrameTask
     from mirelight.watching.files import Files
 
 _LOOK = 0.1  # seconds between two looks at the files

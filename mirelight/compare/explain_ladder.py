@@ -13,11 +13,11 @@ from mirelight.compare.explain_recipe import Rungs, Subject
 from mirelight.compare.explain_splats import SplatPictures
 from mirelight.compare.explain_steps_engine import as_modelled, with_physical_falloffs
 from mirelight.compare.explain_steps_physical import Say, physical_steps
-from mirelight.kept import KeptNowhere
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
 from mirelight.model.playcanvas_lights import to_engine
+from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.realtime.engine import VERSION
-from mirelight.scene import Scene, prepare
 
 _ANOTHER_SEED = 0x5EED  # added to the job's, for samples that are independent of its own
 

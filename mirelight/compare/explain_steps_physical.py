@@ -12,8 +12,8 @@ from mirelight.compare.explain_engine import engine_compositor, engine_tone, phy
 from mirelight.compare.explain_recipe import PointLight, Recipe, Rungs, Subject
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, LightingBuffer, RelightSettings
-from mirelight.scene import Scene, prepare
-from mirelight.stages import Lit, light
+from mirelight.pipeline.scene import Scene, prepare
+from mirelight.pipeline.stages import Lit, light
 
 Say = Callable[[str], None]
 

@@ -8,15 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import keys, needs, relighting
-from mirelight import plan as planning
+from mirelight import relighting
 from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.dataset.small_maps import shrunk
-from mirelight.kept import Kept
 from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
-from mirelight.plan import Plan
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline import plan as planning
+from mirelight.pipeline.kept import Kept
+from mirelight.pipeline.plan import Plan
 
 _TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
 
@@ -61,7 +62,7 @@ def describe(plan: Plan) -> Index:
 
 def _compared(job: Job) -> Lighting | None:
     """The captured lighting, where frames take it."""
-    return job.captured if job.splats is not None and needs.compares(job) else None
+    return job.captured if job.splats is not None and requirements.compares(job) else None
 
 
 class _Units:
@@ -125,7 +126,7 @@ def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]
     Args:
         plan: of the job.
         kept: where to.
-        resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.scene.Scene`.
+        resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.pipeline.scene.Scene`.
     """
     compared = _compared(plan.job)
     for lighting in (*plan.job.lightings, *(() if compared is None else (compared,))):

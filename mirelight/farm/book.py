@@ -8,7 +8,7 @@ from mirelight.base.errors import MirelightError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm import post
 from mirelight.farm.post import Word
-from mirelight.plan import FrameTask, Group
+from mirelight.pipeline.plan import FrameTask, Group
 from mirelight.store import Store
 
 

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from mirelight import advice
 from mirelight.io.exr import ExrImage
 from mirelight.model import F32, DisplaySettings, Frame, Lighting, LightingBuffer, LightLayer
 from mirelight.model.unit_lights import Term, terms
+from mirelight.pipeline import frame_diagnostics
 
 Kind = Literal["missing", "failed", "other", "damaged", "values", "picture", "sum", "layers", "closed"]
 
@@ -50,9 +50,9 @@ def broken_values(image: ExrImage) -> str:
     return ""
 
 
-def picture(frame: Frame, display: DisplaySettings, off: Collection[str]) -> Iterator[advice.Finding]:
+def picture(frame: Frame, display: DisplaySettings, off: Collection[str]) -> Iterator[frame_diagnostics.Finding]:
     """What is wrong with what a frame shows; `off`: names of lights that are meant to add nothing."""
-    yield from advice.of_frame(frame, display, off=off)
+    yield from frame_diagnostics.of_frame(frame, display, off=off)
 
 
 @dataclass(eq=False)

@@ -24,7 +24,7 @@ from mirelight.farm import post
 from mirelight.farm.book import Book
 from mirelight.farm.order import Order, fingerprint
 from mirelight.farm.post import Word
-from mirelight.plan import Group, Plan
+from mirelight.pipeline.plan import Group, Plan
 from mirelight.store import Store
 
 _LOOK = 0.2  # seconds between two looks at signals

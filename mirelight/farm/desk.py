@@ -16,7 +16,7 @@ from mirelight.farm.crew import threads_of
 from mirelight.farm.order import Order
 from mirelight.farm.post import Reporter, Word
 from mirelight.farm.worker import Bench
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 
 
 def host(worker: str) -> str:

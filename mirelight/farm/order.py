@@ -14,7 +14,7 @@ from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job, digest
-from mirelight.plan import Group, Plan, plan
+from mirelight.pipeline.plan import Group, Plan, plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class Order:
         """The chosen frames of the loaded job.
 
         Raises:
-            InputError: see `mirelight.plan.plan`.
+            InputError: see `mirelight.pipeline.plan.plan`.
         """
         return plan(
             work,

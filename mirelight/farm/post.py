@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 
 _EVERY = 0.25  # seconds between two words about samples
 

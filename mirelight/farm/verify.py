@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import mix, relighting
+from mirelight import relighting
 from mirelight.base.errors import InputError, MirelightError
 from mirelight.farm import checks
 from mirelight.farm.checks import Finding, Kind, Sums
@@ -20,9 +20,10 @@ from mirelight.farm.order import Order
 from mirelight.io import image
 from mirelight.io.exr import read_exr
 from mirelight.io.safety import open_file
-from mirelight.keys import Keys
 from mirelight.model import DisplaySettings, Frame, Job, Lighting, LightingBuffer
 from mirelight.model.unit_lights import terms
+from mirelight.pipeline import mix
+from mirelight.pipeline.keys import Keys
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
 from mirelight.store.index import digest_of, is_one_of

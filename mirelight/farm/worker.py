@@ -20,8 +20,8 @@ from mirelight.executor import RenderSummary
 from mirelight.farm import post
 from mirelight.farm.order import Order, fingerprint
 from mirelight.farm.post import Reporter, Word
-from mirelight.plan import FrameTask
-from mirelight.scene import prepare
+from mirelight.pipeline.plan import FrameTask
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
 _PATIENCE = 60.0  # seconds for a step to end after the watcher has gone

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import peak
 from mirelight.base.errors import InputError
 from mirelight.io.facts import (
     CameraFacts,
@@ -31,6 +30,7 @@ from mirelight.io.facts import (
 from mirelight.io.safety import existing, open_binary, read_bytes
 from mirelight.io.suffixes import GLTF
 from mirelight.model import Job, ProxyMesh, SplatCloud, camera_checks
+from mirelight.pipeline import peak
 
 _MESHES = (".obj", ".stl")  # and nothing else; other meshes' files may as well hold splats
 _PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp")

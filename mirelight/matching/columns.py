@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import relighting, stages
+from mirelight import relighting
 from mirelight.matching.target import Target, resized
 from mirelight.matching.uncertain import Int, tiles
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, SplatLayer
 from mirelight.model.unit_lights import terms
-from mirelight.scene import Scene
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import Scene
 
 ROWS = 90  # pixels are averaged in linear light to at most so many rows: noise of both sides counts less
 _NO_CLAMP = 1e30

@@ -22,7 +22,7 @@ from mirelight.matching.uncertain import uncertainties
 from mirelight.model import F64, Camera, LayerFactor, Light, Lighting
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.unit_lights import terms
-from mirelight.scene import Scene
+from mirelight.pipeline.scene import Scene
 
 _CLAMPED = 1e-3  # relative: where the ratio's upper clamp takes that much, light is not linear
 _CLAMP_ROUNDS = 3

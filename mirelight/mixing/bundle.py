@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import needs
 from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.job.hashing import file_digest
@@ -21,10 +20,11 @@ from mirelight.io.splats import compressed_ply, ply
 from mirelight.mixing import rgb9e5
 from mirelight.mixing.layers import Mixed, MixLayers, make
 from mirelight.model import F64, Camera, Job, SplatCloud
+from mirelight.pipeline import requirements
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.splat_light import Progress
 from mirelight.realtime import engine
 from mirelight.relighting.modes import mode_of
-from mirelight.scene import Scene
-from mirelight.splat_light import Progress
 
 _MODULES = ("mixer", "view", "panel", "files", "colors", "handles", "live", "served")
 PAGE = ("index.html", "style.css", *(f"{name}.mjs" for name in _MODULES))
@@ -67,7 +67,7 @@ def export(
         OutputError: the folder cannot be written.
     """
     job = scene.job
-    needs.check_lit_splats(job)
+    requirements.check_lit_splats(job)
     folder = Path(directory)
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")

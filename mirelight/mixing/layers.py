@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight import needs, relighting
+from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.model import F32, F64, Lighting
 from mirelight.model.lights import position_of
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSets, Unit, terms
-from mirelight.scene import Scene
-from mirelight.splat_light import EMISSION, Progress, SplatLight
+from mirelight.pipeline import requirements
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.splat_light import EMISSION, Progress, SplatLight
 
 BASE = "base"
 MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them up to seven textures of the splats
@@ -100,7 +101,7 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     job = scene.job
     assert scene.splats is not None and scene.proxy is not None
     plain = tuple(replace(x, mix=()) for x in lightings)
-    compares = needs.compares(job) and job.captured is not None
+    compares = requirements.compares(job) and job.captured is not None
     units = {t.unit.digest: t.unit for x in plain for t in terms(x)}
     index = {key: i for i, key in enumerate(units)}
     names = [_layer_name(key, plain) for key in units]

@@ -23,8 +23,8 @@ from mirelight.mixing.stills import Still, Stills, View
 from mirelight.model import F64, Job
 from mirelight.model.lights import moved_to
 from mirelight.model.unit_lights import LightSet, Unit
-from mirelight.scene import Scene
-from mirelight.splat_light import SplatLight
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.splat_light import SplatLight
 
 STAGES = (SAMPLES, 64, 256)  # samples a splat, one after another
 

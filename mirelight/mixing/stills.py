@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from mirelight import stages
 from mirelight.base.png import png_bytes
 from mirelight.io.png import encode_display
-from mirelight.kept import KeptInMemory
 from mirelight.model import Camera, Frame, Job, LayerFactor, Lighting
-from mirelight.scene import Scene, prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.kept import KeptInMemory
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.showing.preview import quick_scene
 
 MOST_PIXELS = 1920 * 1080

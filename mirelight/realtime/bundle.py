@@ -19,7 +19,6 @@ from mirelight.base.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
-from mirelight.kept import KeptNowhere
 from mirelight.lighting.engine.raster import culling_warnings
 from mirelight.model import (
     PROFILES,
@@ -43,8 +42,9 @@ from mirelight.model.playcanvas_lights import (
     engine_rotation,
     to_engine,
 )
+from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.scene import Scene
 from mirelight.realtime import captures, engine, pages
-from mirelight.scene import Scene
 
 PAGE = ("index.html", "live.mjs", "scene.mjs", "sides.mjs")  # what a person opens
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}

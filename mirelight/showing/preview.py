@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from mirelight import stages
 from mirelight.base.errors import RenderError
 from mirelight.executor import Progress
-from mirelight.kept import Kept, KeptInMemory
 from mirelight.model import Camera, Frame, Job
-from mirelight.plan import FrameTask, Group
-from mirelight.scene import Scene, prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.kept import Kept, KeptInMemory
+from mirelight.pipeline.plan import FrameTask, Group
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store
 
 _PART = 4  # of the frame's width and height

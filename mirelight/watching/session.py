@@ -8,16 +8,17 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from mirelight import executor, needs, relighting, stages
+from mirelight import executor, relighting
 from mirelight.base.errors import InputError, RenderError
 from mirelight.executor import Progress, RenderSummary
 from mirelight.farm.order import Order
 from mirelight.io import image
 from mirelight.io.atomic import atomic_path, output_error
-from mirelight.kept import KeptInMemory
 from mirelight.model import Frame, Job
-from mirelight.plan import FrameTask, Group, Plan, light_keys, plan
-from mirelight.scene import Scene, prepare
+from mirelight.pipeline import requirements, stages
+from mirelight.pipeline.kept import KeptInMemory
+from mirelight.pipeline.plan import FrameTask, Group, Plan, light_keys, plan
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.showing.preview import Pace, quick_frame, quick_job
 from mirelight.store import Store
 from mirelight.store.folder import ASIDE
@@ -184,7 +185,7 @@ class _Live:
         if lighting is None:
             return True
         wanted = [lighting]
-        if job.splats is not None and needs.compares(job) and job.captured is not None:
+        if job.splats is not None and requirements.compares(job) and job.captured is not None:
             wanted.append(job.captured)
         seen = relighting.lighting_camera(task.camera, job.relight)
         sets = {s.digest: s for x in wanted for s in scene.mixture(x).sets}

@@ -28,9 +28,9 @@ from mirelight.model import (
     SplatCloud,
     SurfaceCells,
 )
-from mirelight.needs import check_lit_splats
-from mirelight.scene import prepare
-from mirelight.splat_light import SplatLight, by_sharpness
+from mirelight.pipeline.requirements import check_lit_splats
+from mirelight.pipeline.scene import prepare
+from mirelight.pipeline.splat_light import SplatLight, by_sharpness
 
 from .test_surface_cache import stage
 

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import baking, prepare, stages
+from mirelight import baking, prepare
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.base.sh import C0
@@ -19,6 +19,7 @@ from mirelight.io import image, job, splats
 from mirelight.lighting import Tracer
 from mirelight.model import RelightSettings, SplatCloud
 from mirelight.model.profiles import Gloss
+from mirelight.pipeline import stages
 from mirelight.relighting.frame import unlit_rgba
 
 FLOOR = """\

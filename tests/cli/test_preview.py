@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import executor, load, stages
+from mirelight import executor, load
 from mirelight.model import Frame, Job
-from mirelight.plan import FrameTask, plan
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.plan import FrameTask, plan
+from mirelight.pipeline.scene import prepare
 from mirelight.showing import preview, shots
 from mirelight.showing.preview import Previews
 from mirelight.store import Store

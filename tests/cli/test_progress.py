@@ -13,7 +13,7 @@ import pytest
 from mirelight.cli.progress import Lines, Tally, duration, samples_of
 from mirelight.farm.pace import Costs, Pace
 from mirelight.model import Camera
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 from mirelight.store.journal import FileRow, Row
 from mirelight.store.planned import PlannedFrame
 

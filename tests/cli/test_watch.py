@@ -17,7 +17,7 @@ from PIL import Image
 from mirelight.base.errors import InputError
 from mirelight.executor import Silent
 from mirelight.farm.order import Order
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 from mirelight.watching.files import Files, files_of
 from mirelight.watching.session import Session
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import stages
 from mirelight.base.errors import InputError
 from mirelight.compare.explain import CAUSES, Ladder, Rung, summary
 from mirelight.compare.explain_engine import EngineRun, physical_display, physical_settings
@@ -41,8 +40,9 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 from mirelight.realtime import EngineFrames
-from mirelight.scene import prepare
 
 CAMERA = Camera.look_at((0, 0, 4), (0, 0, 0), 96, 64, yfov=40, near=0.1, far=50)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import mirelight
 from mirelight.matching import LayerMatch, match, read_target
-from mirelight.scene import prepare
+from mirelight.pipeline.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SETTINGS = ["render.spp=64", "render.denoise=true", "relight.texture_scale=0.5"]

@@ -27,8 +27,8 @@ from mirelight.model import (
     RenderSettings,
     SplatLayer,
 )
+from mirelight.pipeline.scene import prepare
 from mirelight.relighting import apply
-from mirelight.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
 GAINS = {  # dB by which the ratio must beat the tint; measured: 20.7, 13.8, 13.2, 14.9, 20.7

@@ -26,8 +26,8 @@ from mirelight.io.facts import MeshFacts, SplatFacts
 from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.io.inspect import inspect, of_job
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
+from mirelight.pipeline.scene import prepare
 from mirelight.proxy import make
-from mirelight.scene import prepare
 
 from .clouds import ball, box_shell, fog, on_surface, square
 

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import cli, executor, keys
+from mirelight import cli, executor
 from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
-from mirelight.plan import plan
+from mirelight.pipeline import keys
+from mirelight.pipeline.plan import plan
 from mirelight.store import Store
 from tests.proxy.clouds import ball
 

@@ -14,7 +14,7 @@ from mirelight.base.errors import InputError
 from mirelight.lighting import trace
 from mirelight.model import Job, RenderSettings
 from mirelight.model.playcanvas_lights import engine_diffuse, to_engine
-from mirelight.plan import plan, warnings
+from mirelight.pipeline.plan import plan, warnings
 
 from .engine_cases import texture
 

@@ -15,7 +15,7 @@ import pytest
 from mixer_page import decibels
 
 import mirelight
-from mirelight import mixing, stages
+from mirelight import mixing
 from mirelight.base import colour, sh
 from mirelight.base.errors import RenderError
 from mirelight.compositor.engine import Loaded, corners_of
@@ -24,10 +24,11 @@ from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.mixing.bundle import _camera, export
 from mirelight.model import F32, Frame, Job
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 from mirelight.realtime import browser
 from mirelight.realtime.captures import _chunk_bounds
 from mirelight.realtime.server import serve
-from mirelight.scene import prepare
 
 from .mixer_scene import walls
 from .waiting import LIMIT

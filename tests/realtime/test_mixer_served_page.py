@@ -16,7 +16,6 @@ import pytest
 from mixer_page import decibels
 from PIL import Image
 
-from mirelight import stages
 from mirelight.cli import main
 from mirelight.io import job as jobs
 from mirelight.io import splats
@@ -26,8 +25,9 @@ from mirelight.mixing.saved import Saved
 from mirelight.mixing.server import serving
 from mirelight.mixing.session import Session
 from mirelight.model.lights import position_of
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 from mirelight.realtime import browser
-from mirelight.scene import prepare
 
 from .mixer_scene import walls
 from .test_mixer import JOB, displayed

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import stages
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
@@ -23,8 +22,9 @@ from mirelight.mixing.session import Session
 from mirelight.mixing.stills import View
 from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, RenderSettings
 from mirelight.model.unit_lights import LightSet, terms
-from mirelight.scene import Scene, prepare
-from mirelight.splat_light import SplatLight
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import Scene, prepare
+from mirelight.pipeline.splat_light import SplatLight
 
 from .mixer_scene import walls
 

@@ -11,7 +11,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from mirelight import keys, provenance, relighting
+from mirelight import relighting
 from mirelight.dataset import describe, export
 from mirelight.model import (
     Camera,
@@ -35,8 +35,9 @@ from mirelight.model import (
     SplatCloud,
 )
 from mirelight.model.planes import AOVS, MATTES
-from mirelight.plan import plan
-from mirelight.scene import prepare
+from mirelight.pipeline import keys, provenance
+from mirelight.pipeline.plan import plan
+from mirelight.pipeline.scene import prepare
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {

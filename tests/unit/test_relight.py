@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import advice, relighting
+from mirelight import relighting
 from mirelight.base import colour
 from mirelight.model import (
     Camera,
@@ -21,6 +21,7 @@ from mirelight.model import (
     rules_of,
 )
 from mirelight.model.profiles import Gloss
+from mirelight.pipeline import frame_diagnostics
 
 H, W = 12, 17
 TINT = RelightSettings(mode="tint")
@@ -553,10 +554,10 @@ def test_nothing_sends_out_more_than_the_brightest_surface_would(old: float) -> 
     new = varied(26)
     frame = relighting.apply(of_surface(np.ones(3), 0.9), lit(0.5 * new), ALBEDO, captured=lit(0.5 * old))
     np.testing.assert_allclose(frame.rgba[..., :3], 0.95 * new, rtol=1e-5)
-    (found,) = [x for x in advice.of_frame(frame, DisplaySettings(exposure=-2.0)) if x.kind == "albedo"]
+    (found,) = [x for x in frame_diagnostics.of_frame(frame, DisplaySettings(exposure=-2.0)) if x.kind == "albedo"]
     assert "100% of the splats' pixels were brighter than any surface" in found.text
     right = relighting.apply(of_surface(np.full(3, 0.5), 1.0), lit(0.5 * new), ALBEDO, captured=lit(0.5))
-    assert "albedo" not in [x.kind for x in advice.of_frame(right, DisplaySettings())]
+    assert "albedo" not in [x.kind for x in frame_diagnostics.of_frame(right, DisplaySettings())]
 
 
 # --- colour that changes with the view -------------------------------------------------------------------------------

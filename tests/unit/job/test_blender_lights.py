@@ -11,7 +11,7 @@ import pytest
 import mirelight
 from mirelight.io.inspect import inspect
 from mirelight.model import Job, SpotLight
-from mirelight.plan import plan, warnings
+from mirelight.pipeline.plan import plan, warnings
 
 from .conftest import WriteJob
 

@@ -10,10 +10,10 @@ import pytest
 
 from mirelight.base.errors import InputError
 from mirelight.io import job
-from mirelight.keys import Keys
 from mirelight.lighting.sunsky import resolved
 from mirelight.model import Lighting
 from mirelight.model.unit_lights import terms
+from mirelight.pipeline.keys import Keys
 
 from .conftest import WriteJob
 

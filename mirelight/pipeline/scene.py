@@ -1,7 +1,7 @@
 """A job made ready: everything that is made once a scene, each part when it is first needed.
 
-Parts that take long are artefacts with a key of their own (`mirelight.keys`), kept where the caller has a place for
-them.
+Parts that take long are artefacts with a key of their own (`mirelight.pipeline.keys`), kept where the caller has a
+place for them.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mirelight import advice, keys, needs, relighting
+from mirelight import relighting
 from mirelight.base import backend, extras
 from mirelight.base.errors import InputError
-from mirelight.cache import UserCache
-from mirelight.kept import Kept, KeptNowhere
 from mirelight.model import (
     F32,
     Camera,
@@ -36,9 +34,12 @@ from mirelight.model import (
 )
 from mirelight.model.profiles import COMPARING
 from mirelight.model.unit_lights import LightSet, Mixture
-from mirelight.splat_light import SplatLight
-from mirelight.surface_light import SurfaceLight
-from mirelight.view_light import ViewLight
+from mirelight.pipeline import frame_diagnostics, keys, requirements
+from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.kept import Kept, KeptNowhere
+from mirelight.pipeline.splat_light import SplatLight
+from mirelight.pipeline.surface_light import SurfaceLight
+from mirelight.pipeline.view_light import ViewLight
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -73,7 +74,7 @@ def prepare(
 def check(job: Job) -> None:
     """Raises InputError where a job names too little to be rendered, BackendError where it needs a package that is not
     installed."""
-    if job.render.denoise and job.proxy is not None and not needs.follows_engine(job):
+    if job.render.denoise and job.proxy is not None and not requirements.follows_engine(job):
         extras.require("denoise")
     if job.splats is None and (job.proxy is None or not job.lightings):
         raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
@@ -87,7 +88,7 @@ def check(job: Job) -> None:
         )
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
-    if job.lightings and job.splats is not None and needs.compares(job) and job.captured is None:
+    if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
         raise InputError(
             job.source,
             f"mode {_comparing(job)!r} without the lighting that the capture was made under",
@@ -146,7 +147,11 @@ class Scene:
             return
         if job.render.profile == theirs.render.profile:
             mine.update({name: ready[name] for name in ("mesh", "proxy", "glows") if name in ready})
-        if needs.compares(job) and needs.compares(theirs) and self.keys.captured_level == other.keys.captured_level:
+        if (
+            requirements.compares(job)
+            and requirements.compares(theirs)
+            and self.keys.captured_level == other.keys.captured_level
+        ):
             mine.update({name: ready[name] for name in ("captured_level",) if name in ready})
         if same_machine and "tracer" in ready:
             self._take_tracer(other)
@@ -155,10 +160,14 @@ class Scene:
         from mirelight.lighting import Tracer
 
         job, theirs, tracer = self.job, other.job, other.tracer
-        apart, aovs = needs.keeps_lights_apart(job), needs.wants_aovs(job)
-        if (job.render, apart, aovs) == (theirs.render, needs.keeps_lights_apart(theirs), needs.wants_aovs(theirs)):
+        apart, aovs = requirements.keeps_lights_apart(job), requirements.wants_aovs(job)
+        if (job.render, apart, aovs) == (
+            theirs.render,
+            requirements.keeps_lights_apart(theirs),
+            requirements.wants_aovs(theirs),
+        ):
             vars(self)["tracer"] = tracer
-        elif isinstance(tracer, Tracer) and not needs.follows_engine(job):
+        elif isinstance(tracer, Tracer) and not requirements.follows_engine(job):
             vars(self)["tracer"] = tracer.tuned(job.render, layers=apart, aovs=aovs)
 
     def read(self) -> None:
@@ -219,14 +228,14 @@ class Scene:
         """The proxy as light falls on it: with the splats' colours where the job asks for them and they are of use."""
         job = self.job
         mesh = self.mesh
-        if mesh is None or self.splats is None or job.captured is None or not needs.colors_proxy(job):
+        if mesh is None or self.splats is None or job.captured is None or not requirements.colors_proxy(job):
             return mesh
         from mirelight.lighting import albedo
 
         colors = self.kept.array(self.keys.proxy)
         if colors is None:
             found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render)
-            finding = advice.of_colors(found.met, found.lit)
+            finding = frame_diagnostics.of_colors(found.met, found.lit)
             if finding is not None:
                 self._tell(str(finding))
             colors = found.values
@@ -238,14 +247,14 @@ class Scene:
         """True where the proxy's own surfaces send out light that is traced."""
         from mirelight.lighting.materials import is_emissive
 
-        return self.proxy is not None and not needs.follows_engine(self.job) and is_emissive(self.proxy)
+        return self.proxy is not None and not requirements.follows_engine(self.job) and is_emissive(self.proxy)
 
     @cached_property
     def captured_level(self) -> float | None:
         """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it, or
         nothing on this machine can tell (the variant scalar_rgb without libLLVM): views then take their own mean."""
         job = self.job
-        if self.proxy is None or job.captured is None or not needs.compares(job):
+        if self.proxy is None or job.captured is None or not requirements.compares(job):
             return None
         if job.render.variant == "scalar_rgb" and backend.choose() is None:
             return None
@@ -325,7 +334,7 @@ class Scene:
         """Light on the surface, for all of the job's cameras; None where the job traces it."""
         from mirelight.lighting import Tracer
 
-        if not needs.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
+        if not requirements.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
             return None
         return SurfaceLight(self, self.tracer, self._tell)
 
@@ -375,7 +384,7 @@ class Scene:
 
     def mattes(self, camera: Camera) -> tuple[Matte, ...]:
         """The cryptomattes that the job's files hold, of one camera; those of the last camera are kept."""
-        wanted = needs.mattes(self.job)
+        wanted = requirements.mattes(self.job)
         if not wanted:
             return ()
         if self._mattes is None or keys.view(self._mattes[0]) != keys.view(camera):
@@ -396,4 +405,6 @@ class Scene:
 
         assert self.proxy is not None
         job = self.job
-        return tracer(self.proxy, job.render, layers=needs.keeps_lights_apart(job), aovs=needs.wants_aovs(job))
+        return tracer(
+            self.proxy, job.render, layers=requirements.keeps_lights_apart(job), aovs=requirements.wants_aovs(job)
+        )

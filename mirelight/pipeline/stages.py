@@ -15,10 +15,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from mirelight import needs, provenance, relighting
+from mirelight import relighting
 from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, RelightSettings, SplatLayer
-from mirelight.scene import Scene
-from mirelight.view_light import Progress, ViewStopped
+from mirelight.pipeline import provenance, requirements
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.view_light import Progress, ViewStopped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,7 +61,7 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
     if scene.job.splats is None:
         return None
     return scene.compositor.composite(
-        camera, depth=needs.wants_depth(scene.job), diffuse=needs.wants_diffuse(scene.job)
+        camera, depth=requirements.wants_depth(scene.job), diffuse=requirements.wants_diffuse(scene.job)
     )
 
 
@@ -86,7 +87,7 @@ def light(
     """
     _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
-    compared = job.captured if job.splats is not None and needs.compares_in(job, lighting) else None
+    compared = job.captured if job.splats is not None and requirements.compares_in(job, lighting) else None
     view = scene.view_light(seen)
     view.expect([lighting] if compared is None else [compared, lighting], progress)
     captured: LightingBuffer | None = None
@@ -136,7 +137,7 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
     """
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
     wanted = list(lightings)
-    if job.splats is not None and needs.compares(job) and job.captured is not None:
+    if job.splats is not None and requirements.compares(job) and job.captured is not None:
         wanted.append(job.captured)
         _ = scene.captured_level
     try:
@@ -184,7 +185,7 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
             captured=lit.captured if lit else None,
             captured_level=scene.captured_level if lit and lit.captured else None,
             made_by=made_by,
-            noise=needs.wants_noise(job),
+            noise=requirements.wants_noise(job),
         )
     mattes = scene.mattes(camera)
     return replace(made, mattes=mattes) if mattes else made

@@ -1,7 +1,7 @@
 """What can be told of a job before anything is rendered: how well its proxy fits its splats through its own cameras,
 cameras that see nothing, lights that reach nothing.
 
-It says what `mirelight.advice` would say after a frame, without light.
+It says what `mirelight.pipeline.frame_diagnostics` would say after a frame, without light.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.advice import MOST_GAP, MOST_UNCOVERED, Finding
 from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import (
@@ -26,6 +25,7 @@ from mirelight.model import (
     SpotLight,
     camera_checks,
 )
+from mirelight.pipeline.frame_diagnostics import MOST_GAP, MOST_UNCOVERED, Finding
 from mirelight.proxy import ProxyQuality, ProxySettings, judge, mesh_of
 from mirelight.proxy.advice import MOST_LEAKS, UNEXPLAINED
 from mirelight.proxy.views import rays

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from mirelight import keys, needs
-from mirelight.kept import Kept
-from mirelight.mix import Wanted, mix
 from mirelight.model import Camera, DirectionalLight, Job, Lighting, LightingBuffer, SunLight, SurfaceCache
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline.kept import Kept
+from mirelight.pipeline.mix import Wanted, mix
 
 if TYPE_CHECKING:
     from mirelight.lighting import EngineTracer, Tracer
@@ -28,7 +28,7 @@ class ViewStopped(KeyboardInterrupt):
 
 
 class LitScene(Protocol):
-    """What a view's light needs of the prepared job: `mirelight.scene.Scene` without its splats."""
+    """What a view's light needs of the prepared job: `mirelight.pipeline.scene.Scene` without its splats."""
 
     job: Job
     keys: keys.Keys
@@ -182,7 +182,7 @@ class ViewLight:
     def _finished(self, mixture: Mixture) -> LightingBuffer:
         job = self._scene.job
         buffer = self._mixed(mixture, self._there)
-        if not job.render.denoise or needs.follows_engine(job):
+        if not job.render.denoise or requirements.follows_engine(job):
             return buffer
         from mirelight.lighting.denoise import denoise
 

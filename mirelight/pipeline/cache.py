@@ -1,9 +1,9 @@
 """What takes minutes to make of a capture, kept for all commands of a user: proxies made from splats, and estimates of
 the light that splats were captured under.
 
-Files are named by their keys (`mirelight.keys`) in a folder of the user and carry a digest. They appear whole or not at
-all, so any number of processes may share the folder. Where it cannot be used nothing is kept, and nothing is said: an
-output folder keeps the same things for itself.
+Files are named by their keys (`mirelight.pipeline.keys`) in a folder of the user and carry a digest. They appear whole
+or not at all, so any number of processes may share the folder. Where it cannot be used nothing is kept, and nothing is
+said: an output folder keeps the same things for itself.
 """
 
 from __future__ import annotations

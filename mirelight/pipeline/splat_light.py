@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mirelight import keys, needs, relighting
-from mirelight.kept import Kept, made_once
+from mirelight import relighting
 from mirelight.model import (
     F32,
     DirectionalLight,
@@ -29,6 +28,8 @@ from mirelight.model import (
     SurfaceTransport,
 )
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline.kept import Kept, made_once
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
@@ -110,7 +111,7 @@ class SplatLight:
         assert scene.splats is not None
         settings = job.relight_of(lighting)
         old = None
-        if needs.compares_in(job, lighting):
+        if requirements.compares_in(job, lighting):
             assert job.captured is not None
             old = self.of(job.captured)
         new = self.of(lighting)

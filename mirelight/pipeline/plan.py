@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from mirelight import keys, needs
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, EstimatedSky, Job, Lighting, playcanvas_lights
-from mirelight.scene import check, prepare
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline.scene import check, prepare
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,13 +108,13 @@ def warnings(plan: Plan) -> tuple[str, ...]:
     are easily taken for something else, said once."""
     job = plan.job
     lightings = lightings_of(plan.groups)
-    if needs.compares(job) and job.captured is not None and all(x is not job.captured for x in lightings):
+    if requirements.compares(job) and job.captured is not None and all(x is not job.captured for x in lightings):
         lightings = (*lightings, job.captured)
-    if needs.follows_engine(job):
+    if requirements.follows_engine(job):
         found = _engine_warnings(job, [group.camera for group in plan.groups], lightings)
     else:
         found = [(x.name, playcanvas_lights.physical_warnings(x.lights)) for x in lightings]
-    if job.albedo_from_splats and not needs.colors_proxy(job):
+    if job.albedo_from_splats and not requirements.colors_proxy(job):
         gray = "the splats' colours are used in modes 'ratio' and 'albedo' with path-traced light; gray here"
         found.append(("proxy.albedo", (gray,)))
     return tuple(dict.fromkeys([*job.notes, *(f"{where}: {line}" for where, lines in found for line in lines)]))
@@ -124,7 +124,7 @@ def _engine_warnings(
     job: Job, cameras: Sequence[Camera], lightings: Sequence[Lighting]
 ) -> list[tuple[str, tuple[str, ...]]]:
     found: list[tuple[str, tuple[str, ...]]] = []
-    if needs.compares(job):
+    if requirements.compares(job):
         found.append(("relight.mode", ("the engine knows the tint only",)))
     found += [("camera", playcanvas_lights.camera_warnings(x)) for x in cameras]
     if job.proxy is not None and lightings:

@@ -9,10 +9,10 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
-from mirelight import keys, needs
-from mirelight.kept import WAIT, Kept, made_once
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.model.unit_lights import LightSet
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline.kept import WAIT, Kept, made_once
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
@@ -57,7 +57,7 @@ class SurfaceLight:
         key = self._keys.surface_cells
 
         def make() -> SurfaceCells:
-            made = self._tracer.cells(needs.lighting_cameras(self._job))
+            made = self._tracer.cells(requirements.lighting_cameras(self._job))
             self._kept.keep_cells(key, made)
             return made
 
@@ -145,7 +145,7 @@ class SurfaceLight:
         """As many fills, averaged, as bring the job's pictures to their noise target at least cost."""
         from mirelight.lighting.budget import averaged
 
-        tracer, cameras = self._tracer, needs.lighting_cameras(self._job)
+        tracer, cameras = self._tracer, requirements.lighting_cameras(self._job)
         if not cameras or not first.lights:
             return first
         rays, pixels = min(x.rays for x in first.lights), sum(x.width * x.height for x in cameras)

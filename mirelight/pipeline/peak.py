@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import keys, needs, relighting
+from mirelight import relighting
 from mirelight.model import Camera, Job, Lighting, ProxyMesh
 from mirelight.model.unit_lights import GLOW, LightSet
+from mirelight.pipeline import keys, requirements
 
 _PROGRAM = 180 << 20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
 _SPLAT = 270  # bytes of a splat beside it and its copy: projected records twice, keys, order
@@ -64,13 +65,17 @@ def _light_bytes(job: Job, camera: Camera, glows: bool) -> int:
     """Of one view: the sets and layers of the lighting that takes most, and what is kept of the others' sets."""
     seen = relighting.lighting_camera(camera, job.relight)
     pixels, made = seen.width * seen.height, keys.Keys(job)
-    compared = [job.captured] if job.splats is not None and job.captured is not None and needs.compares(job) else []
+    compared = (
+        [job.captured] if job.splats is not None and job.captured is not None and requirements.compares(job) else []
+    )
     every: dict[str, int] = {GLOW.digest: _SET + _SET_LAYER} if glows else {}
     most = kept = 0
     for lighting in (x for x in job.lightings if x.lights_up(camera)):
         own = {s.digest: _set_bytes(s) for x in (lighting, *compared) for s in made.mixture(x).sets}
         layers = len(lighting.layer_names) + glows
-        denoised = _DENOISED + _DENOISED_LAYER * layers if job.render.denoise and not needs.follows_engine(job) else 0
+        denoised = (
+            _DENOISED + _DENOISED_LAYER * layers if job.render.denoise and not requirements.follows_engine(job) else 0
+        )
         every |= own
         most = max(most, sum(own.values()) + _LAYER * layers + denoised)
         kept = max(kept, sum(own.values()))

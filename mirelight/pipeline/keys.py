@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 from functools import cached_property
 
-from mirelight import needs, provenance, relighting
+from mirelight import relighting
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -26,6 +26,7 @@ from mirelight.model import (
 )
 from mirelight.model.profiles import rules_of
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
+from mirelight.pipeline import provenance, requirements
 
 FILE_SUFFIXES = (".exr", ".png")
 
@@ -57,7 +58,7 @@ class Keys:
         """The proxy as light falls on it: with the splats' colours where they are wanted."""
         job = self.job
         assert job.proxy is not None
-        if not needs.colors_proxy(job):
+        if not requirements.colors_proxy(job):
             return job.proxy.digest
         assert job.splats is not None and job.captured is not None
         parts = job.proxy.digest, job.splats.digest, _light(job.captured), job.render.seed, job.render.max_depth
@@ -101,7 +102,7 @@ class Keys:
     def splat_sets(self) -> LightSets:
         """The sets of unit lights whose light on splats makes the job's lightings, then the captured one."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and needs.compares(job) else ()
+        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
         return LightSets((*job.lightings, *captured), ALIKE)
 
     def splat_light(self, light_set: LightSet, spp: int) -> str:
@@ -112,15 +113,15 @@ class Keys:
     def sets(self) -> LightSets:
         """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and needs.compares(job) else ()
+        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
         shared = tuple(x for x in job.lightings if x.time is None)
-        return LightSets((*shared, *captured), needs.rules(job), shared if job.pooled else ())
+        return LightSets((*shared, *captured), requirements.rules(job), shared if job.pooled else ())
 
     def _moment(self, lighting: Lighting) -> Mixture:
         """Lights for one camera alone: traced together, for no other frame has a use for a part of them."""
         known = self._moments.get(id(lighting))
         if known is None:
-            known = self._moments[id(lighting)] = LightSets((lighting,), needs.rules(self.job)).mixture(lighting)
+            known = self._moments[id(lighting)] = LightSets((lighting,), requirements.rules(self.job)).mixture(lighting)
         return known
 
     # --- made once a camera ---
@@ -137,7 +138,7 @@ class Keys:
         job = self.job
         if job.splats is None:
             return "no splats"
-        wanted = needs.wants_depth(job), needs.wants_diffuse(job)
+        wanted = requirements.wants_depth(job), requirements.wants_diffuse(job)
         settings = _read(job.compositor, _compositor_reads(job.compositor)), *wanted
         return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
 
@@ -156,15 +157,19 @@ class Keys:
     @cached_property
     def _traced(self) -> str:
         job = self.job
-        settings = _read(job.render, _light_reads(job)), needs.keeps_lights_apart(job), needs.wants_aovs(job)
-        surface = self.surface_cells if needs.reads_surface(job) else ""
+        settings = (
+            _read(job.render, _light_reads(job)),
+            requirements.keeps_lights_apart(job),
+            requirements.wants_aovs(job),
+        )
+        surface = self.surface_cells if requirements.reads_surface(job) else ""
         return digest("light", self.proxy, settings, surface, self._device)
 
     @cached_property
     def surface_cells(self) -> str:
         """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
         job = self.job
-        views = [view(x) for x in needs.lighting_cameras(job)]
+        views = [view(x) for x in requirements.lighting_cameras(job)]
         return digest("cells", self.proxy, views, self._device)
 
     @cached_property
@@ -176,7 +181,7 @@ class Keys:
         """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
         render = self.job.render
         # how many fills are averaged for a noise target depends on the target and on what frames look like
-        aim = () if render.noise is None else (render.noise, render.indirect, needs.keeps_lights_apart(self.job))
+        aim = () if render.noise is None else (render.noise, render.indirect, requirements.keeps_lights_apart(self.job))
         return digest("light on the surface", self.surface_transport, part.digest, render.max_depth, *aim)
 
     def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
@@ -186,14 +191,14 @@ class Keys:
     def lights(self) -> Iterator[str]:
         """All light of the job that is kept: each camera's sets, and what lies on the surface."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and needs.compares(job) else ()
+        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
         every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
         shared = {s.digest: s for x in (*job.lightings, *captured) if x.time is None for s in self.mixture(x).sets}
         for camera in job.cameras:
             own = [s for x in job.lightings if x.time is not None and x.lights_up(camera) for s in self.mixture(x).sets]
             seen = relighting.lighting_camera(camera, job.relight)
             yield from (self.light(s, seen) for s in (*shared.values(), *own, GLOW))
-        if needs.reads_surface(job):
+        if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
     def layers(self, camera: Camera, lightings: Iterable[Lighting | None]) -> Iterator[str]:
@@ -201,7 +206,7 @@ class Keys:
         job = self.job
         if job.splats is not None:
             yield self.composite(camera)
-        captured = (job.captured,) if job.splats is not None and needs.compares(job) else ()
+        captured = (job.captured,) if job.splats is not None and requirements.compares(job) else ()
         seen = relighting.lighting_camera(camera, job.relight)
         mixtures = (self.mixture(x) for x in (*lightings, *captured) if x is not None)
         yield from (self.light(s, seen) for s in {s.digest: s for m in mixtures for s in m.sets}.values())
@@ -216,7 +221,7 @@ class Keys:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
-        if job.splats is not None and needs.compares_in(job, lighting) and job.captured is not None:
+        if job.splats is not None and requirements.compares_in(job, lighting) and job.captured is not None:
             if seen not in self._old:
                 self._old[seen] = [*self._lit(job.captured, seen), self.captured_level]
             parts += self._old[seen]
@@ -228,7 +233,7 @@ class Keys:
 
     def _on_splats(self, lighting: Lighting) -> Iterator[str]:
         """What a frame reads of the light on splats."""
-        captured = self.job.captured if needs.compares_in(self.job, lighting) else None
+        captured = self.job.captured if requirements.compares_in(self.job, lighting) else None
         for one in (lighting, captured):
             if one is not None:
                 mixture = self.splat_sets.mixture(one)
@@ -264,7 +269,7 @@ class Keys:
                 denoised,
                 self._versions("numpy"),
                 job.splats is None,
-                needs.wants_noise(job),
+                requirements.wants_noise(job),
                 job.output.wants_layers,  # layers are added up one by one, else before they are mixed: other roundings
             )
         return found
@@ -285,7 +290,7 @@ class Keys:
     @cached_property
     def _mattes(self) -> str:
         """The names of the proxy's things in a file, whatever lights it; what a camera sees is in its frames' keys."""
-        wanted, proxy = needs.mattes(self.job), self.job.proxy
+        wanted, proxy = requirements.mattes(self.job), self.job.proxy
         return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, self._device)
 
     def _names(self, lighting: Lighting | None) -> str:
@@ -346,10 +351,10 @@ def _compositor_reads(settings: CompositorSettings) -> set[str]:
 def _light_reads(job: Job) -> set[str]:
     """Names of the settings that shape a traced buffer in its profile."""
     names = {"profile", "variant"}
-    if needs.follows_engine(job):
+    if requirements.follows_engine(job):
         return names
     names |= {"spp", "noise", "max_depth", "indirect", "seed", "denoise"}
-    return names | {"ao_distance"} if needs.wants_aovs(job) else names
+    return names | {"ao_distance"} if requirements.wants_aovs(job) else names
 
 
 def view(camera: Camera) -> str:

@@ -17,13 +17,12 @@ from typing import Protocol
 import numpy as np
 
 from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
-from mirelight.dataset import describe, index
 from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import frame_diagnostics, stages
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
-from mirelight.store import Store
+from mirelight.store import Store, layer_index, layer_records
 from mirelight.store.journal import said_of
 
 _MOST_SAID = 3  # lines of one kind of finding
@@ -183,13 +182,13 @@ def keep_index(plan: Plan, store: Store) -> None:
     """Write the index of what is kept besides frames."""
     whole = all(x.time is None for x in plan.job.lightings)  # every camera under every lighting, as an index has it
     if plan.job.output.store != "frames" and plan.job.lightings and whole:
-        index.write(describe.describe(plan), store.folder)
+        layer_index.write(layer_records.describe(plan), store.folder)
 
 
 def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
     """Keep the maps and suns of the job's environments and skies beside the layers, unless they are there."""
     if plan.job.output.store != "frames":
-        describe.keep_around(plan, store, scene.resolved)
+        layer_records.keep_around(plan, store, scene.resolved)
 
 
 def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -> None:

@@ -20,12 +20,12 @@ from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset import card, contact, croissant, rig
 from mirelight.dataset.draws import Split, split
-from mirelight.dataset.index import Index, KeptView, Weighted
 from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
 from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.model import DatasetSettings, HeldOut, Job, Layout, PointLight, SpotLight, digest
+from mirelight.store.layer_index import Index, KeptView, Weighted
 
 __all__ = ["LAYOUTS", "Progress", "Silent", "check", "export"]
 

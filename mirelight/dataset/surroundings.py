@@ -12,8 +12,8 @@ import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
-from mirelight.dataset.small_maps import MOST_ROWS, shrunk
 from mirelight.model import F32, F64
+from mirelight.store.small_maps import MOST_ROWS, shrunk
 
 SUN_DIAMETER = 0.53  # degrees, of a directional light, which has none
 # The frame whose map has the view direction in its middle and the camera's right at u = 0.75 (skylibs, Stanford-ORB).

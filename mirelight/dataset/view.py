@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import relighting
 from mirelight.base.errors import InputError
-from mirelight.dataset import index as indexing
-from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.dataset.surroundings import Map, Sun, Surroundings
 from mirelight.model import (
     F32,
@@ -31,7 +29,9 @@ from mirelight.model import (
     SplatLayer,
     SunLight,
 )
+from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
+from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
 _REMEDY = "mirelight verify --rebuild forgets it, and mirelight render makes it again"

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from mirelight import dataset
 from mirelight.base.errors import InputError
-from mirelight.dataset.index import FILE as LAYERS
 from mirelight.dataset.view import DataSet
 from mirelight.farm.order import named
 from mirelight.io.display import SUFFIXES, read_display
@@ -27,6 +26,7 @@ from mirelight.io.frame_texts import CAMERA, PROVENANCE, read_text
 from mirelight.io.image import read_fingerprint
 from mirelight.io.png import encode_display, read_png_text
 from mirelight.model import Profile
+from mirelight.store.layer_index import FILE as LAYERS
 from mirelight.store.planned import PlannedRuns
 
 _ASIDE = re.compile(r"\.(partial|preview)$")  # stems of frames that are not done

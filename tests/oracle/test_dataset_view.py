@@ -16,7 +16,6 @@ import pytest
 import mirelight
 from mirelight import cli, dataset
 from mirelight.base.errors import InputError
-from mirelight.dataset import index as indexing
 from mirelight.dataset.draws import Draws, split
 from mirelight.dataset.view import DataSet
 from mirelight.farm.checks import Finding
@@ -25,6 +24,7 @@ from mirelight.io import splats
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Material, ProxyMesh, SplatCloud
+from mirelight.store import layer_index as indexing
 
 JOB = """
 splats = "splats.ply"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mirelight import relighting
-from mirelight.dataset import describe, export
+from mirelight.dataset import export
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -38,6 +38,7 @@ from mirelight.model.planes import AOVS, MATTES
 from mirelight.pipeline import keys, provenance
 from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
+from mirelight.store import layer_records
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
@@ -238,7 +239,7 @@ def _splat_light(made: keys.Keys) -> str:
 
 
 def _exported(made: keys.Keys) -> str:
-    index = describe.describe(plan(made.job))
+    index = layer_records.describe(plan(made.job))
     return export.picture_key(index, index.views[0], 0, np.eye(4))
 
 

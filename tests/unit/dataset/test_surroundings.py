@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mirelight.base import conventions
-from mirelight.dataset.small_maps import shrunk
 from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, solid_angles
 from mirelight.model import Camera
+from mirelight.store.small_maps import shrunk
 
 
 def way_of(u: float, v: float) -> np.ndarray:

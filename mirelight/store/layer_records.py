@@ -9,8 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight import relighting
-from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
-from mirelight.dataset.small_maps import shrunk
 from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
@@ -18,6 +16,8 @@ from mirelight.pipeline import keys, requirements
 from mirelight.pipeline import plan as planning
 from mirelight.pipeline.kept import Kept
 from mirelight.pipeline.plan import Plan
+from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.store.small_maps import shrunk
 
 _TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from mirelight.base.errors import InputError
-from mirelight.dataset import fitting
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import read_file
 from mirelight.model import (
@@ -31,6 +30,7 @@ from mirelight.model import (
     SunLight,
 )
 from mirelight.model.profiles import PROFILES
+from mirelight.store import fitting
 
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"

@@ -27,7 +27,8 @@ from pathlib import Path
 from unittest import mock
 
 import mirelight
-from mirelight import cli, executor, relighting
+from mirelight import cli, relighting
+from mirelight.batch import executor
 from mirelight.model import Job
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import stages

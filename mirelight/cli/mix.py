@@ -42,7 +42,7 @@ def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
 
 def run_mix(args: argparse.Namespace) -> int:
     """The command. The page's path goes to stdout, the rest to stderr."""
-    from mirelight.farm.order import named
+    from mirelight.batch.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
     from mirelight.mixing.saved import Saved

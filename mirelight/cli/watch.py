@@ -11,9 +11,9 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, MirelightError, printable
+from mirelight.batch.executor import Silent
 from mirelight.cli import TERMINATED
 from mirelight.cli.new import refuse_capture
-from mirelight.executor import Silent
 
 if TYPE_CHECKING:
     from mirelight.pipeline.plan import FrameTask
@@ -98,7 +98,7 @@ class _Signals:
 
 
 class _Heard(Silent):
-    """A `mirelight.executor.Progress` that says when frames are shown and there, and stops for a change."""
+    """A `mirelight.batch.executor.Progress` that says when frames are shown and there, and stops for a change."""
 
     def __init__(self, files: Files, screen: _Screen, signals: _Signals) -> None:
         self._files, self._screen, self._signals = files, screen, signals

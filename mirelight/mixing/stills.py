@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mirelight.base.png import png_bytes
+from mirelight.batch.preview import quick_scene
 from mirelight.io.png import encode_display
 from mirelight.model import Camera, Frame, Job, LayerFactor, Lighting
 from mirelight.pipeline import stages
 from mirelight.pipeline.kept import KeptInMemory
 from mirelight.pipeline.scene import Scene, prepare
-from mirelight.showing.preview import quick_scene
 
 MOST_PIXELS = 1920 * 1080
 _MEMORY = 512 * 2**20  # bytes of light that other mixes of the same view are made from

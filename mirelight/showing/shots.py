@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from mirelight import dataset
 from mirelight.base.errors import InputError
+from mirelight.batch.order import named
 from mirelight.dataset.view import DataSet
-from mirelight.farm.order import named
 from mirelight.io.display import SUFFIXES, read_display
 from mirelight.io.exr import read_header
 from mirelight.io.frame_texts import CAMERA, PROVENANCE, read_text

@@ -8,10 +8,12 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from mirelight import executor, relighting
+from mirelight import relighting
 from mirelight.base.errors import InputError, RenderError
-from mirelight.executor import Progress, RenderSummary
-from mirelight.farm.order import Order
+from mirelight.batch import executor
+from mirelight.batch.executor import Progress, RenderSummary
+from mirelight.batch.order import Order
+from mirelight.batch.preview import Pace, quick_frame, quick_job
 from mirelight.io import image
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.model import Frame, Job
@@ -19,7 +21,6 @@ from mirelight.pipeline import requirements, stages
 from mirelight.pipeline.kept import KeptInMemory
 from mirelight.pipeline.plan import FrameTask, Group, Plan, light_keys, plan
 from mirelight.pipeline.scene import Scene, prepare
-from mirelight.showing.preview import Pace, quick_frame, quick_job
 from mirelight.store import Store
 from mirelight.store.folder import ASIDE
 
@@ -128,7 +129,7 @@ class Session:
 
 
 class _Live:
-    """A `mirelight.executor.Preview`: of each frame the newest picture that there is, in a folder of their own."""
+    """A `batch.executor.Preview`: of each frame the newest picture that there is, in a folder of their own."""
 
     def __init__(
         self, session: Session, store: Store, folder: Path, progress: Progress, shown: Callable[[FrameTask, str], None]

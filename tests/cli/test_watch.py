@@ -15,8 +15,8 @@ import pytest
 from PIL import Image
 
 from mirelight.base.errors import InputError
-from mirelight.executor import Silent
-from mirelight.farm.order import Order
+from mirelight.batch.executor import Silent
+from mirelight.batch.order import Order
 from mirelight.pipeline.plan import FrameTask
 from mirelight.watching.files import Files, files_of
 from mirelight.watching.session import Session

@@ -41,7 +41,7 @@ def children(process: int) -> list[int]:
             command = entry.joinpath("cmdline").read_bytes()
         except (OSError, ValueError):
             continue
-        if parent == process and b"mirelight.farm.worker" in command:
+        if parent == process and b"mirelight.batch.worker" in command:
             found.append(int(entry.name))
     return found
 

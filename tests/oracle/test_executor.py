@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import executor
 from mirelight.base.errors import InputError
+from mirelight.batch import executor
 from mirelight.io.exr import read_exr
 from mirelight.model import (
     Camera,

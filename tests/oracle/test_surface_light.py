@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import executor
-from mirelight.forecast import forecast
+from mirelight.batch import executor
+from mirelight.batch.forecast import forecast
 from mirelight.lighting import Tracer
 from mirelight.model import (
     Camera,

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import cli, executor
+from mirelight import cli
 from mirelight.base.errors import InputError
+from mirelight.batch import executor
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
 from mirelight.pipeline import keys

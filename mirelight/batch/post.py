@@ -44,7 +44,7 @@ class Word:
 
 
 class Reporter:
-    """A `mirelight.executor.Progress` that tells every step as a word."""
+    """A `mirelight.batch.executor.Progress` that tells every step as a word."""
 
     def __init__(self, say: Callable[[Word], None]) -> None:
         self._say = say

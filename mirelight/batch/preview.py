@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from mirelight.base.errors import RenderError
-from mirelight.executor import Progress
+from mirelight.batch.executor import Progress
 from mirelight.model import Camera, Frame, Job
 from mirelight.pipeline import stages
 from mirelight.pipeline.kept import Kept, KeptInMemory
@@ -70,7 +70,7 @@ class Pace:
 
 
 class Previews:
-    """A `mirelight.executor.Preview` that writes pictures into the store's folder.
+    """A `mirelight.batch.executor.Preview` that writes pictures into the store's folder.
 
     Args:
         store: where frames go.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from mirelight.base.errors import MirelightError
-from mirelight.executor import Progress, RenderSummary
-from mirelight.farm import post
-from mirelight.farm.post import Word
+from mirelight.batch import post
+from mirelight.batch.executor import Progress, RenderSummary
+from mirelight.batch.post import Word
 from mirelight.pipeline.plan import FrameTask, Group
 from mirelight.store import Store
 

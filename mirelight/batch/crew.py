@@ -17,13 +17,12 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import replace
 
-from mirelight import executor
 from mirelight.base.errors import RenderError
-from mirelight.executor import Progress, RenderSummary
-from mirelight.farm import post
-from mirelight.farm.book import Book
-from mirelight.farm.order import Order, fingerprint
-from mirelight.farm.post import Word
+from mirelight.batch import executor, post
+from mirelight.batch.book import Book
+from mirelight.batch.executor import Progress, RenderSummary
+from mirelight.batch.order import Order, fingerprint
+from mirelight.batch.post import Word
 from mirelight.pipeline.plan import Group, Plan
 from mirelight.store import Store
 
@@ -40,7 +39,7 @@ def threads_of(workers: int) -> int:
 
 
 def run(order: Order, plan: Plan, store: Store, workers: int, progress: Progress) -> RenderSummary:
-    """`mirelight.executor.run` by worker processes.
+    """`mirelight.batch.executor.run` by worker processes.
 
     Args:
         order: what `plan` was made from, for the workers to make theirs.
@@ -68,7 +67,7 @@ class _Worker:
 
     def __init__(self, order: Order) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "mirelight.farm.worker"],
+            [sys.executable, "-m", "mirelight.batch.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C goes to the watcher, which ends its workers

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from mirelight.base.errors import InputError
-from mirelight.farm.pace import Costs
+from mirelight.batch.pace import Costs
 from mirelight.store import Row
 from mirelight.store.folder import Folder
 from mirelight.store.planned import PlannedFrame

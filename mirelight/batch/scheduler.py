@@ -18,15 +18,14 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
-from mirelight import executor
 from mirelight.base import extras
 from mirelight.base.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.base.version import __version__
-from mirelight.executor import Progress, RenderSummary
-from mirelight.farm import desk, post
-from mirelight.farm.book import Book
-from mirelight.farm.order import Order, fingerprint
-from mirelight.farm.post import Word
+from mirelight.batch import desk, executor, post
+from mirelight.batch.book import Book
+from mirelight.batch.executor import Progress, RenderSummary
+from mirelight.batch.order import Order, fingerprint
+from mirelight.batch.post import Word
 from mirelight.io.safety import read_file
 from mirelight.pipeline.plan import Group, Plan
 from mirelight.store import Store
@@ -55,7 +54,7 @@ def require() -> None:
 
 
 def run(order: Order, plan: Plan, store: Store, address: str, progress: Progress) -> RenderSummary:
-    """`mirelight.executor.run` by the workers of a Dask scheduler.
+    """`mirelight.batch.executor.run` by the workers of a Dask scheduler.
 
     A worker that dies is the scheduler's to notice: its camera goes to another one. Where workers die again and again
     (`allowed-failures`, 3), Dask blames all that lay with them: each such camera is tried alone when the rest is done,

@@ -6,7 +6,7 @@ import json
 import shlex
 from pathlib import Path
 
-from mirelight.farm.order import Order
+from mirelight.batch.order import Order
 
 
 def slurm(order: Order, shards: int) -> str:

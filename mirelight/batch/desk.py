@@ -10,12 +10,12 @@ from typing import Any
 
 from mirelight.base.errors import MirelightError
 from mirelight.base.version import __version__
-from mirelight.executor import RenderSummary
-from mirelight.farm import post
-from mirelight.farm.crew import threads_of
-from mirelight.farm.order import Order
-from mirelight.farm.post import Reporter, Word
-from mirelight.farm.worker import Bench
+from mirelight.batch import post
+from mirelight.batch.crew import threads_of
+from mirelight.batch.executor import RenderSummary
+from mirelight.batch.order import Order
+from mirelight.batch.post import Reporter, Word
+from mirelight.batch.worker import Bench
 from mirelight.pipeline.plan import FrameTask
 
 

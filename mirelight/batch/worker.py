@@ -1,7 +1,7 @@
 """One worker: an order made ready, and the frames of the cameras that it is given, one after the other.
 
-As a process of its own (`python -m mirelight.farm.worker`) it reads the order and then names of cameras from stdin, and
-tells on stdout what it does. It ends when stdin does, so also when the process that watches it was killed.
+As a process of its own (`python -m mirelight.batch.worker`) it reads the order and then names of cameras from stdin,
+and tells on stdout what it does. It ends when stdin does, so also when the process that watches it was killed.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import time
 from collections.abc import Iterator, Sequence
 from types import FrameType
 
-from mirelight import executor
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.executor import RenderSummary
-from mirelight.farm import post
-from mirelight.farm.order import Order, fingerprint
-from mirelight.farm.post import Reporter, Word
+from mirelight.batch import executor, post
+from mirelight.batch.executor import RenderSummary
+from mirelight.batch.order import Order, fingerprint
+from mirelight.batch.post import Reporter, Word
 from mirelight.pipeline.plan import FrameTask
 from mirelight.pipeline.scene import prepare
 from mirelight.store import Store

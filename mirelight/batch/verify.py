@@ -14,9 +14,9 @@ import numpy as np
 
 from mirelight import relighting
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.farm import checks
-from mirelight.farm.checks import Finding, Kind, Sums
-from mirelight.farm.order import Order
+from mirelight.batch import checks
+from mirelight.batch.checks import Finding, Kind, Sums
+from mirelight.batch.order import Order
 from mirelight.io import image
 from mirelight.io.exr import read_exr
 from mirelight.io.safety import open_file

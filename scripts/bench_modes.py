@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight import baking, prepare
+from mirelight import prepare
+from mirelight.apps import bake as baking
 from mirelight.base import colour
 from mirelight.compositor import Compositor
 from mirelight.io import job as jobs

@@ -18,9 +18,9 @@ import numpy as np
 from PIL import Image
 
 import mirelight
+from mirelight.apps.mixer.bundle import export
 from mirelight.base import colour
 from mirelight.io.png import write_png
-from mirelight.mixing.bundle import export
 from mirelight.model import F32
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import prepare

@@ -207,7 +207,7 @@ def _run(args: argparse.Namespace) -> int:
             print_json(json_schema())
             return 0
         case _:
-            from mirelight import doctor
+            from mirelight.apps import doctor
 
             return doctor.run()
 

@@ -38,7 +38,7 @@ def add_bake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run_bake(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, progress to stderr."""
-    from mirelight import baking
+    from mirelight.apps import bake as baking
     from mirelight.base.version import __version__
     from mirelight.cli.match import progress
     from mirelight.io import splats

@@ -40,11 +40,11 @@ def add_explain(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run_explain(args: argparse.Namespace) -> int:
     """The command. The table goes to stdout, progress and what could not be done to stderr."""
+    from mirelight.apps.explain.engine import EngineRun, run_engine
+    from mirelight.apps.explain.ladder import explain, require
+    from mirelight.apps.explain.report import write_ladder
+    from mirelight.apps.explain.types import summary
     from mirelight.compare import metrics
-    from mirelight.compare.explain import summary
-    from mirelight.compare.explain_engine import EngineRun, run_engine
-    from mirelight.compare.explain_ladder import explain, require
-    from mirelight.compare.explain_report import write_ladder
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
 

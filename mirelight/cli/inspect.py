@@ -34,10 +34,10 @@ def add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run_inspect(args: argparse.Namespace) -> int:
     """The command. Facts go to stdout."""
+    from mirelight.apps.inspect.facts import as_json
+    from mirelight.apps.inspect.inspect import inspect, of_job
     from mirelight.cli import say
     from mirelight.cli.report import fit_json, fit_lines, lines, print_json
-    from mirelight.io.facts import as_json
-    from mirelight.io.inspect import inspect, of_job
 
     if Path(args.file).suffix.lower() != ".toml":
         if args.heat is not None:

@@ -8,8 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from mirelight.base.errors import printable
-from mirelight.io.facts import (
+from mirelight.apps.inspect.facts import (
     Bounds,
     CameraFacts,
     Facts,
@@ -20,6 +19,7 @@ from mirelight.io.facts import (
     PictureFacts,
     SplatFacts,
 )
+from mirelight.base.errors import printable
 
 if TYPE_CHECKING:
     from mirelight.pipeline.job_diagnostics import Check

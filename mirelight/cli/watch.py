@@ -16,17 +16,17 @@ from mirelight.cli import TERMINATED
 from mirelight.cli.new import refuse_capture
 
 if TYPE_CHECKING:
+    from mirelight.apps.watch.files import Files
     from mirelight.pipeline.plan import FrameTask
-    from mirelight.watching.files import Files
 
 _LOOK = 0.1  # seconds between two looks at the files
 
 
 def run_watch(args: argparse.Namespace) -> int:
     """The command, until Ctrl-C. All that it says goes to stderr."""
+    from mirelight.apps.watch.files import Files, files_of
+    from mirelight.apps.watch.session import Session
     from mirelight.cli.render import order_of
-    from mirelight.watching.files import Files, files_of
-    from mirelight.watching.session import Session
 
     refuse_capture(args.job)
     order, job = order_of(args), Path(args.job).absolute()

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirelight.apps.mixer import rgb9e5
+from mirelight.apps.mixer.layers import MixLayers, make
 from mirelight.base.errors import InputError
 from mirelight.lighting import Tracer, splat_light
 from mirelight.lighting.appearance import shown
-from mirelight.mixing import rgb9e5
-from mirelight.mixing.layers import MixLayers, make
 from mirelight.model import (
     F64,
     Deferred,

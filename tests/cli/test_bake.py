@@ -9,7 +9,8 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import baking, prepare
+from mirelight import prepare
+from mirelight.apps import bake as baking
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.base.sh import C0

@@ -9,13 +9,13 @@ import pytest
 from PIL import Image
 
 from mirelight import load
+from mirelight.apps.show import shots
 from mirelight.batch import executor, preview
 from mirelight.batch.preview import Previews
 from mirelight.model import Frame, Job
 from mirelight.pipeline import stages
 from mirelight.pipeline.plan import FrameTask, plan
 from mirelight.pipeline.scene import prepare
-from mirelight.showing import shots
 from mirelight.store import Store
 
 from .conftest import Run

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirelight.apps.match import Match, Target, match
 from mirelight.base.errors import InputError
-from mirelight.matching import Match, Target, match
 from mirelight.model import (
     F32,
     Camera,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import mirelight
-from mirelight.matching import LayerMatch, match, read_target
+from mirelight.apps.match import LayerMatch, match, read_target
 from mirelight.pipeline.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -21,7 +21,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import realtime
+from mirelight.apps import realtime
+from mirelight.apps.realtime import browser, bundle, engine, pages
 from mirelight.base.errors import BackendError, InputError, RenderError
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
@@ -46,7 +47,6 @@ from mirelight.model import (
     SpotLight,
 )
 from mirelight.model.playcanvas_lights import EngineLighting, engine_diffuse, to_engine
-from mirelight.realtime import browser, bundle, engine, pages
 
 from .engine_cases import texture
 from .waiting import LIMIT, settled

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import realtime
+from mirelight.apps import realtime
 from mirelight.base import colour
 from mirelight.compare import CompareSettings, Pair, evaluate
 from mirelight.io import job as jobs

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import realtime
+from mirelight.apps import realtime
 from mirelight.base.errors import InputError
 from mirelight.lighting import trace
 from mirelight.model import Job, RenderSettings

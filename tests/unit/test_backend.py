@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mirelight import doctor
+from mirelight.apps import doctor
 from mirelight.base import backend
 from mirelight.base.backend import LlvmLibrary
 from mirelight.base.errors import BackendError
@@ -164,7 +164,7 @@ def test_an_unsound_choice_does_not_reach_drjit(tmp_path: Path) -> None:
 
 def test_variants_switch_in_one_process() -> None:
     told = run(
-        "from mirelight.base import backend; from mirelight import doctor\n"
+        "from mirelight.base import backend; from mirelight.apps import doctor\n"
         "for variant in ('llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_rgb', 'scalar_rgb'):\n"
         "    doctor.small_render(variant)\n"
         "    print(backend.mitsuba(variant).variant())\n"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import doctor
+from mirelight.apps import doctor
 from mirelight.base import extras
 from mirelight.base.errors import BackendError, InputError
 from mirelight.cli import main

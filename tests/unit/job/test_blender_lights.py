@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mirelight
-from mirelight.io.inspect import inspect
+from mirelight.apps.inspect.inspect import inspect
 from mirelight.model import Job, SpotLight
 from mirelight.pipeline.plan import plan, warnings
 

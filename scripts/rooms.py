@@ -120,9 +120,9 @@ def page() -> str:
 
 def picture() -> str:
     """The rooms as SVG: each on its floor, with an arrow to what it imports but for what it reaches through others."""
-    width, height, box, tall = 860, 78 * len(FLOORS) + 10, 150, 40
+    width, height, box, tall = 860, 84 * len(FLOORS) + 4, 110, 36
     middle = {
-        room.name: ((i + 1) * width / (len(floor) + 1), 78 * row + 30)
+        room.name: ((i + 1) * width / (len(floor) + 1), 84 * row + 30)
         for row, floor in enumerate(FLOORS)
         for i, room in enumerate(floor)
     }
@@ -148,7 +148,7 @@ def picture() -> str:
             f'<rect x="{x - box / 2:.0f}" y="{y - tall / 2:.0f}" width="{box}" height="{tall}" rx="6" fill="#eef2f8" '
             'stroke="#44546a"/>'
         )
-        lines.append(f'<text x="{x:.0f}" y="{y + 5:.0f}" text-anchor="middle" font-size="16" fill="#111">{name}</text>')
+        lines.append(f'<text x="{x:.0f}" y="{y + 5:.0f}" text-anchor="middle" font-size="15" fill="#111">{name}</text>')
     return "\n".join([*lines, "</svg>", ""])
 
 

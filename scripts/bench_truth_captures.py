@@ -19,13 +19,13 @@ from scenegen.skies import Sky, sky, towards
 from scenegen.truth import Looks, Truth
 from scipy.spatial import cKDTree
 
-from mirelight import conventions
-from mirelight.colour import srgb_encode
+from mirelight.base import conventions
+from mirelight.base.colour import srgb_encode
+from mirelight.base.sh import C0
 from mirelight.io import splats as splat_files
 from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
-from mirelight.sh import C0
 
 SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
 BAKE_SPP = {

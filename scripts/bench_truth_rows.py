@@ -17,7 +17,7 @@ from bench_truth_store import Store
 from PIL import Image
 
 from mirelight import estimate, proxy, relighting
-from mirelight.colour import srgb_encode
+from mirelight.base.colour import srgb_encode
 from mirelight.compositor import Compositor
 from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import srgb_encode
+from mirelight.base.colour import srgb_encode
 from mirelight.compare import metrics
 from mirelight.compare.regions import grown, silhouettes
 from mirelight.compare.types import CompareSettings

@@ -45,7 +45,7 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
     """Scatter splats on what the orbit sees, bake a first colour, fit the colours to photographs, write the capture."""
     from scenegen import fit, surfels
 
-    from mirelight.colour import srgb_encode
+    from mirelight.base.colour import srgb_encode
 
     points, seen = surfels.candidates(surfels.Triangles.of(looks.soups), recipe, captured)
     say(f"{len(points)} candidates on what the orbit sees", start)

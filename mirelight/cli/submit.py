@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from mirelight.batch import submit
 from mirelight.cli.render import count_of, order_of
-from mirelight.farm import submit
 from mirelight.io.atomic import atomic_path
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import REC709_LUMINANCE
-from mirelight.errors import RenderError
+from mirelight.base.colour import REC709_LUMINANCE
+from mirelight.base.errors import RenderError
 from mirelight.estimate import fit, lamps, sun
 from mirelight.estimate.fit import Fitted, Pairs
 from mirelight.estimate.groups import groups

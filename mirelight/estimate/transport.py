@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.conventions import frame_around
-from mirelight.errors import RenderError
+from mirelight.base.conventions import frame_around
+from mirelight.base.errors import RenderError
 from mirelight.estimate.around import evened
 from mirelight.estimate.sky import PATCHES, patch_of
 from mirelight.lighting import Tracer

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.errors import RenderError
+from mirelight.base import colour
+from mirelight.base.errors import RenderError
 from mirelight.lighting.albedo import UNLIT, face_normals
+from mirelight.lighting.appearance import shown
 from mirelight.lighting.engine import EngineTracer
 from mirelight.lighting.observed import observed
-from mirelight.lighting.points import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer, rules_of, triangles
 

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour, conventions, sh
-from mirelight.errors import RenderError
+from mirelight.base import colour, conventions, sh
+from mirelight.base.errors import RenderError
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, ProxyMesh, SplatCloud, SplatLayer, triangles
 

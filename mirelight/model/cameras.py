@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F64, ArrayHolder, freeze
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import F32, F64, Camera
 
 YFOV = 40.0  # degrees, of views from around

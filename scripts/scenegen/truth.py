@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.backend import mitsuba
+from mirelight.base.backend import mitsuba
 from mirelight.model import (
     Camera,
     DirectionalLight,

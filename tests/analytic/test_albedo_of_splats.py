@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour, sh
-from mirelight.errors import RenderError
+from mirelight.base import colour, sh
+from mirelight.base.errors import RenderError
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import colored_by, vertex_colors
 from mirelight.lighting.observed import observed

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirelight.colour import srgb_decode, srgb_encode
+from mirelight.base.colour import srgb_decode, srgb_encode
+from mirelight.base.errors import RenderError
+from mirelight.base.sh import C0
 from mirelight.compositor import Compositor
-from mirelight.errors import RenderError
 from mirelight.io.splats import merge
 from mirelight.lighting import Tracer, captured_level, colored_by
 from mirelight.model import F64, Camera, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 from mirelight.proxy.capture_views import capture_views
-from mirelight.sh import C0
 
 SETTINGS = RenderSettings(seed=1)
 DAY = Lighting(name="day", environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.conventions import frame_around, quaternion_from_rotation
+from mirelight.base import colour
+from mirelight.base.conventions import frame_around, quaternion_from_rotation
+from mirelight.base.sh import C0
 from mirelight.estimate.around import evened
 from mirelight.lighting import Tracer
 from mirelight.lighting.observed import Samples, observed
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
-from mirelight.sh import C0
 
 
 def discs(points: F64, way: F64, color: F64) -> SplatCloud:

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import cli, executor, keys
-from mirelight.errors import InputError
+from mirelight import cli
+from mirelight.base.errors import InputError
+from mirelight.batch import executor
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
-from mirelight.plan import plan
+from mirelight.pipeline import keys
+from mirelight.pipeline.plan import plan
 from mirelight.store import Store
 from tests.proxy.clouds import ball
 

@@ -11,8 +11,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from mirelight import keys, provenance, relighting
-from mirelight.dataset import describe, export
+from mirelight import relighting
+from mirelight.dataset import export
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -28,14 +28,17 @@ from mirelight.model import (
     OutputSettings,
     PointLight,
     ProxyMesh,
+    ProxyRecipe,
     RelightSettings,
     RenderSettings,
     SkyModel,
     SplatCloud,
 )
 from mirelight.model.planes import AOVS, MATTES
-from mirelight.plan import plan
-from mirelight.scene import prepare
+from mirelight.pipeline import keys, provenance
+from mirelight.pipeline.plan import plan
+from mirelight.pipeline.scene import prepare
+from mirelight.store import layer_records
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
@@ -198,7 +201,7 @@ def test_the_page_has_a_line_for_nothing_else() -> None:
 
 ROOM = replace(
     JOB,
-    made_proxy=mesh(),
+    made_proxy=ProxyRecipe(mesh=mesh(), splats=cloud()),
     albedo_from_splats=True,
     lightings=(DAY,),
     output=OutputSettings(aovs=(*AOVS, *MATTES)),
@@ -236,7 +239,7 @@ def _splat_light(made: keys.Keys) -> str:
 
 
 def _exported(made: keys.Keys) -> str:
-    index = describe.describe(plan(made.job))
+    index = layer_records.describe(plan(made.job))
     return export.picture_key(index, index.views[0], 0, np.eye(4))
 
 

@@ -82,7 +82,7 @@ def trained(truth: Truth, lighting: Lighting, cameras: Sequence[Camera], how: Sh
         how: they are taken and trained on.
     """
     pictures = shots(truth, lighting, cameras, how)
-    return _run(known(cameras, how), pictures, *_start(truth, cameras, how), how)
+    return train(known(cameras, how), pictures, *_start(truth, cameras, how), how)
 
 
 def shots(truth: Truth, lighting: Lighting, cameras: Sequence[Camera], how: Shooting) -> list[F32]:
@@ -146,7 +146,16 @@ def _packed(camera: Camera) -> F32:
     return np.concatenate([inverse[:3, :3].ravel(), inverse[:3, 3], lens, camera.position]).astype("<f4")
 
 
-def _run(cameras: Sequence[Camera], pictures: Sequence[F32], points: F64, sizes: F64, how: Shooting) -> F32:
+def train(cameras: Sequence[Camera], pictures: Sequence[F32], points: F64, sizes: F64, how: Shooting) -> F32:
+    """Rows (N, 59) of splats. One machine makes the same bits by any number of threads.
+
+    Args:
+        cameras: the pictures'.
+        pictures: (H, W, 3) each, display-encoded, on black.
+        points: (P, 3) that it starts from.
+        sizes: (P,) deviations of the splats there.
+        how: how long, and how many splats.
+    """
     eyes = np.stack([x.position for x in cameras])
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     # a person in a room hardly moves: lengths are the scene's where it is larger than the walk
@@ -161,16 +170,11 @@ def _run(cameras: Sequence[Camera], pictures: Sequence[F32], points: F64, sizes:
                 out.write(_packed(camera).tobytes())
                 out.write(np.ascontiguousarray(picture.transpose(2, 0, 1), "<f4").tobytes())
             out.write(np.concatenate([points, sizes[:, None], colours], axis=1).astype("<f4").tobytes())
+        program = Path(folder) / "train"
+        subprocess.run([*COMPILER, SOURCE, "-o", program], check=True)  # takes seconds
         limits = [str(how.iterations), str(how.most)]
-        subprocess.run([_trainer(Path(folder)), data, result, *limits], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([program, data, result, *limits], check=True, stdout=subprocess.DEVNULL)
         return np.fromfile(result, "<f4").reshape(-1, ROW)
-
-
-def _trainer(folder: Path) -> Path:
-    """The trainer, compiled; that takes seconds."""
-    made = folder / "train"
-    subprocess.run([*COMPILER, SOURCE, "-o", made], check=True)
-    return made
 
 
 def cloud_of(rows: F32) -> SplatCloud:

@@ -184,6 +184,6 @@ def cloud_of(rows: F32) -> SplatCloud:
         means=rows[:, :3],
         quats=turns,
         scales=np.exp(rows[:, 3:6]),
-        opacities=1 / (1 + np.exp(-rows[:, 10])),
+        opacities=(1 / (1 + np.exp(-rows[:, 10]))).astype(np.float32),
         sh=rows[:, 11:].reshape(-1, 16, 3),
     )

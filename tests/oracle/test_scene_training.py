@@ -23,10 +23,10 @@ def _cloud() -> SplatCloud:
     rng = np.random.default_rng(3)
     quats = rng.normal(size=(COUNT, 4))
     return SplatCloud(
-        means=rng.uniform(-0.7, 0.7, (COUNT, 3)),
+        means=rng.uniform(-0.7, 0.7, (COUNT, 3)).astype(np.float32),
         quats=quats / np.linalg.norm(quats, axis=1, keepdims=True),
         scales=np.exp(rng.uniform(-3.2, -1.6, (COUNT, 3))),
-        opacities=rng.uniform(0.4, 0.95, COUNT),
+        opacities=rng.uniform(0.4, 0.95, COUNT).astype(np.float32),
         sh=np.concatenate([rng.uniform(-1.2, 1.2, (COUNT, 1, 3)), rng.normal(0, 0.15, (COUNT, 15, 3))], axis=1),
     )
 
@@ -84,7 +84,7 @@ def test_the_sky_behind_pictures_is_where_the_light_comes_from() -> None:
 
 
 def test_a_longer_exposure_is_a_stronger_light() -> None:
-    sun = SunLight(direction=np.array([0.0, -1, 0]), color=np.ones(3), intensity=3.0)
+    sun = SunLight(name="sun", direction=np.array([0.0, -1, 0]), color=np.ones(3), intensity=3.0)
     light = Lighting(name="day", lights=(sun,), environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
     made = training.exposed(light, 1.0)
     assert made.environment is not None

@@ -19,6 +19,7 @@ from PIL import Image
 from mirelight import estimate, proxy, relighting
 from mirelight.colour import srgb_encode
 from mirelight.compositor import Compositor
+from mirelight.errors import InputError
 from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (
@@ -177,7 +178,11 @@ class Bench:
         capture = self.capture
 
         def pack() -> F32:
-            made = proxy.make(capture.splats, cameras=capture.orbit)
+            try:
+                made = proxy.make(capture.splats, cameras=capture.orbit)
+            except InputError as refused:
+                self._say(f"  {capture.name}: {refused}; its own proxy is made without them")
+                made = proxy.make(capture.splats)
             mesh = made.mesh
             sizes = [[len(mesh.vertices), len(mesh.faces) - made.unseen, 0]]
             return np.concatenate([sizes, mesh.vertices, mesh.faces]).astype(np.float32)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 
 import numpy as np
 import pytest
@@ -41,7 +40,6 @@ def _picture(cloud: SplatCloud, camera: Camera) -> NDArray[np.float32]:
     return np.clip(Compositor(cloud).composite(camera, depth=False).color, 0, 1)
 
 
-@pytest.mark.skipif(shutil.which(training.COMPILER[0]) is None, reason="the trainer needs a C++ compiler")
 def test_trained_splats_show_their_pictures_and_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     true, cameras = _cloud(), _cameras()
     pictures = [_picture(true, x) for x in cameras]

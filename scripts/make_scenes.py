@@ -58,7 +58,7 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
     views = []
     for k, camera in enumerate(recipe.orbit):
         small = camera.resized(*PHOTOGRAPH)
-        light = captured.photograph(small, PHOTOGRAPH_SPP, seed=100 + k)
+        light = captured.photograph(small, PHOTOGRAPH_SPP, seed=100 + k)[..., :3]
         views.append(fit.View(camera=small, shown=np.asarray(srgb_encode(np.clip(light, 0, 1)), dtype=np.float64)))
         say(f"photograph {k + 1} of {len(recipe.orbit)}", start)
     writing.write_splats(fit.fit_colours(cloud, views), folder)

@@ -136,6 +136,13 @@ need_engine() {
     stop "the real-time engine could not be fetched" "By hand: npm pack playcanvas, see docs/realtime.md"
 }
 
+# --- the trainer of captures ---
+
+# A C++ compiler with OpenMP, for scripts/scenegen/train.cpp, which a test compiles.
+need_compiler() {
+    command -v g++ >/dev/null || install_system "g++, which compiles the trainer of captures" g++
+}
+
 # --- the whole ---
 
 # From a bare machine to a working .venv: set_up LOCK

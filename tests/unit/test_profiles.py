@@ -15,7 +15,7 @@ from mirelight.model import PROFILES, CompositorSettings, Profile, rules_of
 from mirelight.model.profiles import COLOURING, COMPARING
 
 PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
-ASKS = re.compile(r"""\b(?:mode|profile) (?:==|!=) ["']|\b(?:mode|profile) (?:not )?in \(["']""")
+ASKS = re.compile(r"""(?<!image\.)\b(?:mode|profile) (?:==|!=) ["']|\b(?:mode|profile) (?:not )?in \(["']""")
 
 
 def test_every_profile_has_its_rules() -> None:

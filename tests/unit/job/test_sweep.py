@@ -245,7 +245,9 @@ def test_relight_settings_are_swept_and_trace_nothing_more(write_job: WriteJob) 
     assert len({s.digest for x in work.lightings for s in made.mixture(x).sets}) == 1
     assert len({made.frame(camera, x) for x in work.lightings}) == 6
     alone = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\nblend = 0.25\nmax_ratio = 8\n"))
-    whole = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\n{axes}[output]\naovs = true\n"))
+    whole = job.load(
+        write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\n{axes}[output]\naovs = true\nlayers = true\n")
+    )
     assert keys.Keys(alone).frame(camera, alone.lightings[0]) == keys.Keys(whole).frame(camera, whole.lightings[1])
 
 

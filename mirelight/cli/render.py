@@ -15,8 +15,8 @@ from mirelight.cli import BAD, export, new, progress, say, stop
 from mirelight.cli.report import size
 from mirelight.model import Job
 from mirelight.model.shown import count
+from mirelight.pipeline.completeness import check
 from mirelight.pipeline.plan import light_keys, warnings
-from mirelight.pipeline.scene import check
 from mirelight.store import Store
 
 

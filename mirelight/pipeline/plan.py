@@ -10,7 +10,8 @@ from typing import TypeVar
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, EstimatedSky, Job, Lighting, playcanvas_lights
 from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.scene import check, prepare
+from mirelight.pipeline.completeness import check
+from mirelight.pipeline.scene import prepare
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mirelight import relighting
-from mirelight.base import backend, extras
-from mirelight.base.errors import InputError
+from mirelight.base import backend
 from mirelight.model import (
     F32,
     Camera,
@@ -27,16 +26,15 @@ from mirelight.model import (
     LightingBuffer,
     Matte,
     ProxyMesh,
-    RelightSettings,
     SplatCloud,
     SplatLayer,
     SurfaceCache,
     camera_checks,
 )
-from mirelight.model.profiles import COMPARING
 from mirelight.model.unit_lights import LightSet, Mixture
 from mirelight.pipeline import frame_diagnostics, keys, requirements
 from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.completeness import check
 from mirelight.pipeline.kept import Kept, KeptNowhere
 from mirelight.pipeline.splat_light import SplatLight
 from mirelight.pipeline.surface_light import SurfaceLight
@@ -70,46 +68,6 @@ def prepare(
     if like is not None:
         made.take_over(like)
     return made
-
-
-def check(job: Job) -> None:
-    """Raises InputError where a job names too little to be rendered, BackendError where it needs a package that is not
-    installed."""
-    if job.render.denoise and job.proxy is not None and not requirements.follows_engine(job):
-        extras.require("denoise")
-    if job.splats is None and (job.proxy is None or not job.lightings):
-        raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
-    kept_apart = job.output.store == "layers" or job.dataset.layouts
-    if kept_apart and job.splats is not None and any(_asks_splats(x) for x in _relights(job)):
-        raise InputError(
-            job.source,
-            "light that is found for splats, and frames that are mixed from the layers of pixels",
-            'set per to "pixel", or leave dataset.layouts and output.store = "layers" out',
-            field="relight.per",
-        )
-    if job.lightings and job.proxy is None:
-        raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
-    if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
-        raise InputError(
-            job.source,
-            f"mode {_comparing(job)!r} without the lighting that the capture was made under",
-            "name it, or set mode to 'tint'",
-            field="relight.mode",
-        )
-
-
-def _comparing(job: Job) -> str:
-    """The first mode that compares with the captured light."""
-    return next(x.mode for x in _relights(job) if x.mode in COMPARING)
-
-
-def _relights(job: Job) -> list[RelightSettings]:
-    """How any of the job's lightings meets the splats."""
-    return [job.relight_of(x) for x in (None, *job.lightings)]
-
-
-def _asks_splats(settings: RelightSettings) -> bool:
-    return relighting.per_splat(settings) or relighting.softens(settings)
 
 
 def _digest(part: Deferred[Any] | None) -> str:

@@ -19,20 +19,20 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.10.2"
+from mirelight.base.version import __version__
 
 if TYPE_CHECKING:
     from mirelight.io.job import load
-    from mirelight.scene import prepare
-    from mirelight.stages import composite, light, relight
+    from mirelight.pipeline.scene import prepare
+    from mirelight.pipeline.stages import composite, light, relight
     from mirelight.store import write
 
 _HOMES = {
     "load": "mirelight.io.job",
-    "prepare": "mirelight.scene",
-    "composite": "mirelight.stages",
-    "light": "mirelight.stages",
-    "relight": "mirelight.stages",
+    "prepare": "mirelight.pipeline.scene",
+    "composite": "mirelight.pipeline.stages",
+    "light": "mirelight.pipeline.stages",
+    "relight": "mirelight.pipeline.stages",
     "write": "mirelight.store",
 }
 

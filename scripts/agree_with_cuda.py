@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mirelight
-from mirelight.errors import MirelightError
+from mirelight.base.errors import MirelightError
 from mirelight.model import Variant
 
 ROOT = Path(__file__).resolve().parent.parent

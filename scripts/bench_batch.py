@@ -27,12 +27,14 @@ from pathlib import Path
 from unittest import mock
 
 import mirelight
-from mirelight import cli, executor, relighting, stages
+from mirelight import cli, relighting
+from mirelight.batch import executor
 from mirelight.model import Job
-from mirelight.plan import FrameTask, plan
-from mirelight.scene import prepare
+from mirelight.model.unit_lights import LightSet
+from mirelight.pipeline import stages
+from mirelight.pipeline.plan import FrameTask, plan
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
-from mirelight.units import LightSet
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "stage"
 PARTS = ("light", "plan", "again", "workers")

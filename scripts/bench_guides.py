@@ -47,7 +47,7 @@ class Sent:
 
 def sent(tracer: Tracer, cells: SurfaceCells, some: NDArray[np.int64], rays: int, seed: int) -> Sent:
     """Cosine-distributed rays of some of the cells."""
-    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.cell_points import CellPoints
     from mirelight.lighting.kernel.transport import cast
 
     own = replace(

@@ -27,7 +27,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from bench_lighting_scenes import BOUNCES, Array, BenchScene, crowds, panorama, scenes
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.lighting import Tracer, finished, oracle
 from mirelight.model import Camera, DirectionalLight, Lighting, PointLight, RenderSettings, SpotLight, SunLight
 

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import mixing
+from mirelight.apps import mixer as mixing
+from mirelight.apps.mixer import rgb9e5
+from mirelight.apps.mixer.session import STAGES, Session
 from mirelight.io import job as jobs
-from mirelight.mixing import rgb9e5
-from mirelight.mixing.session import STAGES, Session
 from mirelight.model import F32
 from mirelight.model.lights import position_of
-from mirelight.scene import prepare
+from mirelight.model.unit_lights import terms
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
-from mirelight.units import terms
 
 
 def cpu() -> float:

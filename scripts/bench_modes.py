@@ -19,14 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight import baking, colour, prepare, stages
+from mirelight import prepare
+from mirelight.apps import bake as baking
+from mirelight.base import colour
 from mirelight.compositor import Compositor
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.model import F32, F64, Deferred, Frame, Job, Lighting, RelightMode, RelightSettings
 from mirelight.model.profiles import Per
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import Scene
 from mirelight.relighting import unlit_rgba
-from mirelight.scene import Scene
 from mirelight.store import Store
 
 ROOT = Path(__file__).resolve().parent.parent

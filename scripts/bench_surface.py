@@ -22,11 +22,11 @@ from bench_lighting_scenes import Array, BenchScene, scenes
 from PIL import Image
 
 import mirelight
-from mirelight.colour import srgb_encode
+from mirelight.base.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import Deferred, Indirect, Job, LightingBuffer, PointLayers, RenderSettings, triangles
-from mirelight.splat_light import by_sharpness
+from mirelight.pipeline.splat_light import by_sharpness
 
 T = TypeVar("T")
 MODES: tuple[Indirect, ...] = ("traced", "surface", "near")

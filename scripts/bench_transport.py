@@ -22,7 +22,7 @@ import numpy as np
 from bench_lighting_scenes import Array, BenchScene, box, merged, scenes
 from PIL import Image
 
-from mirelight.colour import srgb_encode
+from mirelight.base.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.fill import fill
 from mirelight.lighting.kernel.sky import Sky

@@ -13,19 +13,20 @@ from functools import cached_property
 import numpy as np
 from bench_truth_store import F32, ROOT, Store
 from numpy.typing import NDArray
-from scenegen import surfels
+from scenegen import surfels, training
 from scenegen.recipe import Recipe
 from scenegen.skies import Sky, sky, towards
+from scenegen.training import Shooting, exposed
 from scenegen.truth import Looks, Truth
 from scipy.spatial import cKDTree
 
-from mirelight import conventions
-from mirelight.colour import srgb_encode
+from mirelight.base import conventions
+from mirelight.base.colour import srgb_encode
+from mirelight.base.sh import C0
 from mirelight.io import splats as splat_files
 from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
-from mirelight.sh import C0
 
 SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
 BAKE_SPP = {
@@ -64,7 +65,8 @@ class Captured:
     cloud: str  # name of the splats but for their colours
     whole: bool  # all proxies and ways are tried on it, not the ends alone
     camera: Camera  # not one that the splats were made from
-    orbit: tuple[Camera, ...]  # those that they were made from
+    orbit: tuple[Camera, ...]  # those that they were made from, as they are known
+    sky: bool  # the splats show it, too: what they have before nothing is not scored
     splats: SplatCloud
     light: Lighting  # under which they were captured
     lightings: tuple[Lighting, ...]  # new ones
@@ -82,6 +84,7 @@ class _Plan:
     captured: str  # lighting
     new: tuple[str, ...]
     whole: bool = False
+    shooting: Shooting | None = None  # of the pictures that splats are trained on; None: discs on the true surface
 
 
 PLANS = (
@@ -92,6 +95,33 @@ PLANS = (
     _Plan("interior", "interior", "interior, sun", "sunny", ("overcast", "lamps", "low sun"), whole=True),
     _Plan("interior", "interior", "interior, clouds", "overcast", ("sunny", "lamps", "low sun")),
     _Plan("sunroom", "sunroom", "sunroom, sun", "sunny", ("overcast", "lamps", "low sun")),
+    _Plan(
+        "courtyard",
+        "courtyard_walk",
+        "courtyard, trained",
+        "hard sun",
+        ("evening", "night", "day"),
+        shooting=Shooting(pose_noise=0.5, most=25_000),
+    ),
+    _Plan(
+        "stage",
+        "stage_walk",
+        "stage, trained",
+        "studio",
+        ("spots", "gels", "sunset"),
+        shooting=Shooting(exposure_noise=0.15),
+    ),
+    _Plan(
+        "interior",
+        "interior_walk",
+        "interior, trained",
+        "sunny, longer exposed",
+        ("overcast", "lamps", "low sun"),
+        shooting=Shooting(sky=True, most=25_000),
+    ),
+    _Plan(
+        "plinth", "plinth", "plinth, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -101,6 +131,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),
     "interior": ((1.85, 1.45, 1.75), (-0.8, 0.85, -0.75), 58),
     "sunroom": ((1.65, 1.5, 1.4), (-0.75, 0.75, -0.6), 58),
+    "plinth": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
 }
 
 
@@ -118,7 +149,9 @@ class _Scene:
         self._name = plan.scene
         self.recipe: Recipe = importlib.import_module(f"scenegen.{plan.cloud}").recipe()
         own = {x.name: x for x in (self.recipe.captured, *self.recipe.lightings)}
-        self._lightings = own | ({"hard sun": _hard_sun()} if plan.scene == "courtyard" else {})
+        longer = replace(exposed(self.recipe.captured, 0.75), name="sunny, longer exposed")
+        more = {"courtyard": _hard_sun(), "interior": longer}.get(plan.scene)
+        self._lightings = own | ({} if more is None else {more.name: more})
         eye, target, yfov = APART[plan.scene]
         self._camera = size.seen(Camera.look_at(eye, target, 960, 540, yfov=yfov, name="apart"))
 
@@ -133,10 +166,11 @@ class _Scene:
         new = plan.new[: self._size.most]
         return Captured(
             name=plan.name,
-            cloud=plan.cloud,
+            cloud=plan.cloud if plan.shooting is None else f"{plan.cloud}.trained",
             whole=plan.whole,
             camera=self._camera,
-            orbit=self.recipe.orbit,
+            orbit=self.recipe.orbit if plan.shooting is None else training.known(self.recipe.orbit, plan.shooting),
+            sky=plan.shooting is not None and plan.shooting.sky,
             splats=self._splats(plan.captured),
             light=self._lightings[plan.captured],
             lightings=tuple(self._lightings[x] for x in new),
@@ -176,6 +210,8 @@ class _Scene:
 
     def _splats(self, lighting: str) -> SplatCloud:
         cloud = self._plan.cloud
+        if self._plan.shooting is not None:
+            return self._trained(lighting, self._plan.shooting)
         if cloud in SHIPPED:
             shipped = splat_files.read(ROOT / "scenes" / cloud / "splats.compressed.ply")
             assert lighting == self.recipe.captured.name
@@ -201,6 +237,15 @@ class _Scene:
             sh=np.zeros((n, 1, 3), np.float32),
         )
         return self._coloured(bare, lighting)
+
+    def _trained(self, lighting: str, how: Shooting) -> SplatCloud:
+        def make() -> F32:
+            self._say(f"splats of {self._plan.cloud}, trained on {len(self.recipe.orbit)} pictures")
+            light = self._lightings[lighting]
+            return training.trained(Truth(self.looks, light), light, self.recipe.orbit, how)
+
+        name = f"{self._plan.cloud}.trained.{lighting}"
+        return training.cloud_of(self._store.array(name, "trained splats", make))
 
     def _coloured(self, splats: SplatCloud, lighting: str) -> SplatCloud:
         """The splats with the colours that they have under a lighting, by path tracing from each."""

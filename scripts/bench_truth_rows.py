@@ -11,13 +11,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from bench_truth_captures import Captured
-from bench_truth_scores import F32, Score, edges_of, mean, score
+from bench_truth_scores import F32, Bool, Score, edges_of, mean, score
 from bench_truth_seen import seen_of
 from bench_truth_store import Store
 from PIL import Image
 
 from mirelight import estimate, proxy, relighting
-from mirelight.colour import srgb_encode
+from mirelight.base.colour import srgb_encode
+from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
 from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise
@@ -73,6 +74,7 @@ class Way:
         return f"`{self.indirect}`, {self.spp * self.scale**2} samples{apart}"
 
 
+WHOLE_PIXEL = 0.999  # coverage by surfaces, from which no sky is in it
 BOTH = "ratio, per both"
 BEST = Way("traced", 2, 32)  # by which proxies are compared
 KEPT = replace(BEST, indirect="surface")
@@ -114,11 +116,20 @@ class Bench:
         return Compositor(self.capture.splats).composite(self.capture.camera, depth=False)
 
     @cached_property
-    def edges(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        """Silhouettes of the true surface."""
+    def _surface(self) -> LightingBuffer:
+        """The true surface, for where it is."""
         tracer = Tracer(self.capture.exact, RenderSettings(spp=16, max_depth=1), layers=False, aovs=False)
-        seen = tracer.trace(self.capture.light, self.capture.camera)
-        return edges_of(seen.coverage, seen.depth)
+        return tracer.trace(self.capture.light, self.capture.camera)
+
+    @cached_property
+    def edges(self) -> Bool:
+        """Silhouettes of the true surface."""
+        return edges_of(self._surface.coverage, self._surface.depth)
+
+    @cached_property
+    def scored(self) -> Bool | None:
+        """Pixels that count; None: all."""
+        return np.asarray(self._surface.coverage > WHOLE_PIXEL) if self.capture.sky else None
 
     @cached_property
     def size(self) -> float:
@@ -167,7 +178,11 @@ class Bench:
         capture = self.capture
 
         def pack() -> F32:
-            made = proxy.make(capture.splats, cameras=capture.orbit)
+            try:
+                made = proxy.make(capture.splats, cameras=capture.orbit)
+            except InputError as refused:
+                self._say(f"  {capture.name}: {refused}; its own proxy is made without them")
+                made = proxy.make(capture.splats)
             mesh = made.mesh
             sizes = [[len(mesh.vertices), len(mesh.faces) - made.unseen, 0]]
             return np.concatenate([sizes, mesh.vertices, mesh.faces]).astype(np.float32)
@@ -309,7 +324,7 @@ class Bench:
         scores = []
         for lighting, factor in zip(capture.lightings, factors, strict=True):
             truth = capture.truth[lighting.name]
-            scores.append(score(factor, unlit * factor, before, truth, self.edges))
+            scores.append(score(factor, unlit * factor, before, truth, self.edges, self.scored))
             if self._pictures is not None:
                 cut = f"{way.indirect}.{way.scale}x{way.spp}.{denoised}"
                 name = f"{capture.name}.{lighting.name}.{mode}.{surface}.{known}.{cut}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import srgb_encode
+from mirelight.base.colour import srgb_encode
 from mirelight.compare import metrics
 from mirelight.compare.regions import grown, silhouettes
 from mirelight.compare.types import CompareSettings
@@ -58,7 +58,7 @@ def edges_of(coverage: F32, depth: F32) -> Bool:
     return grown(silhouettes(np.asarray(coverage > 0.5), depth), BAND)
 
 
-def score(factor: F32, frame: F32, captured: Halves, truth: Halves, edges: Bool) -> Score:
+def score(factor: F32, frame: F32, captured: Halves, truth: Halves, edges: Bool, scored: Bool | None = None) -> Score:
     """A frame's scores.
 
     Args:
@@ -67,15 +67,19 @@ def score(factor: F32, frame: F32, captured: Halves, truth: Halves, edges: Bool)
         captured: true pictures under the captured light.
         truth: under the new light.
         edges: (H, W) round silhouettes.
+        scored: (H, W) pixels that count, where a sky is not of this; None: all. Means over windows leave the others
+            as they truly are.
     """
+    there = np.ones_like(edges) if scored is None else scored
+    frame = np.where(there[..., None], frame, (truth[0] + truth[1]) / 2).astype(np.float32)
     alone = squared_error((captured[0] * factor, captured[1] * factor), truth)
     whole = squared_error((frame, frame), truth)
     seen, true = shown(frame).astype(np.float32), shown((truth[0] + truth[1]) / 2).astype(np.float32)
     return Score(
-        light=decibels(alone),
-        light_edges=decibels(alone[edges]),
-        psnr=decibels(whole),
-        edges=decibels(whole[edges]),
+        light=decibels(alone[there]),
+        light_edges=decibels(alone[edges & there]),
+        psnr=decibels(whole[there]),
+        edges=decibels(whole[edges & there]),
         ssim=float(metrics.ssim(true, seen).mean()),
         flip=_flip(true, seen),
     )

@@ -128,5 +128,5 @@ def _alone(path: Path) -> Iterator[None]:
 
 def _digest(sources: Iterable[str]) -> str:
     there = [ROOT / source for source in sources]
-    files = [file for x in there for file in (x.rglob("*.py") if x.is_dir() else [x])]
+    files = [f for x in there for f in ([*x.rglob("*.py"), *x.rglob("*.cpp")] if x.is_dir() else [x])]
     return hashlib.sha256(b"".join(x.read_bytes() for x in sorted(files))).hexdigest()[:12]

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError, MirelightError
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.exr import read_exr
 from mirelight.io.png import encode_display

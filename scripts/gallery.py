@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight import cli
-from mirelight.errors import MirelightError
+from mirelight.base.errors import MirelightError
+from mirelight.base.sh import C0
 from mirelight.io.atomic import atomic_path
 from mirelight.io.sheet import Tile, write_sheet
-from mirelight.sh import C0
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -189,7 +189,7 @@ def gloss(work: Work) -> Tiles:
 
 def clipped(work: Work) -> Tiles:
     """The marble plinth, from the capture and from one that was two stops too bright for what a file can hold."""
-    from mirelight import colour
+    from mirelight.base import colour
     from mirelight.io import splats
     from mirelight.io.job import load
 
@@ -199,8 +199,8 @@ def clipped(work: Work) -> Tiles:
         raise MirelightError(f"{work.job}: no splats")
     cloud = job.splats.value
     shown = np.clip(0.5 + C0 * cloud.sh[:, 0], 0, 1)
-    light = np.minimum(4 * colour.decode(shown, "physical"), 1)
-    splats.write(replace(cloud, sh=((colour.encode(light, "physical") - 0.5) / C0)[:, None]), bright)
+    light = np.minimum(4 * colour.decode(shown, "srgb"), 1)
+    splats.write(replace(cloud, sh=((colour.encode(light, "srgb") - 0.5) / C0)[:, None]), bright)
     again = replace(
         work,
         folder=work.folder / "bright",

@@ -118,7 +118,7 @@ def workers(parent: int) -> list[int]:
             command = entry.joinpath("cmdline").read_bytes()
         except (OSError, ValueError):
             continue
-        if its == parent and b"mirelight.farm.worker" in command:
+        if its == parent and b"mirelight.batch.worker" in command:
             found.append(int(entry.name))
     return found
 

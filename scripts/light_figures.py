@@ -18,8 +18,8 @@ from light_tiles import FLOOR, PAPER, Figure, Series, join, quad, tile
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight import conventions
-from mirelight.colour import luminance
+from mirelight.base import conventions
+from mirelight.base.colour import luminance
 from mirelight.io.atomic import atomic_path
 from mirelight.lighting import Tracer
 from mirelight.lighting.sunsky import resolved

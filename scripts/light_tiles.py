@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mirelight import colour, conventions
+from mirelight.base import colour, conventions
 from mirelight.lighting import Tracer
 from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings
 

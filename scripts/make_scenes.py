@@ -45,7 +45,7 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
     """Scatter splats on what the orbit sees, bake a first colour, fit the colours to photographs, write the capture."""
     from scenegen import fit, surfels
 
-    from mirelight.colour import srgb_encode
+    from mirelight.base.colour import srgb_encode
 
     points, seen = surfels.candidates(surfels.Triangles.of(looks.soups), recipe, captured)
     say(f"{len(points)} candidates on what the orbit sees", start)
@@ -58,7 +58,7 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
     views = []
     for k, camera in enumerate(recipe.orbit):
         small = camera.resized(*PHOTOGRAPH)
-        light = captured.photograph(small, PHOTOGRAPH_SPP, seed=100 + k)
+        light = captured.photograph(small, PHOTOGRAPH_SPP, seed=100 + k)[..., :3]
         views.append(fit.View(camera=small, shown=np.asarray(srgb_encode(np.clip(light, 0, 1)), dtype=np.float64)))
         say(f"photograph {k + 1} of {len(recipe.orbit)}", start)
     writing.write_splats(fit.fit_colours(cloud, views), folder)

@@ -18,11 +18,12 @@ import numpy as np
 from PIL import Image
 
 import mirelight
-from mirelight import colour, stages
+from mirelight.apps.mixer.bundle import export
+from mirelight.base import colour
 from mirelight.io.png import write_png
-from mirelight.mixing.bundle import export
 from mirelight.model import F32
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
 SCENE = Path(__file__).resolve().parents[1] / "scenes" / "courtyard"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.model import F32, Camera, SplatCloud
 
 

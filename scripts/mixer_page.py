@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour, sh
+from mirelight.apps.mixer.bundle import page_file
+from mirelight.apps.realtime import browser
+from mirelight.base import colour, sh
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, Loaded, engine_rank, loaded_ply
 from mirelight.compositor.source import uploaded
-from mirelight.mixing.bundle import page_file
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud
-from mirelight.realtime import browser
 
 # STEPS has `page`, `picture(name)` sends the picture once it is at rest, `set(label, value)` moves what has that label.
 _DRIVER = """

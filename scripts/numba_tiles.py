@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import sh as spherical
+from mirelight.base import sh as spherical
 from mirelight.compositor.source import factors_of, shape_of
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from mirelight import __version__
-from mirelight.errors import MirelightError, RenderError, printable
+from mirelight.base.errors import MirelightError, RenderError, printable
+from mirelight.base.version import __version__
 
 BAD = 2  # exit code of expected trouble: bad input, no backend, a full disk
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -207,7 +207,7 @@ def _run(args: argparse.Namespace) -> int:
             print_json(json_schema())
             return 0
         case _:
-            from mirelight import doctor
+            from mirelight.apps import doctor
 
             return doctor.run()
 

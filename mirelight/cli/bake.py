@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError
 
 if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source
@@ -38,14 +38,15 @@ def add_bake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run_bake(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, progress to stderr."""
-    from mirelight import __version__, baking
+    from mirelight.apps import bake as baking
+    from mirelight.base.version import __version__
     from mirelight.cli.match import progress
     from mirelight.io import splats
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
     from mirelight.model.shown import count
-    from mirelight.plan import plan
-    from mirelight.scene import prepare
+    from mirelight.pipeline.plan import plan
+    from mirelight.pipeline.scene import prepare
 
     out = outputs.named(args.out, "splats are", *_SUFFIXES)
     if not 1 <= args.spp <= 1 << 20:

@@ -21,8 +21,8 @@ def add_cache(commands: Any) -> None:
 
 def run_cache(args: argparse.Namespace) -> int:
     """The command."""
-    from mirelight.cache import VARIABLE, UserCache
     from mirelight.model.shown import count
+    from mirelight.pipeline.cache import VARIABLE, UserCache
 
     cache = UserCache()
     if cache.folder is None:

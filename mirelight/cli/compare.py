@@ -9,8 +9,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from mirelight.base.errors import InputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError
 
 UNMET = 1  # exit code where a requirement does not hold
 _MOST_STOPS = 64  # as in the job file

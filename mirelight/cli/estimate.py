@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError
 from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:
@@ -56,9 +56,9 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.gltf.write import check_light
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
-    from mirelight.kept import KeptNowhere
     from mirelight.model import EstimatedSky
-    from mirelight.scene import Scene
+    from mirelight.pipeline.kept import KeptNowhere
+    from mirelight.pipeline.scene import Scene
 
     out = outputs.named(args.out, "light is", ".toml", *GLTF)
     work = job.load(args.job, [parse(text) for text in args.set])
@@ -76,7 +76,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     scene = Scene(work, KeptNowhere(), None if args.quiet else say.remark)  # unchecked: nothing is rendered of it
     splats, mesh = scene.splats, scene.mesh
     assert splats is not None and mesh is not None
-    found = estimate(splats, mesh, work.render, args.exposure, lights)
+    found = estimate(splats, mesh, work.render, args.exposure, lights, scene.views)
     scene.keep_estimate(_sky(work, args.exposure, lights), found)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
@@ -152,8 +152,8 @@ def _camera(work: Job, name: str | None) -> Camera | None:
 def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]:
     """The sheet of one camera, its proxy in the splats' colours."""
     from mirelight.estimate.pictures import sheet
+    from mirelight.pipeline.scene import prepare
     from mirelight.relighting import unlit_rgba
-    from mirelight.scene import prepare
 
     scale = min(WIDEST / camera.width, 1.0)
     camera = camera.resized(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import BackendError, InputError
 from mirelight.cli import say
-from mirelight.errors import BackendError, InputError
 
 if TYPE_CHECKING:
     from mirelight.model import Camera, Job, Lighting
@@ -40,11 +40,11 @@ def add_explain(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run_explain(args: argparse.Namespace) -> int:
     """The command. The table goes to stdout, progress and what could not be done to stderr."""
+    from mirelight.apps.explain.engine import EngineRun, run_engine
+    from mirelight.apps.explain.ladder import explain, require
+    from mirelight.apps.explain.report import write_ladder
+    from mirelight.apps.explain.types import summary
     from mirelight.compare import metrics
-    from mirelight.compare.explain import summary
-    from mirelight.compare.explain_engine import EngineRun, run_engine
-    from mirelight.compare.explain_ladder import explain, require
-    from mirelight.compare.explain_report import write_ladder
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
 
@@ -75,7 +75,7 @@ def run_explain(args: argparse.Namespace) -> int:
 
 def _frame(work: Job, camera: str | None, lighting: str | None) -> tuple[str, Camera, Lighting]:
     """The name, camera and lighting of the frame that is meant."""
-    from mirelight.plan import plan
+    from mirelight.pipeline.plan import plan
 
     task = plan(work, None if camera is None else [camera], None if lighting is None else [lighting]).tasks[0]
     if task.lighting is None:

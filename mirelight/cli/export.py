@@ -43,8 +43,8 @@ def add_export(commands: Any) -> None:
 def run_export(args: argparse.Namespace) -> int:
     """The command. Progress goes to stderr, one line at the end to stdout."""
     from mirelight import dataset
+    from mirelight.base.errors import InputError
     from mirelight.cli import stop
-    from mirelight.errors import InputError
     from mirelight.io.job.settings_tables import LICENSE, is_license
     from mirelight.model import DatasetSettings
 
@@ -127,7 +127,7 @@ def at_end(job: Job, store: Store, quiet: bool) -> list[str]:
     """Write the job's data sets once the layers of all its frames are there; a line for each. Where another process
     writes them, or frames are missing, that is said instead."""
     from mirelight import dataset
-    from mirelight.errors import InputError
+    from mirelight.base.errors import InputError
 
     if not job.dataset.layouts:
         return []

@@ -33,8 +33,8 @@ def add_film(commands: Any) -> None:
 
 def run_film(args: argparse.Namespace) -> int:
     """The command. One line to stdout, and on a terminal a live one to stderr."""
-    from mirelight.showing import film, shots
-    from mirelight.showing.encoders import encoder_of
+    from mirelight.apps.show import film, shots
+    from mirelight.apps.show.encoders import encoder_of
 
     out = Path(args.file)
     rate = film.rate_of(args.fps)

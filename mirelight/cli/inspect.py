@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.errors import BackendError, InputError
+from mirelight.base.errors import BackendError, InputError
 
 if TYPE_CHECKING:
-    from mirelight.checking import Check
     from mirelight.model import Job
+    from mirelight.pipeline.job_diagnostics import Check
 
 
 def add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -34,10 +34,10 @@ def add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 def run_inspect(args: argparse.Namespace) -> int:
     """The command. Facts go to stdout."""
+    from mirelight.apps.inspect.facts import as_json
+    from mirelight.apps.inspect.inspect import inspect, of_job
     from mirelight.cli import say
     from mirelight.cli.report import fit_json, fit_lines, lines, print_json
-    from mirelight.io.facts import as_json
-    from mirelight.io.inspect import inspect, of_job
 
     if Path(args.file).suffix.lower() != ".toml":
         if args.heat is not None:
@@ -67,8 +67,8 @@ def _supply(work: Job) -> None:
     """The proxy that is made from the splats, where an earlier render has kept it."""
     if work.made_proxy is None:
         return
-    from mirelight.cache import UserCache
-    from mirelight.keys import Keys
+    from mirelight.pipeline.cache import UserCache
+    from mirelight.pipeline.keys import Keys
     from mirelight.store import Store
 
     key = Keys(work).made_proxy
@@ -76,12 +76,12 @@ def _supply(work: Job) -> None:
     if kept is None:
         kept = UserCache().mesh(key)
     if kept is not None:
-        work.made_proxy.supply(kept)
+        work.made_proxy.mesh.supply(kept)
 
 
 def _checked(work: Job, heat: str | None) -> Check | None:
     """What a look at the job finds; None where this machine has nothing to look with and no picture is asked for."""
-    from mirelight.checking import check
+    from mirelight.pipeline.job_diagnostics import check
 
     try:
         found = check(work, every_camera=heat is not None)
@@ -92,7 +92,7 @@ def _checked(work: Job, heat: str | None) -> Check | None:
     if heat is not None and found.quality is not None:
         from mirelight.io.atomic import output_error
         from mirelight.io.png import write_png
-        from mirelight.plan import camera_names
+        from mirelight.pipeline.plan import camera_names
 
         folder = Path(heat)
         try:
@@ -107,6 +107,6 @@ def _checked(work: Job, heat: str | None) -> Check | None:
 def _missing(work: Job) -> str:
     if work.splats is None or work.proxy is None:
         return f"the job names no {'splats' if work.splats is None else 'proxy'}"
-    if work.made_proxy is not None and not work.made_proxy.is_there:
+    if work.made_proxy is not None and not work.made_proxy.mesh.is_there:
         return "its proxy is made from the splats by the first render"
     return "its splats have no surface"

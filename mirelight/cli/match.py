@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from mirelight.matching import LayerMatch, Match
+    from mirelight.apps.match import LayerMatch, Match
 
 
 def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -56,13 +56,13 @@ def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 
 def run_match(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout, progress to stderr."""
+    from mirelight.apps.match import match, read_target
     from mirelight.io.atomic import atomic_path
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
     from mirelight.io.job.write import with_lighting
-    from mirelight.matching import match, read_target
-    from mirelight.plan import plan
-    from mirelight.scene import prepare
+    from mirelight.pipeline.plan import plan
+    from mirelight.pipeline.scene import prepare
 
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists() and out.resolve() == Path(args.job).resolve():

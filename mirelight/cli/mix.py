@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError, MirelightError
 from mirelight.io.folders import NewFolders
 
 if TYPE_CHECKING:
-    from mirelight.mixing import Exported
-    from mirelight.mixing.saved import Saved
+    from mirelight.apps.mixer import Exported
+    from mirelight.apps.mixer.saved import Saved
     from mirelight.model import Job
-    from mirelight.scene import Scene
+    from mirelight.pipeline.scene import Scene
 
 
 def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -42,12 +42,12 @@ def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
 
 def run_mix(args: argparse.Namespace) -> int:
     """The command. The page's path goes to stdout, the rest to stderr."""
-    from mirelight.farm.order import named
+    from mirelight.apps.mixer.saved import Saved
+    from mirelight.apps.mixer.server import claimed
+    from mirelight.batch.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
-    from mirelight.mixing.saved import Saved
-    from mirelight.mixing.server import claimed
-    from mirelight.needs import check_lit_splats
+    from mirelight.pipeline.requirements import check_lit_splats
 
     overrides = [parse(text) for text in args.set]
     work = job.load(args.job, overrides)
@@ -79,8 +79,8 @@ def run_mix(args: argparse.Namespace) -> int:
 
 
 def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, saved: Saved | None) -> None:
-    from mirelight import mixing
-    from mirelight.scene import prepare
+    from mirelight.apps import mixer as mixing
+    from mirelight.pipeline.scene import prepare
     from mirelight.store import Store
 
     live = sys.stderr.isatty() and not args.quiet
@@ -120,8 +120,8 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
 
 def _serve(scene: Scene, made: Exported, saved: Saved, port: int) -> None:
     """Until Ctrl-C, which ends it well."""
-    from mirelight.mixing.server import serving
-    from mirelight.mixing.session import Session
+    from mirelight.apps.mixer.server import serving
+    from mirelight.apps.mixer.session import Session
 
     try:
         session = Session(scene, made.layers, tell=say.remark, order=made.order)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError, OutputError
 from mirelight.io.suffixes import SPLATS
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def add_new(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
 
 def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
-    from mirelight.first import Wish, job_for
+    from mirelight.apps.first_job import Wish, job_for
     from mirelight.io.atomic import atomic_path
 
     out = outputs.named(args.out, "a job is", ".toml")
@@ -67,7 +67,7 @@ def first_job(path: str, light: str, overrides: list[Override], note: Callable[[
     Raises:
         InputError: the capture or the light cannot be used.
     """
-    from mirelight.first import Wish, job_for
+    from mirelight.apps.first_job import Wish, job_for
     from mirelight.io import job
 
     capture = _capture(path)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io.atomic import output_error
 
 if TYPE_CHECKING:

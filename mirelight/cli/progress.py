@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Protocol, Self
 
+from mirelight.base.errors import printable
+from mirelight.batch.pace import Pace
 from mirelight.cli import say
-from mirelight.errors import printable
-from mirelight.farm.pace import Pace
 
 
 class Named(Protocol):
@@ -27,7 +27,7 @@ class Named(Protocol):
 
 
 class Tally:
-    """Counts frames and samples, and estimates the time left. Shows nothing; a `mirelight.executor.Progress`."""
+    """Counts frames and samples, and estimates the time left. Shows nothing; a `mirelight.batch.executor.Progress`."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -112,7 +112,7 @@ class Tally:
 
     @property
     def left(self) -> float | None:
-        """Seconds that the rest will take, see `mirelight.farm.pace`; None while nothing is known."""
+        """Seconds that the rest will take, see `mirelight.batch.pace`; None while nothing is known."""
         return self._pace.left(self._workers, self.elapsed)
 
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError
 from mirelight.cli import outputs, say
-from mirelight.errors import InputError
 from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:

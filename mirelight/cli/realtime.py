@@ -8,8 +8,8 @@ import time
 from functools import partial
 from pathlib import Path
 
+from mirelight.base.errors import InputError
 from mirelight.cli import say
-from mirelight.errors import InputError
 
 
 def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -39,13 +39,13 @@ def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run_realtime(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, what the engine cannot follow to stderr."""
-    from mirelight import realtime
+    from mirelight.apps import realtime
+    from mirelight.apps.realtime import pages
+    from mirelight.batch.order import named
     from mirelight.cli.progress import duration
-    from mirelight.farm.order import named
     from mirelight.io import job
     from mirelight.io.job.overrides import parse
-    from mirelight.plan import plan
-    from mirelight.realtime import pages
+    from mirelight.pipeline.plan import plan
 
     work = job.load(args.job, [parse(text) for text in args.set])
     tasks = plan(

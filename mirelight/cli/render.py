@@ -7,17 +7,16 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from mirelight import executor
+from mirelight.base.errors import InputError, MirelightError
+from mirelight.batch import Order, Shard, crew, executor, scheduler
+from mirelight.batch.forecast import Forecast, forecast
+from mirelight.batch.preview import Previews
 from mirelight.cli import BAD, export, new, progress, say, stop
 from mirelight.cli.report import size
-from mirelight.errors import InputError, MirelightError
-from mirelight.farm import Order, Shard, crew, scheduler
-from mirelight.forecast import Forecast, forecast
 from mirelight.model import Job
 from mirelight.model.shown import count
-from mirelight.plan import light_keys, warnings
-from mirelight.scene import check
-from mirelight.showing.preview import Previews
+from mirelight.pipeline.completeness import check
+from mirelight.pipeline.plan import light_keys, warnings
 from mirelight.store import Store
 
 

@@ -8,8 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from mirelight.errors import printable
-from mirelight.io.facts import (
+from mirelight.apps.inspect.facts import (
     Bounds,
     CameraFacts,
     Facts,
@@ -20,9 +19,10 @@ from mirelight.io.facts import (
     PictureFacts,
     SplatFacts,
 )
+from mirelight.base.errors import printable
 
 if TYPE_CHECKING:
-    from mirelight.checking import Check
+    from mirelight.pipeline.job_diagnostics import Check
 
 _UNITS = {"directional": "lux", "sun": "lux", "point": "cd", "spot": "cd", "area": "cd/m²"}
 _MOST = 20  # lights or cameras that are listed

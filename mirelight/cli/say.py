@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from mirelight.errors import printable
+from mirelight.base.errors import printable
 
 
 def result(text: object) -> None:

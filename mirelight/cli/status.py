@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mirelight.cli import say
 
 if TYPE_CHECKING:
-    from mirelight.farm.status import Status
+    from mirelight.batch.status import Status
 
 _MOST = 10  # lines of a kind
 _MISSING = 3  # names of missing frames
@@ -31,8 +31,8 @@ def add_status(commands: Any) -> None:
 
 def run_status(args: argparse.Namespace) -> int:
     """The command."""
+    from mirelight.batch.status import status
     from mirelight.cli.report import print_json
-    from mirelight.farm.status import status
 
     found = status(args.folder)
     if args.json:

@@ -12,11 +12,11 @@ from typing import Self
 
 from mirelight.cli import INTERRUPTED, TERMINATED
 from mirelight.cli.progress import Tally
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 
 
 class Watched:
-    """A `mirelight.executor.Progress` that passes everything on and raises a noted signal after it.
+    """A `mirelight.batch.executor.Progress` that passes everything on and raises a noted signal after it.
 
     The first SIGINT or SIGTERM waits for the next call; a second one is raised at once.
     """

@@ -6,20 +6,25 @@ import argparse
 import sys
 from pathlib import Path
 
+from mirelight.batch import submit
+from mirelight.cli import outputs
 from mirelight.cli.render import count_of, order_of
-from mirelight.farm import submit
 from mirelight.io.atomic import atomic_path
 
 
 def run_submit(args: argparse.Namespace) -> int:
     """The command. The script goes to stdout, or to a file."""
     order = order_of(args)
-    order.plan(order.load())  # a mistake is said now, not on a hundred nodes
+    work = order.load()
+    order.plan(work)  # a mistake is said now, not on a hundred nodes
     shards = count_of(args.shards, "--shards") or 1
     text = submit.slurm(order, shards) if args.slurm else submit.openjd(order, shards)
     if args.file is None:
         sys.stdout.write(text)
         return 0
-    with atomic_path(Path(args.file)) as temporary:
+    out = Path(args.file)
+    outputs.in_a_folder(out)
+    outputs.spare([out], outputs.files_of(work))
+    with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return 0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mirelight.cli import say
 
 if TYPE_CHECKING:
-    from mirelight.farm.checks import Finding
+    from mirelight.batch.checks import Finding
 
 _MOST = 100  # lines of a kind
 _EVERY = 30.0  # seconds between two words on how far it is
@@ -37,7 +37,7 @@ def add_verify(commands: Any) -> None:
 
 def run_verify(args: argparse.Namespace) -> int:
     """The command. What is wrong goes to stdout, the last line, too."""
-    from mirelight.farm.verify import verify
+    from mirelight.batch.verify import verify
     from mirelight.model.shown import count
 
     if args.json:
@@ -61,8 +61,8 @@ def run_verify(args: argparse.Namespace) -> int:
 
 
 def _as_json(args: argparse.Namespace) -> int:
+    from mirelight.batch.verify import verify
     from mirelight.cli.report import print_json
-    from mirelight.farm.verify import verify
 
     heard: list[Finding] = []
     found = verify(args.folder, heard.append, rebuild=args.rebuild, step=_Said().step)

@@ -10,23 +10,23 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from mirelight.base.errors import InputError, MirelightError, printable
+from mirelight.batch.executor import Silent
 from mirelight.cli import TERMINATED
 from mirelight.cli.new import refuse_capture
-from mirelight.errors import InputError, MirelightError, printable
-from mirelight.executor import Silent
 
 if TYPE_CHECKING:
-    from mirelight.plan import FrameTask
-    from mirelight.watching.files import Files
+    from mirelight.apps.watch.files import Files
+    from mirelight.pipeline.plan import FrameTask
 
 _LOOK = 0.1  # seconds between two looks at the files
 
 
 def run_watch(args: argparse.Namespace) -> int:
     """The command, until Ctrl-C. All that it says goes to stderr."""
+    from mirelight.apps.watch.files import Files, files_of
+    from mirelight.apps.watch.session import Session
     from mirelight.cli.render import order_of
-    from mirelight.watching.files import Files, files_of
-    from mirelight.watching.session import Session
 
     refuse_capture(args.job)
     order, job = order_of(args), Path(args.job).absolute()
@@ -98,7 +98,7 @@ class _Signals:
 
 
 class _Heard(Silent):
-    """A `mirelight.executor.Progress` that says when frames are shown and there, and stops for a change."""
+    """A `mirelight.batch.executor.Progress` that says when frames are shown and there, and stops for a change."""
 
     def __init__(self, files: Files, screen: _Screen, signals: _Signals) -> None:
         self._files, self._screen, self._signals = files, screen, signals

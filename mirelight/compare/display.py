@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.compare.pictures import blended_in_light, shows_engine_colours
 from mirelight.compare.types import CompareSettings, Picture
-from mirelight.model import F32, Profile
+from mirelight.model import F32, Profile, rules_of
 
 _GAIN_STOPS = 6.0  # a fitted gain lies within this many stops of 1
 _GAIN_SAMPLES = 1 << 16  # pixels that the fit looks at
@@ -38,24 +38,24 @@ class Display:
 
     def show_light(self, rgb: F32, alpha: F32, linear: bool, gain: float = 1.0, whole: bool = False) -> F32:
         """As :meth:`show`, for premultiplied (..., 3) and (...,); `whole`: blended in linear light."""
-        settings, profile = self.settings, self.profile
+        settings, transfer = self.settings, rules_of(self.profile).transfer
         if linear:
             shown = colour.shown(
                 rgb,
                 alpha,
-                profile,
+                transfer,
                 gain=gain * 2.0**settings.exposure,
                 tone=settings.tone,
                 background=settings.background,
                 whole=whole,
             )
         elif whole:
-            lit = rgb if gain == 1 else colour.encode(colour.decode(rgb, profile) * np.float32(gain), profile)
+            lit = rgb if gain == 1 else colour.encode(colour.decode(rgb, transfer) * np.float32(gain), transfer)
             shown = np.clip(lit + np.asarray(settings.background, np.float32) * (1 - alpha[..., None]), 0, 1)
         else:
             own = colour.straight(rgb, alpha)
             if gain != 1:
-                own = colour.encode(colour.decode(own, profile) * np.float32(gain), profile)
+                own = colour.encode(colour.decode(own, transfer) * np.float32(gain), transfer)
             shown = colour.laid_over(own, alpha, settings.background)
         if self.eight_bit:
             shown = np.rint(shown * np.float32(255)) / np.float32(255)

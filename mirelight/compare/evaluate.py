@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirelight.base.errors import InputError
 from mirelight.compare import metrics
 from mirelight.compare.display import Display
 from mirelight.compare.pictures import read_mask, read_picture
@@ -20,7 +21,6 @@ from mirelight.compare.types import (
     Scores,
     Verdict,
 )
-from mirelight.errors import InputError
 from mirelight.model import F32
 
 

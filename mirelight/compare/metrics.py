@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import extras
+from mirelight.base import extras
 from mirelight.compare.types import CompareSettings
 from mirelight.model import F32
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from mirelight.base.errors import InputError
 from mirelight.compare.pictures import DISPLAY, ENGINE_PICTURES, LINEAR, existing
 from mirelight.compare.types import Pair, Pairing
-from mirelight.errors import InputError
 
 _FRAME = ENGINE_PICTURES[0]
 

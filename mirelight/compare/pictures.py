@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.base.errors import InputError
 from mirelight.compare.types import Bool, Picture
-from mirelight.errors import InputError
 from mirelight.io.decoding import opened
 from mirelight.io.exr import read_exr
 from mirelight.io.frame_texts import PROVENANCE

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, cast
 
+from mirelight.base.errors import InputError
 from mirelight.compare.types import Comparison, RegionName
-from mirelight.errors import InputError
 
 FIGURES = ("psnr", "ssim", "flip", "hdr_flip", "rel_mse", "delta_e", "delta_e_p99", "max_error")
 _FORM = re.compile(r"(?:(all|covered|silhouette)\.)?(\w+)\s*(<=|>=|<|>)\s*([-+.\deE]+)")

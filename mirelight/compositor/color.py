@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour
-from mirelight import sh as spherical
+from mirelight.base import colour
+from mirelight.base import sh as spherical
 from mirelight.compositor.cloud import PADDED, Cloud, Eye, clamp, dot, from_eye
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.record import BLUE, GREEN, RECORD, RED

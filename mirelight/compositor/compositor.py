@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirelight.base.errors import BackendError
+from mirelight.base.sh import C0
 from mirelight.compositor import reference
 from mirelight.compositor.bin import (
     MOST_TILES,
@@ -30,9 +32,7 @@ from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Blended, empty_frame, layer_of, new_frame, values_of
 from mirelight.compositor.source import MOST_COLOR
-from mirelight.errors import BackendError
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
-from mirelight.sh import C0
 
 _DEFAULT = CompositorSettings()
 

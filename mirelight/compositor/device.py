@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import backend
-from mirelight.machine import collector_held
+from mirelight.base import backend
+from mirelight.base.machine import collector_held
 from mirelight.model import Variant
 
 Array: TypeAlias = Any  # a Dr.Jit array; its types exist only once a variant is loaded

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from mirelight.base.errors import RenderError
+from mirelight.base.machine import free_memory
 from mirelight.compositor.cloud import PADDED
 from mirelight.compositor.device import Device
 from mirelight.compositor.record import RECORD
-from mirelight.errors import RenderError
-from mirelight.machine import free_memory
 from mirelight.model import Camera, SplatCloud
 
 _GIB = 1 << 30

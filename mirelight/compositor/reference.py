@@ -80,7 +80,8 @@ def _evaluated(splats: SplatCloud, camera: Camera) -> F64:
 
 
 def harmonics(directions: F64, degree: int) -> F64:
-    """(..., (degree + 1)²) real spherical harmonics by their definition, apart from the polynomials of `mirelight.sh`.
+    """(..., (degree + 1)²) real spherical harmonics by their definition, apart from the polynomials of
+    `mirelight.base.sh`.
 
     Y_lm = (-1)^m sqrt((2l + 1) (l - m)! / (2π (l + m)!)) dᵐP_l(z)/dzᵐ · Re or Im (x + iy)ᵐ, without the 2 at m = 0.
     """

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
+from mirelight.base import colour
+from mirelight.base.sh import C0
 from mirelight.model import F32, F64, CompositorSettings, SplatCloud, rules_of
-from mirelight.sh import C0
 
 _LOG_SCALE_MIN, _LOG_SCALE_RANGE = -12.0, 21.0  # COMPACT: natural logarithm of the scale, 8 bits
 MOST_COLOR = 65504.0  # half precision's largest number; brighter splats, which sums could not hold, are limited to it

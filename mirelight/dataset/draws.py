@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirelight.base.errors import InputError
 from mirelight.dataset.view import DataSet, Sample
-from mirelight.errors import InputError
 from mirelight.model import F32, HeldOut
 
 

@@ -14,17 +14,18 @@ from typing import Protocol
 
 import numpy as np
 
-from mirelight import colour, relighting
-from mirelight.conventions import Matrix
+from mirelight import relighting
+from mirelight.base import colour
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.dataset import card, contact, croissant, rig
 from mirelight.dataset.draws import Split, split
-from mirelight.dataset.index import Index, KeptView, Weighted
 from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
 from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
-from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.model import DatasetSettings, HeldOut, Job, Layout, PointLight, SpotLight, digest
+from mirelight.store.layer_index import Index, KeptView, Weighted
 
 __all__ = ["LAYOUTS", "Progress", "Silent", "check", "export"]
 
@@ -301,7 +302,7 @@ class _Seen:
             sure = np.flatnonzero(geometry.coverage.ravel() > 0.999)
             some = sure[:: max(1, -(-len(sure) // share))]
             positions.append(geometry.position.reshape(-1, 3)[some].astype(np.float64))
-            colors.append(colour.encode(geometry.albedo.reshape(-1, 3)[some], "physical"))
+            colors.append(colour.encode(geometry.albedo.reshape(-1, 3)[some], "srgb"))
         points = None
         if sum(len(x) for x in positions):
             rgb = np.rint(255 * np.clip(np.concatenate(colors), 0, 1)).astype(np.uint8)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.conventions import Matrix
-from mirelight.dataset.index import UnitLight
+from mirelight.base.conventions import Matrix
 from mirelight.dataset.layouts.pictures import Lamp, Shared
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.dataset.surroundings import Sun
 from mirelight.dataset.view import DataSet
 from mirelight.model import IesProfile, Light, PointLight, SpotLight, SunLight
+from mirelight.store.layer_index import UnitLight
 
 _UNITS = {
     "point": "candela, of the data set's world: the job's times the square of its scale",

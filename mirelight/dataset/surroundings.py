@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.model import F32, F64
+from mirelight.store.small_maps import MOST_ROWS, shrunk
 
-MOST_ROWS = 1024  # of a map that is kept with a data set
 SUN_DIAMETER = 0.53  # degrees, of a directional light, which has none
 # The frame whose map has the view direction in its middle and the camera's right at u = 0.75 (skylibs, Stanford-ORB).
 CAMERA_FROM_MAP = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
@@ -74,15 +74,10 @@ class Surroundings:
         way = conventions.map_pixels(rows)
         for one in self.maps:
             back = conventions.rotation_from_euler((0, one.rotation, 0)).T
-            out += _looked_up(_shrunk(one.radiance, rows), way @ (back @ turn).T) * one.factor
+            out += _looked_up(shrunk(one.radiance, rows), way @ (back @ turn).T) * one.factor
         for sun in self.suns:
             _draw(out, turn.T @ -np.asarray(sun.direction), sun)
         return out.astype(np.float32)
-
-
-def shrunk(radiance: F32, most: int = MOST_ROWS) -> F32:
-    """A map of at most so many rows and twice as many columns, each pixel the mean of those that it stands for."""
-    return _shrunk(radiance, most)
 
 
 def solid_angles(rows: int) -> Matrix:
@@ -106,18 +101,6 @@ def _looked_up(radiance: F32, way: Matrix) -> Matrix:
     wide = radiance.astype(np.float64)
     upper, lower = (wide[row, columns[0]] * (1 - right_share) + wide[row, columns[1]] * right_share for row in rows)
     return np.asarray(upper * (1 - low_share) + lower * low_share)
-
-
-def _shrunk(radiance: F32, most: int) -> F32:
-    height, width, _ = radiance.shape
-    down, across = -(-height // most), -(-width // (2 * most))
-    if (down, across) == (1, 1):
-        return radiance
-    padded = np.pad(radiance, ((0, -height % down), (0, -width % across), (0, 0)), mode="edge")
-    share = np.sin(np.pi * (np.arange(len(padded)) + 0.5) / len(padded)) if not height % down else np.ones(len(padded))
-    weights = share.reshape(-1, down, 1, 1, 1)
-    blocks = padded.reshape(len(padded) // down, down, -1, across, 3).astype(np.float64) * weights
-    return np.asarray(blocks.sum(axis=1).mean(axis=2) / weights.sum(axis=1)[:, 0], dtype=np.float32)
 
 
 def _draw(out: Matrix, to_sun: Matrix, sun: Sun) -> None:

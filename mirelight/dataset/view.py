@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirelight import relighting
-from mirelight.dataset import index as indexing
-from mirelight.dataset.index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.base.errors import InputError
 from mirelight.dataset.surroundings import Map, Sun, Surroundings
-from mirelight.errors import InputError
 from mirelight.model import (
     F32,
     Camera,
@@ -31,7 +29,9 @@ from mirelight.model import (
     SplatLayer,
     SunLight,
 )
+from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
+from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
 _REMEDY = "mirelight verify --rebuild forgets it, and mirelight render makes it again"
@@ -175,8 +175,8 @@ class DataSet:
             rows: of the map; None: as many as are kept, at most 1024.
 
         Returns:
-            (rows, 2 rows, 3) linear radiance, row 0 is +Y, `mirelight.conventions` says which way the columns look;
-            None where there is no such light.
+            (rows, 2 rows, 3) linear radiance, row 0 is +Y, `mirelight.base.conventions` says which way the columns
+            look; None where there is no such light.
         """
         found = self.surroundings(lighting)
         return None if found is None else found.picture(rows)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mirelight.colour import REC709_LUMINANCE
+from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.types import Estimate
 from mirelight.model import F64, AreaLight, PointLight, SpotLight
 

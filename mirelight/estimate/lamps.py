@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.colour import REC709_LUMINANCE
+from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.sun import Search
 from mirelight.estimate.transport import Places
 from mirelight.model import F64

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import REC709_LUMINANCE, srgb_encode
+from mirelight.base.colour import REC709_LUMINANCE, srgb_encode
 from mirelight.model import F32, LightingBuffer
 
 _FLOOR = 0.02  # of the mean light: what is darker is shown as nothing is known

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import F32, F64
 
 Int: TypeAlias = NDArray[np.int64]
@@ -75,14 +75,3 @@ def sphere(count: int) -> F64:
     phi = np.arange(count) * np.pi * (3 - np.sqrt(5.0))
     s = np.sqrt(1 - y * y)
     return np.stack([s * np.cos(phi), y, s * np.sin(phi)], axis=-1)
-
-
-def frame_around(way: F64) -> F64:
-    """(..., 3, 3) rows: two directions across unit ones (..., 3), and these (Duff et al. 2017)."""
-    x, y, z = np.moveaxis(way, -1, 0)
-    sign = np.where(z >= 0, 1.0, -1.0)
-    a = -1 / (sign + z)
-    b = x * y * a
-    first = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
-    second = np.stack([b, sign + y * y * a, -y], axis=-1)
-    return np.stack([first, second, way], axis=-2)

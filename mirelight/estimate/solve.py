@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import REC709_LUMINANCE
-from mirelight.errors import RenderError
+from mirelight.base.colour import REC709_LUMINANCE
+from mirelight.base.errors import RenderError
 from mirelight.estimate import fit, lamps, sun
 from mirelight.estimate.fit import Fitted, Pairs
 from mirelight.estimate.groups import groups
@@ -18,7 +18,7 @@ from mirelight.estimate.sky import PATCHES, as_map, glow
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
 from mirelight.estimate.types import Confidence, Estimate
-from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 
 LEAST_OPEN = 0.003  # share of the view that must be sky
 LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is not known
@@ -62,6 +62,7 @@ def estimate(
     settings: RenderSettings,
     exposure: float = 0.0,
     lights: Sequence[Light] = (),
+    views: Sequence[SplatLayer] = (),
 ) -> Estimate:
     """The light that splats were captured under, as a sun, a sky, and up to three lamps.
 
@@ -71,6 +72,7 @@ def estimate(
         settings: seed, variant and threads of the rays.
         exposure: stops by which the light is stronger than it seems, where a person knows better.
         lights: that are known to have been there, but not how strong: their own colours and intensities do not count.
+        views: as for :func:`mirelight.lighting.colored_by`.
 
     Returns:
         The same to the bit for the same input.
@@ -79,7 +81,7 @@ def estimate(
         RenderError: too few splats lie on the proxy; none of them sees the sky through it.
         BackendError: the variant `scalar_rgb`.
     """
-    places = places_of(splats, proxy, settings, lights)
+    places = places_of(splats, proxy, settings, lights, views)
     if 1 - places.blocked < LEAST_OPEN and not lights:
         raise RenderError(
             f"only {1 - places.blocked:.2%} of what the splats on the proxy face is open, so no light comes in from "

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.colour import REC709_LUMINANCE
+from mirelight.base.colour import REC709_LUMINANCE
+from mirelight.base.conventions import frame_around
 from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of, surely
-from mirelight.estimate.sky import frame_around, sphere
+from mirelight.estimate.sky import sphere
 from mirelight.estimate.transport import Places
 from mirelight.model import F64
 

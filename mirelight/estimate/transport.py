@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import conventions
-from mirelight.errors import RenderError
+from mirelight.base.conventions import frame_around
+from mirelight.base.errors import RenderError
 from mirelight.estimate.around import evened
-from mirelight.estimate.sky import PATCHES, frame_around, patch_of
+from mirelight.estimate.sky import PATCHES, patch_of
 from mirelight.lighting import Tracer
-from mirelight.lighting.albedo import Deposits, deposits_of, face_normals
+from mirelight.lighting.albedo import face_normals
+from mirelight.lighting.observed import Deposits, observed
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64, Light, Lighting, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import F64, Light, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 from mirelight.model.scene import SOLID
 
 PLACES = 6000  # splats that tell the light
@@ -141,7 +142,13 @@ def _sound(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
     return np.asarray(_whole(deposits, normals) & (deposits.color.min(axis=1) > DARKEST))
 
 
-def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, lights: Sequence[Light] = ()) -> Places:
+def places_of(
+    splats: SplatCloud,
+    proxy: ProxyMesh,
+    settings: RenderSettings,
+    lights: Sequence[Light] = (),
+    views: Sequence[SplatLayer] = (),
+) -> Places:
     """Rays from splats through the proxy.
 
     Args:
@@ -149,6 +156,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         proxy: world space; its own colours count for nothing.
         settings: seed, variant and threads.
         lights: that are known to have been there.
+        views: as for :func:`mirelight.lighting.colored_by`.
 
     Raises:
         RenderError: fewer than `FEWEST` splats show, lie on the proxy and have a colour.
@@ -161,7 +169,8 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         )
     mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, 0.5))
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
-    few = deposits_of(splats, mesh, tracer, PLACES)
+    seen = observed(splats, views, mesh, tracer)
+    few = seen.deposits(PLACES)
     points, normals = few.on(mesh)
     sound = _sound(few, normals)
     if sound.sum() < FEWEST:
@@ -175,10 +184,10 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
     sight = tracer.sight()
     rng = np.random.default_rng(settings.seed)
     facing = face_normals(mesh)
-    shown = _Shown.of(deposits_of(splats, mesh, tracer, SHOWN), mesh, sight, lift, rng)
+    shown = _Shown.of(seen.deposits(SHOWN), mesh, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
-    spread = _spread(splats, few.splat[sound], normals, MOST_SPREAD / LIFT * lift)
-    even = np.maximum(evened(splats, color, points, normals, spread), DARKEST)
+    spread = _along(few.spread[sound], normals, MOST_SPREAD / LIFT * lift)
+    even = np.maximum(evened(seen.samples, color, points, normals, spread), DARKEST)
     start = points + lift * normals
     around, met, guessed = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3)), np.zeros(len(start))
     step = max(_CHUNK // RAYS, 1)
@@ -192,9 +201,9 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, settings: RenderSettings, li
         np.add.at(around[rows], (row, patch_of(directions[row, ray])), 1 / RAYS)
         flat = np.flatnonzero(hit.ravel())
         way = directions.reshape(-1, 3)[flat]
-        seen, unseen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
+        met_color, unseen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
         for k in range(3):
-            met[rows, k] = np.bincount(flat // RAYS, seen[:, k], minlength=len(hit)) / RAYS
+            met[rows, k] = np.bincount(flat // RAYS, met_color[:, k], minlength=len(hit)) / RAYS
         guessed[rows] = np.bincount(flat // RAYS, unseen, minlength=len(hit)) / np.maximum(hit.sum(axis=1), 1)
     # the noise of few rays through windows is worth as much as the light: less of it would look better explained
     rays = min(int(GOING_OUT / max(float(around.sum(axis=1).mean()), 1e-9)), MOST_RAYS)
@@ -227,13 +236,10 @@ def _from_lights(mesh: ProxyMesh, lights: Sequence[Light], points: F64, normals:
     return columns
 
 
-def _spread(splats: SplatCloud, rows: NDArray[np.int64], normals: F64, most: float) -> F64:
-    """(N, 2, 3) the two longer axes of splats, laid on surfaces with those normals, `most` units long at most."""
-    axes = conventions.rotation_from_quaternion(splats.quats[rows].astype(np.float64)).swapaxes(1, 2)
-    scales = splats.scales[rows].astype(np.float64)
-    longer = np.argsort(-scales, axis=1, kind="stable")[:, :2]
-    own = np.take_along_axis(axes, longer[:, :, None], axis=1)
-    own *= np.minimum(np.take_along_axis(scales, longer, axis=1), most)[:, :, None]
+def _along(spread: F64, normals: F64, most: float) -> F64:
+    """(N, 2, 3) spreads, each at most `most` units long, laid on surfaces with those normals."""
+    length = np.linalg.norm(spread, axis=2, keepdims=True)
+    own = spread * np.minimum(1, most / np.maximum(length, 1e-300))
     return np.asarray(own - np.einsum("njk,nk->nj", own, normals)[:, :, None] * normals[:, None])
 
 

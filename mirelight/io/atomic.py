@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import owner
 
 _REASONS = {

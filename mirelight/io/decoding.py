@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.safety import require_memory
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.decoding import opened
 from mirelight.io.exr import read_exr
 from mirelight.io.frame_texts import PROVENANCE, profile_of

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from mirelight.errors import InputError, OutputError
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io import exr, hdr
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.safety import BRIGHTEST, existing, open_binary

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError, OutputError
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, is_whole, seal
 from mirelight.io.exr_noise import silenced

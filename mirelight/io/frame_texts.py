@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.exr import Metadata
 from mirelight.model import PROFILES, Camera, Frame, LightingBuffer, Profile, Provenance
 

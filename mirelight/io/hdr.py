@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import existing, read_whole, require_memory
 from mirelight.model import F32

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.safety import BRIGHTEST, read_bytes
 from mirelight.model import F32, F64
 from mirelight.model.ies import AROUND, DOWN

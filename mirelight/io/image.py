@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError, OutputError
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io import cryptomatte, exr_bytes
 from mirelight.io.exr import ExrImage, read_exr, read_header, write_exr
 from mirelight.io.frame_texts import (

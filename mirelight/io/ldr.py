@@ -7,7 +7,7 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.io.decoding import opened
 from mirelight.model import F32
 

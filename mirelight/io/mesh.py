@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.obj import obj_companions, read_obj

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.errors import InputError, printable
+from mirelight.base import colour
+from mirelight.base.errors import InputError, printable
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.safety import BRIGHTEST, contained, open_binary, read_bytes, read_whole
 from mirelight.io.surface import filled_normals

@@ -11,15 +11,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
+from mirelight.base.png import END, SIGNATURE, png_bytes
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import open_file
-from mirelight.model import F32, DisplaySettings, Profile
-
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_COLOR_TYPES = {3: 2, 4: 6}  # channels -> the specification's code
-_END = b"\x00\x00\x00\x00IEND\xae\x42\x60\x82"  # the last chunk of every whole PNG file
+from mirelight.model import F32, DisplaySettings, Profile, rules_of
 
 
 def encode_display(
@@ -27,7 +24,7 @@ def encode_display(
 ) -> NDArray[np.uint8]:
     """A premultiplied linear picture as display values over the display's background.
 
-    See :func:`mirelight.colour.shown`.
+    See :func:`mirelight.base.colour.shown`.
 
     Args:
         rgba: (H, W, 4) linear, premultiplied.
@@ -41,7 +38,7 @@ def encode_display(
     shown = colour.shown(
         rgba[..., :3],
         rgba[..., 3],
-        profile,
+        rules_of(profile).transfer,
         gain=2.0**display.exposure,
         tone=display.tone,
         background=display.background,
@@ -49,11 +46,6 @@ def encode_display(
     )
     shown *= np.float32(255)
     return np.rint(shown, out=shown).astype(np.uint8)
-
-
-def display_png(rgba: F32, profile: Profile = "physical") -> bytes:
-    """The PNG file of a premultiplied linear picture (H, W, 4) over black, at exposure 0 and without tone curve."""
-    return png_bytes(encode_display(rgba, DisplaySettings(), profile), {})
 
 
 def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> None:
@@ -71,30 +63,6 @@ def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, s
         temporary.write_bytes(png_bytes(pixels, texts))
 
 
-def png_bytes(pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> bytes:
-    """The PNG file (PNG specification, third edition) of an 8-bit picture (H, W, 3) or (H, W, 4) with text chunks.
-
-    Rows are predicted by the mean of the pixels to the left and above (filter 3), and the rest is coded by runs and
-    Huffman codes alone: a rendered picture's noise leaves nothing else to find, so this is as small as zlib's default
-    at a fifth of its time.
-    """
-    height, width, channels = pixels.shape
-    raw = np.ascontiguousarray(pixels).reshape(height, width * channels)
-    left, above = np.zeros_like(raw), np.zeros_like(raw)
-    left[:, channels:], above[1:] = raw[:, :-channels], raw[:-1]
-    rows = np.full((height, 1 + width * channels), 3, np.uint8)
-    np.subtract(raw, (left & above) + ((left ^ above) >> 1), out=rows[:, 1:])  # the mean of bytes, rounded down
-    packed = zlib.compressobj(level=6, memLevel=9, strategy=zlib.Z_RLE)
-    parts = [_SIGNATURE, _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0))]
-    parts += [_chunk(b"tEXt", f"{key}\0{text}".encode("latin-1", "replace")) for key, text in texts.items()]
-    parts += [_chunk(b"IDAT", packed.compress(rows.data) + packed.flush()), _END]
-    return b"".join(parts)
-
-
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
 def read_png_text(path: str | Path) -> dict[str, str]:
     """The text chunks (tEXt) of a PNG file before its pixels, and whether it ends well, without decoding anything.
 
@@ -108,8 +76,8 @@ def read_png_text(path: str | Path) -> dict[str, str]:
                 if kind == b"tEXt":
                     key, _, text = data.partition(b"\0")
                     found[key.decode("latin-1")] = text.decode("latin-1")
-            stream.seek(-len(_END), 2)
-            if stream.read() != _END:
+            stream.seek(-len(END), 2)
+            if stream.read() != END:
                 raise InputError(path, "a PNG file without its end", "the file is truncated")
     except (OSError, ValueError, struct.error) as e:
         raise InputError(path, f"not a PNG file that can be read ({type(e).__name__})", "check the file") from None
@@ -132,7 +100,7 @@ def _chunks(stream: BinaryIO, until: bytes = b"") -> Iterator[tuple[bytes, bytes
     Raises:
         ValueError, struct.error: another kind of file, a wrong CRC, or an end too early.
     """
-    if stream.read(len(_SIGNATURE)) != _SIGNATURE:
+    if stream.read(len(SIGNATURE)) != SIGNATURE:
         raise ValueError("no signature")
     kind = b""
     while kind != b"IEND":

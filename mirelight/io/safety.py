@@ -8,8 +8,8 @@ import stat
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
 
-from mirelight.errors import InputError
-from mirelight.machine import free_memory
+from mirelight.base.errors import InputError
+from mirelight.base.machine import free_memory
 
 BRIGHTEST = 1e12  # no light, emission or pixel of a map is brighter; its square is still far from float32's end
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import OutputError, printable
+from mirelight.base.errors import OutputError, printable
 from mirelight.io.atomic import atomic_path
 
 if TYPE_CHECKING:

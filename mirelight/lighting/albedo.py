@@ -7,22 +7,21 @@ vertex counts and fine texture does not, and vertices are enough to hold it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour, conventions, sh
-from mirelight.errors import RenderError
+from mirelight.lighting.appearance import shown
 from mirelight.lighting.clipped import Shown, hidden
 from mirelight.lighting.filling import Filling, add_rows
-from mirelight.lighting.points import shown
+from mirelight.lighting.observed import Deposits, observed
 from mirelight.lighting.pooling import pooled
 from mirelight.lighting.trace import Tracer
-from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, triangles
+from mirelight.model import F32, F64, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer, triangles
 from mirelight.model.profiles import BRIGHTEST
 
-REACH = 0.01  # of the bounds' diagonal: splats farther off the proxy say nothing about it
 MOST_SPLATS = 1 << 16  # evenly taken where there are more
 SPP = (4, 4, 16)  # samples a splat in each round of light by colours and colours by light: many splats share a vertex,
 # the first two rounds bring all but 3 %, and with 16 in each frames come no closer to the truth
@@ -37,22 +36,6 @@ _LEAN = 0.25  # samples that the mean around a vertex, found along the surface, 
 _POOL = 2.0  # times the splats' distance: the finest cells over which colours of fine meshes are pooled, and patches
 
 Int = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Deposits:
-    """Splats where they lie on the proxy."""
-
-    splat: Int  # (N,) row of the cloud
-    face: I32  # (N,)
-    corners: F32  # (N, 3) barycentric weights of the face's corners
-    weight: F64  # (N,) opacity times extent, less with the distance
-    color: F64  # (N, 3) linear, what is seen from all sides
-
-    def on(self, mesh: ProxyMesh) -> tuple[F64, F64]:
-        """(N, 3) places in world space, (N, 3) unit normals of their faces."""
-        v = mesh.vertices[mesh.faces[self.face]].astype(np.float64)
-        return (v * self.corners[:, :, None]).sum(axis=1), triangles.normals(v)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +54,7 @@ class _Shape:
         """Of a mesh whose vertices look along `way` (V,)."""
         met, corner = np.unique(mesh.faces[deposits.face].astype(np.int64), return_inverse=True)
         area = np.linalg.norm(triangles.crossed(mesh.vertices[mesh.faces].astype(np.float64)), axis=1)
-        spacing = _POOL * float(np.sqrt(area.sum() / 2 / len(deposits.splat)))
+        spacing = _POOL * float(np.sqrt(area.sum() / 2 / len(deposits.face)))
         return _Shape(mesh, np.asarray(area), way, met, corner.reshape(-1, 3), spacing)
 
     @property
@@ -91,7 +74,13 @@ class VertexColors:
     lit: bool  # False: no captured light falls on any splat, so colours are the brightest that there are
 
 
-def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> ProxyMesh:
+def colored_by(
+    splats: SplatCloud,
+    proxy: ProxyMesh,
+    captured: Lighting,
+    settings: RenderSettings,
+    views: Sequence[SplatLayer] = (),
+) -> ProxyMesh:
     """The proxy with vertex colours that look like the splats under the captured light.
 
     Each splat lands on the nearest face along its own axes, the flattest first. Vertices take the mean over the splats
@@ -108,6 +97,8 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
         proxy: in world space. Its own colours are left out, its glow is not.
         captured: what the splats were captured under.
         settings: seed, depth and variant of the tracing.
+        views: composites of the splats at the cameras of the capture, from which colours are taken in place of single
+            splats; none for splats that lie on the surface as discs.
 
     Raises:
         RenderError: no splat lies on the proxy.
@@ -116,7 +107,7 @@ def colored_by(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, setting
     if not len(proxy.faces):
         return proxy
     mesh, way = _split_by_orientation(proxy)
-    return replace(mesh, vertex_colors=_colors(splats, mesh, way, captured, settings).values)
+    return replace(mesh, vertex_colors=_colors(splats, views, mesh, way, captured, settings).values)
 
 
 def with_vertex_colors(proxy: ProxyMesh, colors: F32) -> ProxyMesh:
@@ -124,19 +115,30 @@ def with_vertex_colors(proxy: ProxyMesh, colors: F32) -> ProxyMesh:
     return replace(_split_by_orientation(proxy)[0], vertex_colors=colors) if len(proxy.faces) else proxy
 
 
-def vertex_colors(splats: SplatCloud, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> VertexColors:
+def vertex_colors(
+    splats: SplatCloud,
+    proxy: ProxyMesh,
+    captured: Lighting,
+    settings: RenderSettings,
+    views: Sequence[SplatLayer] = (),
+) -> VertexColors:
     """The colours of :func:`colored_by` alone."""
     if not len(proxy.faces):
         return VertexColors(np.zeros((0, 3), np.float32), 1.0, True)
-    return _colors(splats, *_split_by_orientation(proxy), captured, settings)
+    return _colors(splats, views, *_split_by_orientation(proxy), captured, settings)
 
 
 def _colors(
-    splats: SplatCloud, mesh: ProxyMesh, way: Int, captured: Lighting, settings: RenderSettings
+    splats: SplatCloud,
+    views: Sequence[SplatLayer],
+    mesh: ProxyMesh,
+    way: Int,
+    captured: Lighting,
+    settings: RenderSettings,
 ) -> VertexColors:
     """Of a mesh whose vertices look along `way` (V,)."""
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
-    deposits = deposits_of(splats, mesh, tracer)
+    deposits = observed(splats, views, mesh, tracer).deposits(MOST_SPLATS)
     shape = _Shape.of(mesh, way, deposits)
     told = np.zeros(len(way), bool)
     for k in range(3):
@@ -186,45 +188,6 @@ def _ways(mesh: ProxyMesh) -> Int:
 def face_normals(mesh: ProxyMesh) -> F64:
     """(F, 3) unit normals of the faces; degenerate ones have length 0."""
     return triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
-
-
-def deposits_of(splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer, most: int = MOST_SPLATS) -> Deposits:
-    """Splats on the nearest face along their own axes, the flattest first; `most` of them, evenly taken.
-
-    Raises:
-        RenderError: no splat lies on the mesh.
-        BackendError: the tracer's variant is `scalar_rgb`.
-    """
-    low, high = mesh.bounds
-    reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
-    step = max(-(-len(splats) // most), 1)
-    means, scales = (x[::step].astype(np.float64) for x in (splats.means, splats.scales))
-    axes = conventions.rotation_from_quaternion(splats.quats[::step])  # columns
-    by_size = np.argsort(scales, axis=1, kind="stable")
-    face = np.full(len(means), -1, np.int32)
-    corners, distance = np.zeros((len(means), 3), np.float32), np.zeros(len(means))
-    for k in range(3):
-        todo = np.flatnonzero(face < 0)
-        if not len(todo):
-            break
-        directions = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
-        face[todo], corners[todo], distance[todo] = tracer.nearest_along(means[todo], directions, reach)
-    near = np.flatnonzero(face >= 0)
-    if not len(near):
-        raise RenderError(
-            f"no splat lies within {reach:.3g} world units of the proxy, so it cannot take their colours; "
-            "check both transforms, or give the proxy an albedo"
-        )
-    extent = np.minimum(np.take_along_axis(scales, by_size, axis=1)[near, 1:], reach).prod(axis=1)
-    closeness = np.maximum(1 - (distance[near] / reach) ** 2, 1e-3) ** 2
-    shown = sh.mean_display(splats.sh[::step][near])
-    return Deposits(
-        splat=near * step,
-        face=face[near],
-        corners=np.maximum(corners[near], 0),  # rounded below nothing, they would cancel what another splat tells
-        weight=splats.opacities[::step][near] * extent * closeness,
-        color=colour.srgb_decode(shown).astype(np.float64),
-    )
 
 
 def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured: Lighting, spp: int) -> F64:

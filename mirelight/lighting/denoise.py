@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import extras
-from mirelight.errors import BackendError
+from mirelight.base import extras
+from mirelight.base.errors import BackendError
 from mirelight.lighting.adaptive import window_sum
 from mirelight.model import F32, LightingBuffer, LightLayer
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
+from mirelight.base.machine import free_memory
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.spread import chosen, correct
-from mirelight.machine import free_memory
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
 CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device

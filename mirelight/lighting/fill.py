@@ -199,7 +199,7 @@ def _frame(
     generation: int,
 ) -> FrameInProgress:
     """One generation, to be sampled; the first has nothing to read and traces paths as frames do."""
-    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.cell_points import CellPoints
 
     seed = (settings.seed + 0x9E3779B9 * (generation + 1)) & 0xFFFFFFFF
     own = replace(settings, spp=PASS, noise=None, denoise=False, seed=seed)

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.machine import uninterrupted
 from mirelight.lighting import grid, spread
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
 from mirelight.lighting.develop import Sums, develop
 from mirelight.lighting.layers import Layers, sun_shares
-from mirelight.machine import uninterrupted
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.cells import CellPoints, DeviceCells
+    from mirelight.lighting.kernel.cell_points import CellPoints
+    from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.paths import Pass
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy

@@ -6,25 +6,33 @@ factor in the next view. Here it is a mean over the surface that was captured.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.errors import RenderError
-from mirelight.lighting.albedo import UNLIT, deposits_of, face_normals
+from mirelight.base import colour
+from mirelight.base.errors import RenderError
+from mirelight.lighting.albedo import UNLIT, face_normals
+from mirelight.lighting.appearance import shown
 from mirelight.lighting.engine import EngineTracer
-from mirelight.lighting.points import shown
+from mirelight.lighting.observed import observed
 from mirelight.lighting.trace import Tracer
-from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, rules_of, triangles
+from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer, rules_of, triangles
 
 POINTS = 1 << 12  # places on the surface; their mean is known to about one percent
 SPP = 16  # samples at each
 _GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts 2018: an even sequence of points in a square
 
 
-def captured_level(splats: SplatCloud | None, proxy: ProxyMesh, captured: Lighting, settings: RenderSettings) -> float:
+def captured_level(
+    splats: SplatCloud | None,
+    proxy: ProxyMesh,
+    captured: Lighting,
+    settings: RenderSettings,
+    views: Sequence[SplatLayer] = (),
+) -> float:
     """Mean luminance of the captured light, lit radiance over albedo (irradiance / pi), over the captured surface.
 
     The surface is where splats lie on the proxy: a few thousand of them, evenly taken, weighted by opacity, extent and
@@ -34,6 +42,7 @@ def captured_level(splats: SplatCloud | None, proxy: ProxyMesh, captured: Lighti
         splats: what was captured, world space.
         proxy: world space; with the colours that frames are lit with, as light goes from surface to surface.
         captured: what it was captured under.
+        views: as for :func:`mirelight.lighting.colored_by`.
         settings: profile, seed, depth, variant and threads count. Where the variant is `scalar_rgb`, LLVM is used.
 
     Returns:
@@ -49,7 +58,7 @@ def captured_level(splats: SplatCloud | None, proxy: ProxyMesh, captured: Lighti
     tracer = Tracer(proxy, settings, layers=False, aovs=False)
     engine = None if rules_of(settings.profile).path_traced else EngineTracer(proxy, settings)
 
-    found = _captured_places(splats, proxy, tracer)
+    found = _captured_places(splats, views, proxy, tracer)
     places = found or _everywhere(proxy)
 
     def brightness(of: NDArray[np.integer], side: float) -> F64:
@@ -80,12 +89,14 @@ class _Places:
     weight: F64  # (N,) their sum is above 0
 
 
-def _captured_places(splats: SplatCloud | None, mesh: ProxyMesh, tracer: Tracer) -> _Places | None:
+def _captured_places(
+    splats: SplatCloud | None, views: Sequence[SplatLayer], mesh: ProxyMesh, tracer: Tracer
+) -> _Places | None:
     """Where splats lie on the mesh; None where none does."""
     if splats is None or not len(splats):
         return None
     try:
-        found = deposits_of(splats, mesh, tracer, POINTS)
+        found = observed(splats, views, mesh, tracer).deposits(POINTS)
     except RenderError:
         return None
     return _Places(found.face, *found.on(mesh), found.weight) if found.weight.sum() > 0 else None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.model import F32, I32, Camera, Matte, ProxyMesh, Variant
 
 if TYPE_CHECKING:

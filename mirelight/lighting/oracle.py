@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.lighting.lights import spot_cone
 from mirelight.model import (
     F32,

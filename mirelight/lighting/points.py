@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.lighting.layers import Layers
-from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, PointLayers
+from mirelight.model import F32, F64, Camera, LightingBuffer, PointLayers
 
 if TYPE_CHECKING:
     from mirelight.lighting.frame import FrameInProgress
     from mirelight.lighting.kernel.probes import PointRays
-    from mirelight.lighting.trace import Tracer
 
 CHUNK_BYTES = 1 << 28  # of film: what the points of one go may take, whatever the machine has, as it decides the bits
 
@@ -22,19 +21,6 @@ def chunks(count: int, layers: Layers) -> Iterator[tuple[int, int]]:
     """(first, end) of the points that are sampled together."""
     step = max(CHUNK_BYTES // (4 * (9 * max(len(layers.names), 1) + 48)), 1)
     return ((first, min(first + step, count)) for first in range(0, count, step))
-
-
-def shown(tracer: Tracer, lighting: Lighting, points: F64, normals: F64, spp: int) -> F32:
-    """What points of the proxy show by their albedo, (N, 3) linear: irradiance / pi, and what they send out themselves
-    over their albedo. Arguments as for `Tracer.point_layers`."""
-    made = tracer.point_layers(lighting, points, normals, spp).total * np.float32(1 / np.pi)
-    return made + own_glow(tracer, points, normals) if tracer.emissive else made
-
-
-def own_glow(tracer: Tracer, points: F64, normals: F64) -> F32:
-    """(N, 3) what points send out themselves over their albedo."""
-    albedo, emission = tracer.materials_at(points, normals)
-    return np.asarray(emission / np.maximum(albedo, np.float32(1e-4)), np.float32)
 
 
 def gathered(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.lighting import oracle
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import backend
-from mirelight.errors import BackendError
+from mirelight.base import backend
+from mirelight.base.errors import BackendError
 from mirelight.model import F64, I32, ProxyMesh, Variant
 
 if TYPE_CHECKING:

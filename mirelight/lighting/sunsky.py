@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import backend, conventions
-from mirelight.colour import luminance
+from mirelight.base import backend, conventions
+from mirelight.base.colour import luminance
 from mirelight.model import F64, Environment, EstimatedSky, Lighting, SkyModel, SunLight, Variant
 from mirelight.model.lights import SKY, SUN
 

@@ -7,8 +7,8 @@ from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
-from mirelight import backend
-from mirelight.errors import BackendError
+from mirelight.base import backend
+from mirelight.base.errors import BackendError
 from mirelight.lighting.develop import dark, refuse_if_too_large
 from mirelight.lighting.frame import FrameInProgress
 from mirelight.lighting.layers import Layers

@@ -38,7 +38,7 @@ from mirelight.model import (
 from mirelight.model.surface_cache import LOST, NOTHING
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.cells import Pieces
+    from mirelight.lighting.kernel.cell_points import Pieces
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.types import Float
@@ -86,7 +86,7 @@ def found(
     Raises:
         RenderError: they do not fit in memory.
     """
-    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.cell_points import CellPoints
     from mirelight.lighting.kernel.transport import LANES, cast
 
     count, seed = len(cells), (settings.seed + 0x51F15EED) & 0xFFFFFFFF
@@ -174,7 +174,7 @@ def lit(
     Raises:
         RenderError: the light of so many cells does not fit in memory.
     """
-    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.cell_points import CellPoints
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.transport import DeviceLinks, bounced
 
@@ -273,7 +273,7 @@ def _own(
 ) -> tuple[F32, F32]:
     """(K, n, 3) irradiance / pi on n pieces of the surface, sampled towards the lights; (n, 3) what rays meet at once
     of the sky."""
-    from mirelight.lighting.kernel.cells import CellPoints
+    from mirelight.lighting.kernel.cell_points import CellPoints
 
     layers = Layers.of(lighting, emissive=False)
     count = len(layers.names)

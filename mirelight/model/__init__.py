@@ -1,11 +1,13 @@
 """The types that cross module borders: frozen, NumPy only, every array checked and read-only.
 
 Shapes and units stand in each field's comment. H, W: image rows and columns. Light is linear Rec.709; see
-`mirelight.conventions` for axes.
+`mirelight.base.conventions` for axes.
 """
 
 from __future__ import annotations
 
+from mirelight.base.backend import Variant
+from mirelight.base.colour import ToneCurve
 from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
@@ -26,6 +28,8 @@ from mirelight.model.lights import (
     SunLight,
 )
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
+from mirelight.model.recipe import ProxyRecipe
+from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatFile, Wrap, Wraps
 from mirelight.model.settings import (
@@ -40,10 +44,7 @@ from mirelight.model.settings import (
     Job,
     Layout,
     OutputSettings,
-    RelightSettings,
     RenderSettings,
-    ToneCurve,
-    Variant,
 )
 from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells, SurfaceTransport
 
@@ -86,6 +87,7 @@ __all__ = [
     "ProfileRules",
     "Provenance",
     "ProxyMesh",
+    "ProxyRecipe",
     "RelightMode",
     "RelightSettings",
     "RenderSettings",

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F64, ArrayHolder, freeze
 
@@ -60,6 +60,19 @@ class Camera(ArrayHolder):
     def position(self) -> F64:
         """(3,) eye position, world units."""
         return self.world_from_camera[:3, 3]
+
+    def rays(self) -> tuple[F64, F64]:
+        """(H, W, 3) where the pixels' centres look from, or (3,) if from one point, and (H, W, 3) directions, one deep
+        along the view axis. Without BLAS, whose bits depend on its threads."""
+        x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        y = (self.cy - np.arange(self.height) - 0.5) / self.fy
+        own = np.empty((self.height, self.width, 3))
+        own[..., 0], own[..., 1], own[..., 2] = x[None, :], y[:, None], -1.0
+        turn = self.world_from_camera[:3, :3]
+        if self.projection == "perspective":
+            return self.position, np.einsum("...j,ij->...i", own, turn)
+        ahead = own * (0, 0, 1)
+        return self.position + np.einsum("...j,ij->...i", own - ahead, turn), np.einsum("...j,ij->...i", ahead, turn)
 
     def resized(self, width: int, height: int) -> Camera:
         """The same view on another pixel grid (used for `texture_scale` and small tests)."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 
 AROUND, DOWN = 144, 361  # directions: every 2.5 degrees around the axis, every half degree from nadir to zenith

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
+from mirelight.model.cameras import Camera
 from mirelight.model.cones import ConeLaw
 from mirelight.model.deferred import Deferred
 from mirelight.model.ies import IesProfile
-
-if TYPE_CHECKING:
-    from mirelight.model.cameras import Camera
-    from mirelight.model.settings import RelightSettings
+from mirelight.model.relight_settings import RelightSettings
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
 

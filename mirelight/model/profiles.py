@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
+from mirelight.base.colour import Transfer
+
 Profile: TypeAlias = Literal["physical", "playcanvas"]
 RelightMode: TypeAlias = Literal["tint", "ratio", "albedo"]  # names; `mirelight.relighting` holds what each does
 COMPARING: frozenset[RelightMode] = frozenset({"ratio", "albedo"})  # must know the light of the capture
@@ -46,7 +48,7 @@ class ProfileRules:
     """One profile."""
 
     name: Profile
-    transfer: Literal["srgb", "power"]  # curve between light and display values: sRGB, or the plain power 2.2
+    transfer: Transfer  # curve between light and display values
     splats: SplatRules
     path_traced: bool  # light adds up as it does in nature: it can be re-weighted, and surfaces light each other
     unit_texels: bool  # the lighting texture has one sample a texel, covered or not, and its size rounds down

@@ -7,16 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from mirelight.base.backend import Variant
+from mirelight.base.colour import ToneCurve
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
-from mirelight.model.profiles import Gloss, Per, Profile, RelightMode, Space, rules_of
+from mirelight.model.profiles import Profile, rules_of
+from mirelight.model.recipe import ProxyRecipe
+from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.scene import ProxyMesh, SplatCloud, SplatFile
 
-Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
 Indirect: TypeAlias = Literal["traced", "surface", "near"]
-ToneCurve: TypeAlias = Literal["none", "aces", "neutral", "agx"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
 Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "orb"]
 HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
@@ -69,23 +71,6 @@ class CompositorSettings:
     def rounds(self) -> bool:
         """Whether the blended colour is rounded to 8 bits after every splat."""
         return self.eight_bit and rules_of(self.profile).splats.pipelines
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RelightSettings:
-    """How lighting meets splats. Defaults are the engine's GsplatRelighting attributes."""
-
-    mode: RelightMode = "tint"
-    profile: Profile = "physical"
-    space: Space = "linear"  # in which the factor multiplies
-    blend: float = 1.0  # 0: unlit frame, bit for bit; 1: fully relit
-    brightness: float = 2.0  # multiplies the lit proxy (tint)
-    background: float = 1.0  # the factor far from the proxy; playcanvas: wherever it does not cover
-    texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 2]
-    delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
-    max_ratio: float = 16.0  # ratio: upper clamp
-    per: Per = "pixel"  # light is found for each pixel of a view, for each splat, or as the module `shadows` says
-    sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,9 +148,8 @@ class Job:
     splats: Deferred[SplatCloud] | None = None  # in world space
     splat_files: tuple[SplatFile, ...] = ()  # that they come from, in their order; none: they were made otherwise
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
-    made_proxy: Deferred[ProxyMesh] | None = (
-        None  # what `proxy` is without its albedo, where it is made from the splats
-    )
+    made_proxy: ProxyRecipe | None = None  # how `proxy` is made, but for its albedo, where it is made from the splats
+    capture_cameras: tuple[Camera, ...] = ()  # of the pictures that the splats were made from, in world space
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one
@@ -173,7 +157,7 @@ class Job:
     captured: Lighting | None = None  # the lighting under which the splats were captured, where known
     render: RenderSettings = RenderSettings()
     compositor: CompositorSettings = CompositorSettings()
-    relight: RelightSettings = RelightSettings()
+    relight: RelightSettings = field(default_factory=RelightSettings)
     display: DisplaySettings = DisplaySettings()
     output: OutputSettings = OutputSettings()
     dataset: DatasetSettings = DatasetSettings()

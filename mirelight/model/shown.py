@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from mirelight.base import colour
+from mirelight.base.png import png_bytes
 from mirelight.model.arrays import F32
+from mirelight.model.profiles import Profile, rules_of
 
 _MOST = 6  # names that a line lists
 
@@ -50,10 +52,7 @@ def point(values: Any) -> str:
     return "(" + ", ".join(f"{float(x):.4g}" for x in np.asarray(values).ravel()) + ")"
 
 
-def picture(rgba: F32, profile: str = "physical") -> bytes:
-    """A premultiplied linear picture (H, W, 4) as PNG, at exposure 0 and without tone curve, for a notebook.
-
-    The encoder is looked up when a picture is asked for: the model imports nothing that stands above it.
-    """
-    png: bytes = import_module("mirelight.io.png").display_png(rgba, profile)
-    return png
+def picture(rgba: F32, profile: Profile = "physical") -> bytes:
+    """A premultiplied linear picture (H, W, 4) over black as PNG, at exposure 0, without tone curve: for a notebook."""
+    display = colour.shown(rgba[..., :3], rgba[..., 3], rules_of(profile).transfer)
+    return png_bytes(np.rint(display * np.float32(255)).astype(np.uint8), {})

@@ -26,3 +26,17 @@ def normals(corners: NDArray[_Float]) -> NDArray[_Float]:
 def areas(corners: NDArray[_Float]) -> NDArray[_Float]:
     """(F,) areas of triangles (F, 3 corners, 3)."""
     return np.asarray(np.linalg.norm(crossed(corners), axis=1) / 2)
+
+
+def barycentric(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(F, 3) weights, 0 or more and of sum 1, of the corners (F, 3, 3) of triangles at points (F, 3) on them."""
+    a, b, c = (corners[:, k] for k in range(3))
+    along = crossed(corners)
+
+    def part(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By the area between a point and the side opposite to a corner."""
+        return np.asarray((crossed(np.stack([points, first, second], axis=1)) * along).sum(axis=1))
+
+    weights = np.maximum(np.stack([part(b, c), part(c, a), part(a, b)], axis=1), 0)
+    total = weights.sum(axis=1, keepdims=True)
+    return np.where(total > 0, weights / np.maximum(total, 1e-300), 1 / 3).astype(np.float32)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import F64, ProxyMesh
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.sampling import spread

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.model import F64, SplatCloud, shown
 from mirelight.model.scene import SOLID
+from mirelight.proxy.axes import axes_of
+from mirelight.proxy.joining import joined
 from mirelight.proxy.types import Int
 
 FEWEST = 50  # splats that a surface takes
@@ -53,8 +54,6 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     shape = np.sort(kept.scales[:: max(len(kept) // _SAMPLE, 1)], axis=1)
     surfels = bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < SURFEL)
     if len(kept) > MOST_SPLATS:
-        from mirelight.proxy.joining import joined
-
         kept = joined(kept, MOST_SPLATS)
     spacing = _spacing(kept.means.astype(np.float64))
     if not spacing > 0:
@@ -111,13 +110,6 @@ def _spacing(means: F64) -> float:
     asked = means[:: max(len(means) // _SAMPLE, 1)]
     near, _ = cKDTree(means).query(asked, k=min(7, len(means)), workers=-1)
     return float(np.median(near[:, -1])) / 1.8  # the sixth neighbour of a plane's hexagons lies 1 to 2 spacings off
-
-
-def axes_of(splats: SplatCloud) -> tuple[F64, F64]:
-    """(N, 3, 3) axes as columns and (N, 3) scales, thinnest first."""
-    order = np.argsort(splats.scales, axis=1, kind="stable")
-    axes = np.take_along_axis(conventions.rotation_from_quaternion(splats.quats), order[:, None, :], axis=2)
-    return axes, np.take_along_axis(splats.scales, order, axis=1).astype(np.float64)
 
 
 def normals_of(capture: Capture) -> F64:

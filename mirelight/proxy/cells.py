@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, triangles
-from mirelight.proxy.capture import Capture, axes_of
+from mirelight.proxy.axes import axes_of
+from mirelight.proxy.capture import Capture
 from mirelight.proxy.creases import MEETS, Creases, wedges_of
 from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from mirelight.compositor import Compositor
 from mirelight.model import F32, F64, Camera
-from mirelight.proxy.capture import Capture, axes_of
+from mirelight.proxy.axes import axes_of
+from mirelight.proxy.capture import Capture
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import rays, turned
 

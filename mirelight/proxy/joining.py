@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64, SplatCloud
-from mirelight.proxy.capture import axes_of
+from mirelight.proxy.axes import axes_of
 from mirelight.proxy.types import Int
 
 _TRIES = 12  # voxel sizes tried

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.cells import cells_of

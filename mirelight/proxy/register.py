@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.model import F32, F64, ProxyMesh, SplatCloud, triangles
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import Capture, look_at_capture, normals_of

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, triangles
 from mirelight.proxy.backs import DEEP, backs_of

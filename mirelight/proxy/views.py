@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.model import F32, F64, Camera
 
 YFOV = 40.0  # degrees, of views from around
@@ -68,16 +68,8 @@ def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
 
 
 def rays(camera: Camera) -> tuple[F64, F64]:
-    """(H, W, 3) where the pixels' centres look from, or (3,) if from one point, and (H, W, 3) directions, one deep."""
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (camera.cy - np.arange(camera.height) - 0.5) / camera.fy
-    own = np.empty((camera.height, camera.width, 3))
-    own[..., 0], own[..., 1], own[..., 2] = x[None, :], y[:, None], -1.0
-    turn = camera.world_from_camera[:3, :3]
-    if camera.projection == "perspective":
-        return camera.position, turned(own, turn)
-    ahead = own * (0, 0, 1)
-    return camera.position + turned(own - ahead, turn), turned(ahead, turn)
+    """As :meth:`Camera.rays`."""
+    return camera.rays()
 
 
 def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
 from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of
@@ -202,7 +202,7 @@ def _split(splats: SplatLayer, unlit: F32, factor: F32, least: np.float32 | None
 def decode_premultiplied(color: F32, splats: SplatLayer, out: F32) -> None:
     """Decoded colour (H, W, 3), premultiplied like the given one, into `out` (H, W, 4), which holds the alpha."""
     alpha = out[..., 3]
-    decoded = colour.decode(colour.straight(color, alpha), splats.profile)
+    decoded = colour.decode(colour.straight(color, alpha), rules_of(splats.profile).transfer)
     multiply(decoded, alpha[..., None], out)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import F32
 from mirelight.relighting.fill import Continuation
 from mirelight.relighting.mode import Factor, Lit, Mode, Task

@@ -7,8 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import colour, sh
-from mirelight.model import F32, Frame, LightingBuffer, Provenance, RelightSettings, SplatCloud, SplatLayer
+from mirelight.base import colour, sh
+from mirelight.model import (
+    F32,
+    Frame,
+    LightingBuffer,
+    Provenance,
+    RelightSettings,
+    SplatCloud,
+    SplatLayer,
+    rules_of,
+)
 from mirelight.relighting.frame import blended, unlit_rgba
 from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of
@@ -72,8 +81,9 @@ def relit_colors(layer: SplatLayer, shown: F32, plain: F32, factor: F32, setting
         settings: blend, space and what becomes of gloss.
     """
     f = blended(factor, settings.blend)
+    transfer = rules_of(layer.profile).transfer
     keeps_space = layer.linear or space_of(layer, settings) == "display"
-    seen, own = (x if keeps_space else colour.decode(x, layer.profile) for x in (shown, plain))
+    seen, own = (x if keeps_space else colour.decode(x, transfer) for x in (shown, plain))
     gloss = gloss_of(settings)
     if gloss == "keep":
         out = seen * f
@@ -81,7 +91,7 @@ def relit_colors(layer: SplatLayer, shown: F32, plain: F32, factor: F32, setting
         of_gloss = np.minimum(f, np.float32(1)) if gloss == "fade" else np.float32(1 - settings.blend)
         out = seen * of_gloss + own * (f - of_gloss)
     out = np.maximum(out, np.float32(0))
-    out = out if keeps_space else colour.encode(out, layer.profile)
+    out = out if keeps_space else colour.encode(out, transfer)
     return np.minimum(np.asarray(out, np.float32), _MOST)
 
 

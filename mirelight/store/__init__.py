@@ -20,8 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import keys
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import image
 from mirelight.io.atomic import clear, output_error
 from mirelight.io.folders import NewFolders
@@ -40,7 +39,8 @@ from mirelight.model import (
     SurfaceCells,
     SurfaceTransport,
 )
-from mirelight.plan import FrameTask
+from mirelight.pipeline import keys
+from mirelight.pipeline.plan import FrameTask
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
@@ -54,7 +54,7 @@ __all__ = ["Index", "Row", "Store", "write"]
 
 
 class Store:
-    """The output folder of a job; a `mirelight.kept.Kept`.
+    """The output folder of a job; a `mirelight.pipeline.kept.Kept`.
 
     Args:
         job: its output folder and the settings of its files are used.
@@ -233,33 +233,33 @@ class Store:
     # --- what frames are made from ---
 
     def array(self, key: str) -> F32 | None:
-        """See `mirelight.kept.Kept`."""
+        """See `mirelight.pipeline.kept.Kept`."""
         return self._scene.array(key)
 
     def has_array(self, key: str) -> bool:
-        """See `mirelight.kept.Kept`."""
+        """See `mirelight.pipeline.kept.Kept`."""
         return self._scene.has_array(key)
 
     def keep_array(self, key: str, values: NDArray[np.generic]) -> None:
-        """See `mirelight.kept.Kept`. Where there is no room, frames go on without."""
+        """See `mirelight.pipeline.kept.Kept`. Where there is no room, frames go on without."""
         with suppress(OutputError):
             self._scene.keep_array(key, values)
 
     def mesh(self, key: str) -> ProxyMesh | None:
-        """See `mirelight.scene.Kept`."""
+        """See `mirelight.pipeline.scene.Kept`."""
         return self._scene.mesh(key)
 
     def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
-        """See `mirelight.scene.Kept`. Where there is no room, it is made again the next time."""
+        """See `mirelight.pipeline.scene.Kept`. Where there is no room, it is made again the next time."""
         with suppress(OutputError):
             self._scene.keep_mesh(key, mesh)
 
     def light(self, key: str, camera: Camera) -> LightingBuffer | None:
-        """See `mirelight.kept.Kept`."""
+        """See `mirelight.pipeline.kept.Kept`."""
         return self._light.light(key, camera)
 
     def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """See `mirelight.kept.Kept`. Where frames are kept, too, and there is no room, they go on without."""
+        """See `mirelight.pipeline.kept.Kept`. Where frames are kept, too, and there is no room, they go on without."""
         if self._output.store == "layers":
             self._light.keep_light(key, buffer)
         elif self._output.store == "both":
@@ -267,29 +267,29 @@ class Store:
                 self._light.keep_light(key, buffer)
 
     def cells(self, key: str) -> SurfaceCells | None:
-        """See `mirelight.kept.Kept`."""
+        """See `mirelight.pipeline.kept.Kept`."""
         return self._light.cells(key)
 
     def keep_cells(self, key: str, cells: SurfaceCells) -> None:
-        """See `mirelight.kept.Kept`. Where there is no room, they are found again the next time."""
+        """See `mirelight.pipeline.kept.Kept`. Where there is no room, they are found again the next time."""
         with suppress(OutputError):
             self._light.keep_cells(key, cells)
 
     def transport(self, key: str, count: int) -> SurfaceTransport | None:
-        """See `mirelight.kept.Kept`."""
+        """See `mirelight.pipeline.kept.Kept`."""
         return self._light.transport(key, count)
 
     def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
-        """See `mirelight.kept.Kept`. Where there is no room, it is found again the next time."""
+        """See `mirelight.pipeline.kept.Kept`. Where there is no room, it is found again the next time."""
         with suppress(OutputError):
             self._light.keep_transport(key, transport)
 
     def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
-        """See `mirelight.kept.Kept`."""
+        """See `mirelight.pipeline.kept.Kept`."""
         return self._light.cell_lights(key, count)
 
     def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
-        """See `mirelight.kept.Kept`. Where there is no room, it is gathered again the next time."""
+        """See `mirelight.pipeline.kept.Kept`. Where there is no room, it is gathered again the next time."""
         with suppress(OutputError):
             self._light.keep_cell_lights(key, lights, count)
 

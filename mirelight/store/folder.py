@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from pathlib import Path
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims, Held
 from mirelight.store.index import Index

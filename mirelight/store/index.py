@@ -15,7 +15,7 @@ from mirelight.store.journal import FileRow, Row
 
 
 class Filed(Protocol):
-    """A frame by its name and the keys of its files; `mirelight.plan.FrameTask` is one."""
+    """A frame by its name and the keys of its files; `mirelight.pipeline.plan.FrameTask` is one."""
 
     @property
     def name(self) -> str:

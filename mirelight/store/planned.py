@@ -12,8 +12,8 @@ from pathlib import Path
 
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import read_file
-from mirelight.keys import FILE_SUFFIXES
-from mirelight.plan import Plan
+from mirelight.pipeline.keys import FILE_SUFFIXES
+from mirelight.pipeline.plan import Plan
 
 _RECORDS = "[!.]*.json"  # what another process is writing begins with a dot
 

@@ -180,7 +180,7 @@ def _is_ours(line: str) -> bool:
 
 def _names_a_file(line: str, names: frozenset[str]) -> bool:
     """A message starts with the program and what it is about: a file, a folder, or an option as it was written."""
-    from mirelight.errors import printable
+    from mirelight.base.errors import printable
 
     written = (printable(name) for name in names if name)
     others = "--", "job.toml", "/case/", ": stdout: ", " frame failed; ", " frames failed; "

@@ -85,7 +85,7 @@ def _rotted_row(number: int, rng: random.Random) -> Case:
 def _rotted_file(number: int, rng: random.Random) -> Case:
     """The index of a data set, a plan, or an array that is kept."""
     files = {**sound(), **kept()}
-    name = rng.choice(sorted(x for x in files if x.endswith((".json", ".npy"))))
+    name = rng.choice(sorted(x for x in files if x.endswith((".json", ".array"))))
     data = files[name]
     files[name] = (
         json.dumps(damage.json_of(json.loads(data), rng)).encode()
@@ -97,12 +97,14 @@ def _rotted_file(number: int, rng: random.Random) -> Case:
 
 
 def _rotted_header(number: int, rng: random.Random) -> Case:
-    """Of an array: NumPy reads its header as Python."""
+    """Of an array, with a checksum that fits."""
     files = {**sound(), **kept()}
-    name = rng.choice(sorted(x for x in files if x.endswith(".npy")))
-    head = rng.choice((b"{'descr': '<f4', 'shape': (3, }", b"(" * 60, b"{'descr': '|O', 'shape': (9,)}", b"'\xff\0"))
-    length = struct.unpack_from("<H", files[name], 8)[0]
-    files[name] = files[name][:10] + head.ljust(length)[:length] + files[name][10 + length :]
+    name = rng.choice(sorted(x for x in files if x.endswith(".array")))
+    heads = b'{"arrays": {"a": ["<f4", [3, ', b"[" * 60, b'{"arrays": {"a": ["|O", [9], 0]}}', b'"\xff\0"', b"1e999"
+    magic, _, rest = files[name].split(b"\n", 2)
+    head, values = rest.split(b"\n", 1)
+    head = rng.choice(heads).ljust(len(head))[: len(head)] + b"\n"
+    files[name] = magic + f"\n{zlib.crc32(head):08x}\n".encode() + head + values
     made = {x: y for x, y in files.items() if not x.endswith((".exr", ".png")) or not x.startswith("kept/")}
     command = rng.choice((("status", "kept"), ("verify", "kept"), _AGAIN))
     return of_files(f"{number} rotted header: {command[0]}", command, made if command is _AGAIN else files)
@@ -228,7 +230,7 @@ def _large() -> list[Case]:
     late = png[:-12] + chunk + png[-12:]
     out = [
         of_files("a large sky inspected", ("inspect", "sky.png"), {"sky.png": _black(8192, 4096)}),
-        of_files("a large sky rendered", _RENDER, scene(**{"sky.png": _black(6144, 3072), "job.toml": job()})),
+        of_files("a large sky rendered", _RENDER, scene(**{"sky.png": _black(4096, 2048), "job.toml": job()})),
         of_files("a late iCCP as sky", _RENDER, scene(**{"sky.png": late, "job.toml": job()})),
     ]
     commands = ("inspect", "a.png"), ("compare", "a.png", "a.png"), ("sheet", "a.png", "-o", "b.png")

@@ -44,12 +44,12 @@ def _load() -> None:
     import PIL.Image
     import trimesh
 
+    import mirelight.apps.inspect.inspect
+    import mirelight.apps.realtime
     import mirelight.compare
     import mirelight.compositor
-    import mirelight.io.inspect
     import mirelight.io.job
     import mirelight.lighting
-    import mirelight.realtime
 
     assert DracoPy and OpenEXR and PIL and trimesh and mirelight
 

@@ -62,7 +62,7 @@ llvm_package() {
 need_llvm() {
     local check package
     # The package's own search decides; it needs nothing but its own plain modules and NumPy.
-    check="from mirelight.backend import choose; raise SystemExit(choose() is None)"
+    check="from mirelight.base.backend import choose; raise SystemExit(choose() is None)"
     "$PYTHON" -c "$check" && return
     command -v apt-get >/dev/null || install_system "libLLVM 17 or newer" libllvm19
     apt_update
@@ -125,15 +125,22 @@ install_locked() {
 
 # PlayCanvas (by npm) and Chromium, which `mirelight realtime` and its tests run.
 need_engine() {
-    local check="from mirelight.realtime import engine, browser; browser.find_browser(); raise SystemExit(not engine.installed())"
+    local check="from mirelight.apps.realtime import engine, browser; browser.find_browser(); raise SystemExit(not engine.installed())"
     "$PYTHON" -c "$check" 2>/dev/null && return
-    "$PYTHON" -c "from mirelight.realtime import browser; browser.find_browser()" 2>/dev/null ||
+    "$PYTHON" -c "from mirelight.apps.realtime import browser; browser.find_browser()" 2>/dev/null ||
         install_system "Chromium, which runs the real-time engine" chromium
     command -v npm >/dev/null || install_system "npm, which fetches the real-time engine" npm
     say "fetching the real-time engine"
-    "$PYTHON" -c "from mirelight.realtime import engine; engine.install()" >"$log" 2>&1 && return
+    "$PYTHON" -c "from mirelight.apps.realtime import engine; engine.install()" >"$log" 2>&1 && return
     tail -n 1 "$log" >&2
     stop "the real-time engine could not be fetched" "By hand: npm pack playcanvas, see docs/realtime.md"
+}
+
+# --- the trainer of captures ---
+
+# A C++ compiler with OpenMP, for scripts/scenegen/train.cpp, which a test compiles.
+need_compiler() {
+    command -v g++ >/dev/null || install_system "g++, which compiles the trainer of captures" g++
 }
 
 # --- the whole ---

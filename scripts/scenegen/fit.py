@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.sh import C0
 from mirelight.compositor import reference
 from mirelight.model import Camera, SplatCloud
-from mirelight.sh import C0
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Procedural light maps: skies and studios, equirectangular, linear Rec.709 (see `mirelight.conventions`)."""
+"""Procedural light maps: skies and studios, equirectangular, linear Rec.709 (see `mirelight.base.conventions`)."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight.conventions import unit
+from mirelight.base.conventions import unit
 from mirelight.model import Camera, Environment, Lighting, SpotLight
 from scenegen.geometry import soups
 from scenegen.recipe import Recipe

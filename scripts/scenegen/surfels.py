@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.sh import C0
 from mirelight.model import Camera, SplatCloud
-from mirelight.sh import C0
 from scenegen.geometry import Soup
 from scenegen.recipe import Recipe
 from scenegen.truth import Truth

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.backend import mitsuba
+from mirelight.base.backend import mitsuba
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -191,12 +191,15 @@ class Truth:
         return self._rendered(self._path, camera, spp, seed)[..., :4]
 
     def photograph(self, camera: Camera, spp: int, seed: int) -> F32:
-        """(H, W, 3) linear radiance on black, few samples denoised by their guides: to fit to, not as truth."""
+        """(H, W, 4) linear radiance on black and coverage, few samples denoised by their guides: to fit to, not as
+        truth."""
         pyoidn = importlib.import_module("pyoidn")
         guides = {"type": "aov", "aovs": "albedo:albedo,normal:sh_normal", "path": self._path}
         image = self._rendered(self._mi.load_dict(guides), camera, spp, seed)
         colour, albedo, normal = (np.ascontiguousarray(image[..., k : k + 3]) for k in (0, 4, 7))
-        return np.asarray(pyoidn.denoise(colour, albedo=albedo, normal=normal, hdr=True), dtype=np.float32)
+        clean = np.asarray(pyoidn.denoise(colour, albedo=albedo, normal=normal, hdr=True), dtype=np.float32)
+        coverage = image[..., 3:4]
+        return np.concatenate([clean * (coverage > 0), coverage], axis=-1)  # it leaves a trace of light on nothing
 
     def _rendered(self, integrator: Any, camera: Camera, spp: int, seed: int) -> F32:
         mi = self._mi
@@ -227,6 +230,14 @@ class Truth:
             total = total + np.array(image, dtype=np.float64) * now
             done += now
         return (total / spp).astype(np.float32)
+
+    def distance(self, origins: F64, directions: F64) -> F64:
+        """(N,) metres along each ray (N, 3) to the first surface; infinite where there is none."""
+        mi = self._mi
+        ray = mi.Ray3f(
+            mi.Point3f(origins.T.astype(np.float32).copy()), mi.Vector3f(directions.T.astype(np.float32).copy())
+        )
+        return np.array(self._scene.ray_intersect_preliminary(ray).t, dtype=np.float64)
 
     def hits(self, origins: F32, directions: F32, reach: F32) -> NDArray[np.bool_]:
         """Whether anything lies along each ray (N, 3) nearer than `reach` (N,)."""

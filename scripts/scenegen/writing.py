@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.backend import mitsuba
+from mirelight.base.backend import mitsuba
 from mirelight.io import splats as splat_files
 from mirelight.io.cameras.transforms import lens_entry, matrix_entry
 from mirelight.io.gltf.write import write_glb
@@ -110,7 +110,7 @@ def write_png(picture: F32, path: Path) -> None:
     """Linear premultiplied RGBA as it is displayed at exposure 0 on black."""
     from PIL import Image
 
-    from mirelight.colour import srgb_encode
+    from mirelight.base.colour import srgb_encode
 
     shown = np.clip(np.asarray(srgb_encode(np.clip(picture[..., :3], 0, 1))), 0, 1)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.lighting import Tracer
 from mirelight.model import (
     Camera,

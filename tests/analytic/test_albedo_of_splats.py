@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour, sh
-from mirelight.errors import RenderError
+from mirelight.base import colour, sh
+from mirelight.base.errors import RenderError
 from mirelight.lighting import Tracer
-from mirelight.lighting.albedo import colored_by, deposits_of, vertex_colors
+from mirelight.lighting.albedo import colored_by, vertex_colors
+from mirelight.lighting.observed import observed
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -443,7 +444,7 @@ def test_splats_on_edges_count_for_no_less_than_nothing_at_the_corner_across() -
     tracer = Tracer(floor, SETTINGS, layers=False, aovs=False)
     face, corners, _ = tracer.nearest_along(at, up, 0.01)
     assert corners[face >= 0].min() < 0  # so the case is there
-    assert deposits_of(splats, floor, tracer).corners.min() >= 0
+    assert observed(splats, (), floor, tracer).deposits(1 << 16).corners.min() >= 0
 
 
 def test_what_the_colours_are_known_by() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import sh
+from mirelight.base import sh
 from mirelight.lighting import EngineTracer, captured_level
 from mirelight.model import Camera, DirectionalLight, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
 

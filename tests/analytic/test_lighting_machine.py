@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.lighting import Interrupted, Tracer
 from mirelight.model import (
     AreaLight,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.io.job.placing import environment_rotation
 from mirelight.model import Environment
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import backend
-from mirelight.errors import BackendError
+from mirelight.base import backend
+from mirelight.base.errors import BackendError
 from mirelight.lighting import environment, grid, lights, materials
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (

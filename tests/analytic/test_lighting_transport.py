@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.lighting import Tracer
 from mirelight.model import (
     AreaLight,

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.apps.mixer import rgb9e5
+from mirelight.apps.mixer.layers import MixLayers, make
+from mirelight.base.errors import InputError
 from mirelight.lighting import Tracer, splat_light
-from mirelight.lighting.points import shown
-from mirelight.mixing import rgb9e5
-from mirelight.mixing.layers import MixLayers, make
+from mirelight.lighting.appearance import shown
 from mirelight.model import (
     F64,
     Deferred,
@@ -28,9 +28,9 @@ from mirelight.model import (
     SplatCloud,
     SurfaceCells,
 )
-from mirelight.needs import check_lit_splats
-from mirelight.scene import prepare
-from mirelight.splat_light import SplatLight, by_sharpness
+from mirelight.pipeline.requirements import check_lit_splats
+from mirelight.pipeline.scene import prepare
+from mirelight.pipeline.splat_light import SplatLight, by_sharpness
 
 from .test_surface_cache import stage
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.lighting import Tracer
 from mirelight.model import Camera, Lighting, LightingBuffer, Material, PointLight, ProxyMesh, RenderSettings
 from mirelight.proxy import make

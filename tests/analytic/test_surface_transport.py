@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight.errors import RenderError
+from mirelight.base.errors import RenderError
 from mirelight.lighting import Tracer, transport
 from mirelight.model import Camera, CellLight, Environment, Lighting, SunLight, SurfaceCells
 from tests.threads import printed

@@ -9,16 +9,19 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import baking, colour, prepare, stages
+from mirelight import prepare
+from mirelight.apps import bake as baking
+from mirelight.base import colour
+from mirelight.base.errors import InputError
+from mirelight.base.sh import C0
 from mirelight.cli import main
 from mirelight.compositor import Compositor
-from mirelight.errors import InputError
 from mirelight.io import image, job, splats
 from mirelight.lighting import Tracer
 from mirelight.model import RelightSettings, SplatCloud
 from mirelight.model.profiles import Gloss
+from mirelight.pipeline import stages
 from mirelight.relighting.frame import unlit_rgba
-from mirelight.sh import C0
 
 FLOOR = """\
 splats = "floor.ply"

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import image
 from mirelight.io.atomic import output_error
 from mirelight.model import Camera, Frame, Job, OutputSettings, Provenance
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 from mirelight.store import Store
 from mirelight.store.claims import Claims
 from mirelight.store.index import Index

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirelight.apps.inspect.facts import JobFacts
+from mirelight.apps.inspect.inspect import inspect
 from mirelight.io import splats
-from mirelight.io.facts import JobFacts
 from mirelight.io.gltf.write import write_glb
-from mirelight.io.inspect import inspect
 from mirelight.model import Material, ProxyMesh, SplatCloud
 
 SIZE = 960, 540

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import executor, load, stages
+from mirelight import load
+from mirelight.apps.show import shots
+from mirelight.batch import executor, preview
+from mirelight.batch.preview import Previews
 from mirelight.model import Frame, Job
-from mirelight.plan import FrameTask, plan
-from mirelight.scene import prepare
-from mirelight.showing import preview, shots
-from mirelight.showing.preview import Previews
+from mirelight.pipeline import stages
+from mirelight.pipeline.plan import FrameTask, plan
+from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
 from .conftest import Run

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mirelight.batch.pace import Costs, Pace
 from mirelight.cli.progress import Lines, Tally, duration, samples_of
-from mirelight.farm.pace import Costs, Pace
 from mirelight.model import Camera
-from mirelight.plan import FrameTask
+from mirelight.pipeline.plan import FrameTask
 from mirelight.store.journal import FileRow, Row
 from mirelight.store.planned import PlannedFrame
 

@@ -67,8 +67,8 @@ def test_a_terminal_shows_which_frame_is_made_and_how_far_it_is(
         report("loading the scene")
         return SimpleNamespace(warnings=())
 
-    monkeypatch.setattr("mirelight.realtime.render", made)
-    monkeypatch.setattr("mirelight.realtime.pages.write", lambda *parts: None)
+    monkeypatch.setattr("mirelight.apps.realtime.render", made)
+    monkeypatch.setattr("mirelight.apps.realtime.pages.write", lambda *parts: None)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert main(["realtime", str(folder / "job.toml"), "-o", str(folder / "live"), "--lighting", "night"]) == 0
     shown = capsys.readouterr().err

@@ -25,7 +25,7 @@ ORBIT = ("--set", "cameras[1].frames=6", "--camera", "orbit", "--set", "render.s
 FAULT = """\
 import os, signal, sys
 if "dask_worker" in " ".join(sys.orig_argv) or "multiprocessing" in " ".join(sys.orig_argv):
-    import mirelight.stages as stages
+    import mirelight.pipeline.stages as stages
     composite = stages.composite
     def faulty(scene, camera):
         if camera.name == "poison":

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from mirelight.batch.status import status
 from mirelight.cli.status import lines
-from mirelight.farm.status import status
 from mirelight.io import owner
 from mirelight.store.claims import Claims
 from mirelight.store.journal import Journal, Row

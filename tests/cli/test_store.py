@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io import owner
 from mirelight.io.atomic import atomic_path, clear, owner_of
 from mirelight.io.exr import read_exr
 from mirelight.io.image import read_fingerprint
-from mirelight.kept import KeptNowhere, made_once
 from mirelight.model import Job, OutputSettings
+from mirelight.pipeline.kept import KeptNowhere, made_once
 from mirelight.store import Store, artefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims

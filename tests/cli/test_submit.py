@@ -71,3 +71,8 @@ def test_an_openjd_template_is_sound_and_runs(folder: Path, run: Run) -> None:
 def test_mistakes_are_said_before_anything_is_submitted(run: Run, folder: Path) -> None:
     assert "no camera named 'back'" in run("submit", "job.toml", "--slurm", "--camera", "back").stderr
     assert "--slurm" in run("submit", "job.toml").stderr
+    before = (folder / "job.toml").read_text(encoding="utf-8")
+    made = run("submit", "job.toml", "--slurm", "-o", "job.toml")
+    assert made.returncode == 2
+    assert "job.toml: it is read here" in made.stderr
+    assert (folder / "job.toml").read_text(encoding="utf-8") == before

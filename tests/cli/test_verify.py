@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight.farm.checks import Finding, Kind
-from mirelight.farm.verify import Verified, verify
+from mirelight.batch.checks import Finding, Kind
+from mirelight.batch.verify import Verified, verify
 from mirelight.io import image, splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import ProxyMesh, SplatCloud

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight.errors import InputError
-from mirelight.executor import Silent
-from mirelight.farm.order import Order
-from mirelight.plan import FrameTask
-from mirelight.watching.files import Files, files_of
-from mirelight.watching.session import Session
+from mirelight.apps.watch.files import Files, files_of
+from mirelight.apps.watch.session import Session
+from mirelight.base.errors import InputError
+from mirelight.batch.executor import Silent
+from mirelight.batch.order import Order
+from mirelight.pipeline.plan import FrameTask
 
 from .conftest import COMMAND, Run
 

@@ -41,7 +41,7 @@ def children(process: int) -> list[int]:
             command = entry.joinpath("cmdline").read_bytes()
         except (OSError, ValueError):
             continue
-        if parent == process and b"mirelight.farm.worker" in command:
+        if parent == process and b"mirelight.batch.worker" in command:
             found.append(int(entry.name))
     return found
 
@@ -77,7 +77,7 @@ def test_killed_workers_and_parents_lose_nothing() -> None:
 FAULT = """\
 import os, signal, sys
 if "mirelight" in " ".join(sys.orig_argv):
-    import mirelight.stages as stages
+    import mirelight.pipeline.stages as stages
     composite = stages.composite
     def faulty(scene, camera):
         if camera.name == "orbit.0002":

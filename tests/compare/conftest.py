@@ -113,7 +113,7 @@ def lighter() -> Callable[..., Frame]:
 @pytest.fixture(scope="module")
 def page() -> Iterator[Any]:
     """A tab of headless Chromium, see browser.py."""
-    from mirelight.realtime.browser import find_browser
+    from mirelight.apps.realtime.browser import find_browser
 
     executable = find_browser()
     spec = importlib.util.spec_from_file_location("browser", Path(__file__).with_name("browser.py"))

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from mirelight.base.errors import InputError, OutputError
 from mirelight.cli.compare import add_compare, run_compare
-from mirelight.errors import InputError, OutputError
 
 
 def run(*words: Any) -> int:

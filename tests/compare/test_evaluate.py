@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mirelight.base.errors import InputError
 from mirelight.compare import CompareSettings, Comparison, Maps, Pair, evaluate, find_pairs
 from mirelight.compare.pictures import read_picture
 from mirelight.compare.regions import grown, silhouettes
-from mirelight.errors import InputError
 from mirelight.io.png import encode_display
 from mirelight.model import DisplaySettings, Frame
 
@@ -67,7 +67,7 @@ def test_transfer_curve_can_be_forced(made: Any, save: Any) -> None:
 
 def test_the_engines_own_frame(data: Path, tmp_path: Path) -> None:
     """Its float frame as a linear EXR against its 8-bit back buffer, premultiplied, recognised by its meta.json."""
-    from mirelight import colour
+    from mirelight.base import colour
     from mirelight.io.exr import write_exr
 
     case = data / "realtime" / "stage_omni_lin"

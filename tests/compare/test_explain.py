@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import stages
-from mirelight.compare.explain import CAUSES, Ladder, Rung, summary
-from mirelight.compare.explain_engine import EngineRun, physical_display, physical_settings
-from mirelight.compare.explain_ladder import explain
-from mirelight.compare.explain_light import LitSurface, shadows
-from mirelight.compare.explain_report import write_ladder
-from mirelight.errors import InputError
+from mirelight.apps.explain.engine import EngineRun, physical_display, physical_settings
+from mirelight.apps.explain.ladder import explain
+from mirelight.apps.explain.light import LitSurface, shadows
+from mirelight.apps.explain.report import write_ladder
+from mirelight.apps.explain.types import CAUSES, Ladder, Rung, summary
+from mirelight.apps.realtime import EngineFrames
+from mirelight.base.errors import InputError
 from mirelight.io.png import encode_display
 from mirelight.lighting import Tracer
 from mirelight.lighting.engine.raster import rasterise
@@ -41,8 +41,8 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
-from mirelight.realtime import EngineFrames
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 
 CAMERA = Camera.look_at((0, 0, 4), (0, 0, 0), 96, 64, yfov=40, near=0.1, far=50)
 

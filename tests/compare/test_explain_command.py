@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mirelight.apps.explain.types import CAUSES
 from mirelight.cli import main
-from mirelight.compare.explain import CAUSES
 
 JOB = """
 splats = "{assets}/synth_stack.ply"

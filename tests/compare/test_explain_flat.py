@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirelight.apps.realtime import bundle, engine
 from mirelight.io.gltf.scene import read_scene
 from mirelight.model import Camera, Deferred, DirectionalLight, Job, Lighting, ProxyMesh
-from mirelight.realtime import bundle, engine
 
 
 def test_a_flat_proxy_is_exported_flat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

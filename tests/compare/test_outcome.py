@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from mirelight.base.errors import InputError, OutputError
 from mirelight.compare import Pairing, compare, find_pairs, parse_requirement, summary
 from mirelight.compare.requirements import unmet
-from mirelight.errors import InputError, OutputError
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_a_report_that_cannot_be_written_is_one_line(pairs: Any, tmp_path: Path)
 def test_a_missing_package_is_one_line(pairs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
-    from mirelight.errors import MirelightError
+    from mirelight.base.errors import MirelightError
 
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     with pytest.raises(MirelightError, match=r"pip install 'mirelight\[compare\]'"):

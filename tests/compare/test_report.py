@@ -152,7 +152,7 @@ def pixels(page: Any) -> Any:
 
 def contrast(a: list[int], b: list[int]) -> float:
     """WCAG 2 contrast ratio of two sRGB colours."""
-    from mirelight import colour
+    from mirelight.base import colour
 
     light, dark = sorted((float(colour.luminance(colour.srgb_decode(np.array(c) / 255))) for c in (a, b)), reverse=True)
     return (light + 0.05) / (dark + 0.05)

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import stages
-from mirelight.errors import InputError
-from mirelight.matching import Match, Target, match
+from mirelight.apps.match import Match, Target, match
+from mirelight.base.errors import InputError
 from mirelight.model import (
     F32,
     Camera,
@@ -26,7 +25,8 @@ from mirelight.model import (
     SplatCloud,
     digest,
 )
-from mirelight.scene import Scene, prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import Scene, prepare
 
 CAMERA = Camera.look_at([0, 3, 6], [0, 0, 0], 64, 48, name="front")
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.apps.match.solve import Column, closest, fitted, nonnegative
+from mirelight.apps.match.target import read_target, resized
+from mirelight.apps.match.tone import CURVES, inverse
+from mirelight.apps.match.uncertain import tiles, uncertainties
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io.png import encode_display, write_png
-from mirelight.matching.solve import Column, closest, fitted, nonnegative
-from mirelight.matching.target import read_target, resized
-from mirelight.matching.tone import CURVES, inverse
-from mirelight.matching.uncertain import tiles, uncertainties
 from mirelight.model import DisplaySettings, ToneCurve
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.job.write import with_lighting

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import advice
 from mirelight.model import DisplaySettings, Frame
-from mirelight.scene import Scene
+from mirelight.pipeline import frame_diagnostics
+from mirelight.pipeline.scene import Scene
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 STAGE = SCENES / "stage" / "job.toml"
@@ -33,7 +33,7 @@ def frame_of(*overrides: str, path: Path = STAGE, lighting: int = 2, camera: int
 
 
 def kinds(scene: Scene, frame: Frame) -> list[str]:
-    return [x.kind for x in advice.of_frame(frame, scene.job.display)]
+    return [x.kind for x in frame_diagnostics.of_frame(frame, scene.job.display)]
 
 
 @pytest.fixture(scope="module")
@@ -84,24 +84,24 @@ def test_small_frames_of_wrong_proxies_are_not(transform: str) -> None:
 
 def test_a_proxy_that_swallows_the_camera_is_said() -> None:
     scene, frame = frame_of(PROXY % "{scale=100}")
-    found = advice.of_frame(frame, scene.job.display)
+    found = frame_diagnostics.of_frame(frame, scene.job.display)
     assert found and found[0].kind in ("uncovered", "gap")
 
 
 def test_too_bright_and_too_dark(right: tuple[Scene, Frame]) -> None:
     scene, frame = right
     for stops, kind in ((6.0, "white"), (-7.5, "black")):
-        (found,) = advice.of_frame(frame, replace(scene.job.display, exposure=stops))
+        (found,) = frame_diagnostics.of_frame(frame, replace(scene.job.display, exposure=stops))
         assert found.kind == kind
         by = float(found.remedy.split("about ")[1].split(",")[0])
         # the remedy, followed, silences it
         mended = replace(scene.job.display, exposure=stops + float(np.log2(by)))
-        assert advice.of_frame(frame, mended) == ()
+        assert frame_diagnostics.of_frame(frame, mended) == ()
 
 
 def test_no_light_at_all() -> None:
     scene, frame = frame_of("lightings=[]", 'lights=[{type="point",position=[0,2,4],intensity=0}]', lighting=0)
-    (found,) = advice.of_frame(frame, scene.job.display)
+    (found,) = frame_diagnostics.of_frame(frame, scene.job.display)
     assert found.kind == "black" and "no light reaches them" in found.remedy
 
 
@@ -111,15 +111,15 @@ def test_a_light_inside_a_thing_or_switched_off() -> None:
         '{type="sun",direction=[0,-1,-0.5],intensity=3}]'
     )
     scene, frame = frame_of("lightings=[]", lights, "environment={radiance=0.3}", "render.max_depth=1", lighting=0)
-    found = advice.of_frame(frame, scene.job.display)
+    found = frame_diagnostics.of_frame(frame, scene.job.display)
     assert [x.kind for x in found] == ["light"] and "'lost'" in found[0].text
-    assert advice.of_frame(frame, scene.job.display, off=["lost"]) == ()
+    assert frame_diagnostics.of_frame(frame, scene.job.display, off=["lost"]) == ()
 
 
 def test_a_camera_that_sees_nothing() -> None:
     away = "cameras=[{position=[0,1,9],target=[0,1,20]}]"
     scene, frame = frame_of(away, "cameras_from=[]")
-    (found,) = advice.of_frame(frame, scene.job.display)
+    (found,) = frame_diagnostics.of_frame(frame, scene.job.display)
     assert found.kind == "nothing" and "the camera sees nothing" in found.text
 
 
@@ -128,16 +128,16 @@ def test_bright_captures_are_not_taken_for_too_much_light(right: tuple[Scene, Fr
     assert frame.unlit is not None
     white = np.concatenate([frame.unlit[..., 3:].repeat(3, axis=-1), frame.unlit[..., 3:]], axis=-1)
     shown = replace(frame, rgba=white, unlit=white)
-    assert advice.of_frame(shown, DisplaySettings()) == ()
+    assert frame_diagnostics.of_frame(shown, DisplaySettings()) == ()
 
 
 def test_a_capture_that_is_black(right: tuple[Scene, Frame]) -> None:
     scene, frame = right
     assert frame.unlit is not None
     unlit = frame.unlit * np.array([0, 0, 0, 1], np.float32)
-    (found,) = advice.of_frame(replace(frame, rgba=unlit, unlit=unlit), scene.job.display)
+    (found,) = frame_diagnostics.of_frame(replace(frame, rgba=unlit, unlit=unlit), scene.job.display)
     assert found.kind == "black" and "the capture itself is black" in found.text and "colours" in found.remedy
     # one that has a lamp in the dark is a night
     lamp = unlit.copy()
     lamp[20:30, 60:90, :3] = frame.unlit[20:30, 60:90, :3]
-    assert advice.of_frame(replace(frame, rgba=lamp, unlit=lamp), scene.job.display) == ()
+    assert frame_diagnostics.of_frame(replace(frame, rgba=lamp, unlit=lamp), scene.job.display) == ()

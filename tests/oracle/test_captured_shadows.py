@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour, relighting, sh, stages
+from mirelight import relighting
+from mirelight.base import colour, sh
+from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
-from mirelight.errors import InputError
 from mirelight.model import (
     Camera,
     Deferred,
@@ -29,7 +30,8 @@ from mirelight.model import (
     SplatCloud,
 )
 from mirelight.model.profiles import Per
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 
 SUN = DirectionalLight(name="sun", direction=np.array([0.6, -0.8, 0.0]), intensity=6.0)
 FILL = DirectionalLight(name="fill", direction=np.array([0.0, -1.0, 0.0]), intensity=1.5)

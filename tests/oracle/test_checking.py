@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight.checking import Check, check, hidden_lights
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, Deferred, Job, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
+from mirelight.pipeline.job_diagnostics import Check, check, hidden_lights
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 PROXY = 'proxy={path="proxy.glb",transform=%s}'

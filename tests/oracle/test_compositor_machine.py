@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import mirelight.compositor.compositor as front_door
-from mirelight import backend
+from mirelight.base import backend
+from mirelight.base.errors import BackendError, RenderError
 from mirelight.compositor import Compositor, composite, order, queue, reference
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.blend import Source, blend
 from mirelight.compositor.device import Array, Device, open_device
 from mirelight.compositor.memory import check_indices, cloud_bytes, frame_bytes
 from mirelight.compositor.resolve import Blended
-from mirelight.errors import BackendError, RenderError
 from mirelight.model import Camera, CompositorSettings, SplatCloud
 
 from .compositor_clouds import COMPACT, PHYSICAL, VIEW, assert_agrees, cloud, same_bits

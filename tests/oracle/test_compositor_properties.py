@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.compositor import composite
 from mirelight.model import Camera, CompositorSettings, SplatCloud
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight import sh as spherical
+from mirelight.base import sh as spherical
 from mirelight.compositor import reference, source
 from mirelight.model import CompositorSettings
 

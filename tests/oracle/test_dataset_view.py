@@ -15,16 +15,16 @@ import pytest
 
 import mirelight
 from mirelight import cli, dataset
-from mirelight.dataset import index as indexing
+from mirelight.base.errors import InputError
+from mirelight.batch.checks import Finding
+from mirelight.batch.verify import verify
 from mirelight.dataset.draws import Draws, split
 from mirelight.dataset.view import DataSet
-from mirelight.errors import InputError
-from mirelight.farm.checks import Finding
-from mirelight.farm.verify import verify
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Material, ProxyMesh, SplatCloud
+from mirelight.store import layer_index as indexing
 
 JOB = """
 splats = "splats.ply"

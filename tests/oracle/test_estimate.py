@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight import colour
-from mirelight.conventions import quaternion_from_rotation, unit
-from mirelight.errors import RenderError
+from mirelight.base import colour
+from mirelight.base.conventions import frame_around, quaternion_from_rotation, unit
+from mirelight.base.errors import RenderError
 from mirelight.estimate import Estimate, estimate, fit, lighting_of, solve, sun, transport
 from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.estimate.fit import Pairs
-from mirelight.estimate.sky import PATCHES, as_map, frame_around, glow, patch_of, sphere
+from mirelight.estimate.sky import PATCHES, as_map, glow, patch_of, sphere
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SunLight

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 import mirelight
+from mirelight.apps.inspect.inspect import of_job
+from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
-from mirelight.errors import InputError
 from mirelight.estimate import Estimate, estimate
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.gltf.write import write_glb
-from mirelight.io.inspect import of_job
 from mirelight.io.job.captured_text import captured_text
-from mirelight.kept import KeptNowhere
 from mirelight.model import F32, EstimatedSky, Job, PointLight
-from mirelight.plan import plan
-from mirelight.scene import prepare
+from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.plan import plan
+from mirelight.pipeline.scene import prepare
 
 from .test_estimate import LIGHT, painted, yard
 

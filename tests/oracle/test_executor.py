@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import executor, scene, stages
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
+from mirelight.batch import executor
 from mirelight.io.exr import read_exr
 from mirelight.model import (
     Camera,
@@ -33,7 +33,8 @@ from mirelight.model import (
     SplatCloud,
     SplatLayer,
 )
-from mirelight.plan import FrameTask, plan, warnings
+from mirelight.pipeline import scene, stages
+from mirelight.pipeline.plan import FrameTask, plan, warnings
 from mirelight.store import Store
 
 W, H = 8, 6

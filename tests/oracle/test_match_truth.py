@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import mirelight
-from mirelight.matching import LayerMatch, match, read_target
-from mirelight.scene import prepare
+from mirelight.apps.match import LayerMatch, match, read_target
+from mirelight.pipeline.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SETTINGS = ["render.spp=64", "render.denoise=true", "relight.texture_scale=0.5"]

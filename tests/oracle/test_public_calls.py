@@ -13,7 +13,7 @@ import pytest
 
 import mirelight
 from mirelight.model import Camera, Frame, Job
-from mirelight.stages import Lit
+from mirelight.pipeline.stages import Lit
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ["render.spp=2", "resolution_scale=0.125"]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.compositor import Compositor
 from mirelight.io import job
 from mirelight.io.png import encode_display
@@ -27,8 +27,8 @@ from mirelight.model import (
     RenderSettings,
     SplatLayer,
 )
+from mirelight.pipeline.scene import prepare
 from mirelight.relighting import apply
-from mirelight.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
 GAINS = {  # dB by which the ratio must beat the tint; measured: 20.7, 13.8, 13.2, 14.9, 20.7

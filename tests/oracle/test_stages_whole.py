@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import stages
 from mirelight.model import (
     Camera,
     Deferred,
@@ -21,7 +20,8 @@ from mirelight.model import (
     RenderSettings,
     SplatCloud,
 )
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 
 W, H = 24, 16
 

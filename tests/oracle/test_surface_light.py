@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import executor
-from mirelight.forecast import forecast
-from mirelight.kept import KeptNowhere
+from mirelight.batch import executor
+from mirelight.batch.forecast import forecast
 from mirelight.lighting import Tracer
 from mirelight.model import (
     Camera,
@@ -25,7 +24,8 @@ from mirelight.model import (
     SurfaceCells,
     SurfaceTransport,
 )
-from mirelight.plan import plan
+from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.plan import plan
 from mirelight.store import Store
 
 from ..analytic.test_surface_cache import stage

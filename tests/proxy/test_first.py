@@ -13,20 +13,21 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight import cli, conventions
+from mirelight import cli
+from mirelight.apps.first_job import Wish, beside, job_for, up
+from mirelight.apps.first_job.lighting import _candela
+from mirelight.apps.inspect.facts import MeshFacts, SplatFacts
+from mirelight.apps.inspect.inspect import inspect, of_job
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.cli.report import lines
-from mirelight.errors import InputError
 from mirelight.estimate import Confidence, Estimate
-from mirelight.first import Wish, beside, job_for, up
-from mirelight.first.lighting import _candela
 from mirelight.io import job, splats
 from mirelight.io.exr import write_exr
-from mirelight.io.facts import MeshFacts, SplatFacts
 from mirelight.io.gltf.write import write_glb, write_lights
-from mirelight.io.inspect import inspect, of_job
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
+from mirelight.pipeline.scene import prepare
 from mirelight.proxy import make
-from mirelight.scene import prepare
 
 from .clouds import ball, box_shell, fog, on_surface, square
 

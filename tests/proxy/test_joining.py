@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirelight.proxy.capture import axes_of
+from mirelight.proxy.axes import axes_of
 from mirelight.proxy.joining import joined
 
 from .clouds import ball

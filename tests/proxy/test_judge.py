@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.cli.proxy import table
 from mirelight.io.mesh import transform
 from mirelight.model import Camera, ProxyMesh, SplatCloud

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import ProxyMesh, SplatCloud
 from mirelight.proxy import MadeProxy, ProxySettings, make

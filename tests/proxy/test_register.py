@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.mesh import transform
 from mirelight.model import ProxyMesh
 from mirelight.proxy import register

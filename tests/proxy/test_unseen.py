@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import MadeProxy, make

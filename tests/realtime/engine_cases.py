@@ -10,13 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import colour, conventions
-from mirelight.engine_lights import EngineLight, EngineLighting, engine_rotation, physical_light, physical_warnings
+from mirelight.base import colour, conventions
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.hdr import read_hdr
 from mirelight.io.mesh import transform
 from mirelight.lighting import trace
 from mirelight.model import F32, Camera, Environment, Lighting, ProxyMesh, RenderSettings
+from mirelight.model.playcanvas_lights import (
+    EngineLight,
+    EngineLighting,
+    engine_rotation,
+    physical_light,
+    physical_warnings,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

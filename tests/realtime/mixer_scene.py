@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import sh
+from mirelight.base import sh
 from mirelight.model import ProxyMesh, SplatCloud
 
 

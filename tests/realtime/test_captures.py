@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import baking, conventions, realtime
+from mirelight.apps import bake as baking
+from mirelight.apps import realtime
+from mirelight.apps.realtime import browser, bundle, captures
+from mirelight.base import conventions
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
 from mirelight.io import splats
@@ -24,7 +27,6 @@ from mirelight.model import (
     SplatCloud,
     SplatFile,
 )
-from mirelight.realtime import browser, bundle, captures
 
 from .test_engine_browser import crowd
 

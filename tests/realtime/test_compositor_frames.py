@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.compositor import composite, reference
 from mirelight.compositor.device import Array, Device
 from mirelight.io import splats as splat_files

@@ -21,12 +21,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import realtime
+from mirelight.apps import realtime
+from mirelight.apps.realtime import browser, bundle, engine, pages
+from mirelight.base.errors import BackendError, InputError, RenderError
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, engine_rank
 from mirelight.compositor.source import uploaded
-from mirelight.engine_lights import EngineLighting, engine_diffuse, to_engine
-from mirelight.errors import BackendError, InputError, RenderError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.png import write_png
 from mirelight.io.splats import ply
@@ -46,7 +46,7 @@ from mirelight.model import (
     SplatCloud,
     SpotLight,
 )
-from mirelight.realtime import browser, bundle, engine, pages
+from mirelight.model.playcanvas_lights import EngineLighting, engine_diffuse, to_engine
 
 from .engine_cases import texture
 from .waiting import LIMIT, settled

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import colour, realtime, stages
+from mirelight.apps import realtime
+from mirelight.base import colour
 from mirelight.compare import CompareSettings, Pair, evaluate
 from mirelight.io import job as jobs
 from mirelight.io.exr import read_exr
@@ -23,7 +24,8 @@ from mirelight.io.job.overrides import parse
 from mirelight.io.splats import ply
 from mirelight.lighting import trace
 from mirelight.model import F32, Camera, Deferred, DirectionalLight, Frame, Job, Lighting, RelightSettings
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 
 LIGHTS = ["stage_dir", "stage_omni_inv", "stage_omni_lin", "stage_spot"]
 SPHERE = ["synth_stack", "synth_stack_aces_gamma", "synth_stack_linear"]

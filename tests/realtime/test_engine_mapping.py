@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mirelight import conventions, engine_lights
-from mirelight.engine_lights import EngineLight, EngineLighting
+from mirelight.base import conventions
 from mirelight.lighting import trace
 from mirelight.lighting.engine.raster import Rasterised, rasterise
 from mirelight.model import (
@@ -30,7 +29,9 @@ from mirelight.model import (
     RenderSettings,
     SpotLight,
     SunLight,
+    playcanvas_lights,
 )
+from mirelight.model.playcanvas_lights import EngineLight, EngineLighting
 
 from .engine_cases import from_engine
 
@@ -112,7 +113,9 @@ def test_environment_is_exact_but_for_prefiltering() -> None:
 
 
 def test_sun_is_a_directional_light_with_soft_shadows() -> None:
-    engine, _ = engine_lights.to_engine(Lighting(lights=(SunLight(name="s", direction=np.array([0, -1, 0])),)), FLOOR)
+    engine, _ = playcanvas_lights.to_engine(
+        Lighting(lights=(SunLight(name="s", direction=np.array([0, -1, 0])),)), FLOOR
+    )
     (light,) = engine.lights
     assert (light.kind, light.cast_shadows) == ("directional", True)
     assert light.penumbra == pytest.approx(math.radians(0.53))
@@ -125,9 +128,9 @@ def test_area_lights_keep_their_far_light_and_are_warned_of(shape: str, projecte
     size = {"rectangle": (0.3, 0.4), "disk": (0.3, 0.4), "sphere": (0.2, 0.2)}[shape]
     pose = conventions.compose((0, 20, 0), conventions.rotation_from_euler((-90, 0, 0)))  # its -Z points down
     light = AreaLight(name="panel", shape=shape, world_from_light=pose, size=size, intensity=900)  # type: ignore[arg-type]
-    engine, warnings = engine_lights.to_engine(Lighting(lights=(light,)), FLOOR, shadows=False)
+    engine, warnings = playcanvas_lights.to_engine(Lighting(lights=(light,)), FLOOR, shadows=False)
     (punctual,) = engine.lights
-    on_axis = punctual.linear_color * engine_lights.INVERSE_SQUARED_GAIN * math.pi
+    on_axis = punctual.linear_color * playcanvas_lights.INVERSE_SQUARED_GAIN * math.pi
     np.testing.assert_allclose(on_axis, 900 * projected, rtol=1e-6)
     assert "panel" in warnings[0]
 
@@ -136,26 +139,26 @@ def test_what_the_engine_cannot_hold_is_warned_of() -> None:
     sky = np.ones((4, 8, 3), dtype=np.float32)
     sky[0] = 5000
     lamp = PointLight(name="lamp", position=np.zeros(3), range=5.0, radius=0.1)
-    _, warnings = engine_lights.to_engine(Lighting(lights=(lamp,), environment=Environment(radiance=sky)), FLOOR)
+    _, warnings = playcanvas_lights.to_engine(Lighting(lights=(lamp,), environment=Environment(radiance=sky)), FLOOR)
     said = "\n".join(warnings)
     for part in ("lamp: the engine has no radius", "lamp: the engine squares", "5e+03", "casts no shadows"):
         assert part in said
     sun = DirectionalLight(name="d", direction=np.array([0, -1, 0]))
-    _, none = engine_lights.to_engine(Lighting(lights=(sun,)), FLOOR)
+    _, none = playcanvas_lights.to_engine(Lighting(lights=(sun,)), FLOOR)
     assert none == ()
 
 
 def test_surfaces_that_glow_are_warned_of() -> None:
     glowing = replace(FLOOR, materials=(Material(emissive=np.ones(3)),))
-    (line,) = engine_lights.to_engine(Lighting(), glowing)[1]
+    (line,) = playcanvas_lights.to_engine(Lighting(), glowing)[1]
     assert "glow" in line
-    assert engine_lights.to_engine(Lighting(), FLOOR)[1] == ()
+    assert playcanvas_lights.to_engine(Lighting(), FLOOR)[1] == ()
 
 
 def test_near_lights_are_warned_of() -> None:
     def said(height: float, falloff: Falloff | None = None) -> tuple[str, ...]:
         lamp = PointLight(name="lamp", position=np.array([40, height, 40]), falloff=falloff)  # above a corner
-        return engine_lights.to_engine(Lighting(lights=(lamp,)), FLOOR)[1]
+        return playcanvas_lights.to_engine(Lighting(lights=(lamp,)), FLOOR)[1]
 
     (line,) = said(1.0)
     assert "50%" in line
@@ -179,7 +182,7 @@ COLOURS = st.tuples(*[st.floats(0.01, 1.0)] * 3)
 @given(st.floats(0.01, 1e5), COLOURS)
 def test_colour_and_intensity_come_back(intensity: float, color: tuple[float, float, float]) -> None:
     wanted = intensity * np.asarray(color)
-    encoded, engine_intensity = engine_lights.engine_color(wanted)
+    encoded, engine_intensity = playcanvas_lights.engine_color(wanted)
     light = EngineLight(name="a", kind="omni", color=encoded, intensity=engine_intensity)
     np.testing.assert_allclose(light.linear_color, wanted, rtol=1e-9)
     assert engine_intensity >= 1
@@ -188,7 +191,7 @@ def test_colour_and_intensity_come_back(intensity: float, color: tuple[float, fl
 
 @given(st.floats(-720, 720))
 def test_rotation_comes_back(rotation: float) -> None:
-    back = engine_lights.engine_rotation(engine_lights.engine_rotation(rotation))
+    back = playcanvas_lights.engine_rotation(playcanvas_lights.engine_rotation(rotation))
     assert math.cos(math.radians(back - rotation)) == pytest.approx(1)
 
 
@@ -206,7 +209,7 @@ def test_lights_come_back() -> None:
             outer_cone_angle=0.6,
         ),
     )
-    engine, _ = engine_lights.to_engine(Lighting(lights=lights), FLOOR, shadows=False)
+    engine, _ = playcanvas_lights.to_engine(Lighting(lights=lights), FLOOR, shadows=False)
     back, warnings = from_engine(engine)
     assert warnings == ()
     for before, after in zip(lights, back.lights, strict=True):
@@ -235,7 +238,7 @@ def test_the_engines_lights_come_back(kind: Any, falloff: Falloff, intensity: fl
         cast_shadows=True,
     )
     physical, _ = from_engine(EngineLighting(lights=(before,)))
-    engine, warnings = engine_lights.to_engine(physical, FLOOR)
+    engine, warnings = playcanvas_lights.to_engine(physical, FLOOR)
     (after,) = engine.lights
     assert warnings == ()
     np.testing.assert_allclose(after.linear_color, before.linear_color, rtol=1e-9)
@@ -263,6 +266,6 @@ def test_ambient_becomes_a_constant_environment_and_comes_back() -> None:
     back, _ = from_engine(EngineLighting(ambient=ambient))
     assert back.environment is not None
     np.testing.assert_allclose(back.environment.pixels[0, 0], ambient**2.2, rtol=1e-6)
-    engine, _ = engine_lights.to_engine(back, FLOOR, shadows=False)
+    engine, _ = playcanvas_lights.to_engine(back, FLOOR, shadows=False)
     assert engine.environment is None
     np.testing.assert_allclose(engine.ambient, ambient, rtol=1e-6)

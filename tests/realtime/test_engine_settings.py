@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import realtime
-from mirelight.engine_lights import engine_diffuse, to_engine
-from mirelight.errors import InputError
+from mirelight.apps import realtime
+from mirelight.base.errors import InputError
 from mirelight.lighting import trace
 from mirelight.model import Job, RenderSettings
-from mirelight.plan import plan, warnings
+from mirelight.model.playcanvas_lights import engine_diffuse, to_engine
+from mirelight.pipeline.plan import plan, warnings
 
 from .engine_cases import texture
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import conventions
-from mirelight.engine_lights import EngineLight, EngineLighting
+from mirelight.base import conventions
 from mirelight.lighting.engine.ambient import ambient_light, ambient_tile
 from mirelight.lighting.engine.raster import rasterise
 from mirelight.model import F32, Camera, Environment, ProxyMesh
+from mirelight.model.playcanvas_lights import EngineLight, EngineLighting
 
 from .engine_cases import Case, read_case, texture
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight import engine_lights
 from mirelight.lighting import EngineTracer, Tracer, trace
 from mirelight.lighting.engine.raster import culling_warnings, seen_from_behind
 from mirelight.model import (
@@ -21,6 +20,7 @@ from mirelight.model import (
     ProxyMesh,
     RenderSettings,
     SpotLight,
+    playcanvas_lights,
 )
 
 SETTINGS = RenderSettings(profile="playcanvas", threads=1)
@@ -179,7 +179,7 @@ def test_an_orthographic_camera_is_rendered_and_warned_of() -> None:
     buffer = trace(quads(level(2, 0)), Lighting(lights=(DOWN,)), flat, SETTINGS)
     assert buffer.coverage.sum() == pytest.approx(32 * 32, abs=70)
     np.testing.assert_allclose(buffer.beauty[buffer.coverage == 1], 0.5, rtol=1e-6)
-    (said,) = engine_lights.camera_warnings(flat)
+    (said,) = playcanvas_lights.camera_warnings(flat)
     assert "plan is orthographic" in said
 
 

@@ -15,18 +15,20 @@ import pytest
 from mixer_page import decibels
 
 import mirelight
-from mirelight import colour, mixing, sh, stages
+from mirelight.apps import mixer as mixing
+from mirelight.apps.mixer.bundle import _camera, export
+from mirelight.apps.realtime import browser
+from mirelight.apps.realtime.captures import _chunk_bounds
+from mirelight.apps.realtime.server import serve
+from mirelight.base import colour, sh
+from mirelight.base.errors import RenderError
 from mirelight.compositor.engine import Loaded, corners_of
-from mirelight.errors import RenderError
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
-from mirelight.mixing.bundle import _camera, export
 from mirelight.model import F32, Frame, Job
-from mirelight.realtime import browser
-from mirelight.realtime.captures import _chunk_bounds
-from mirelight.realtime.server import serve
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 
 from .mixer_scene import walls
 from .waiting import LIMIT

@@ -16,18 +16,18 @@ import pytest
 from mixer_page import decibels
 from PIL import Image
 
-from mirelight import stages
+from mirelight.apps.mixer.bundle import export
+from mirelight.apps.mixer.saved import Saved
+from mirelight.apps.mixer.server import serving
+from mirelight.apps.mixer.session import Session
+from mirelight.apps.realtime import browser
 from mirelight.cli import main
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
-from mirelight.mixing.bundle import export
-from mirelight.mixing.saved import Saved
-from mirelight.mixing.server import serving
-from mirelight.mixing.session import Session
 from mirelight.model.lights import position_of
-from mirelight.realtime import browser
-from mirelight.scene import prepare
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
 
 from .mixer_scene import walls
 from .test_mixer import JOB, displayed

@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.apps.mixer.saved import Saved
+from mirelight.apps.mixer.server import _camera, claimed, serving
+from mirelight.apps.mixer.session import Session, State, Traced
+from mirelight.apps.mixer.stills import Still, View
+from mirelight.base.errors import InputError
 from mirelight.io import job as jobs
-from mirelight.mixing.saved import Saved
-from mirelight.mixing.server import _camera, claimed, serving
-from mirelight.mixing.session import Session, State, Traced
-from mirelight.mixing.stills import Still, View
 from mirelight.model.lights import position_of
 
 JOB = """

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import stages
+from mirelight.apps.mixer import first_light, layers, rgb9e5
+from mirelight.apps.mixer.first_light import FirstLight
+from mirelight.apps.mixer.session import Session
+from mirelight.apps.mixer.stills import View
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.png import encode_display
 from mirelight.lighting import splat_light
 from mirelight.lighting.splat_light import Places
-from mirelight.mixing import first_light, layers, rgb9e5
-from mirelight.mixing.first_light import FirstLight
-from mirelight.mixing.session import Session
-from mirelight.mixing.stills import View
 from mirelight.model import F32, Camera, Job, LayerFactor, Lighting, PointLight, RenderSettings
-from mirelight.scene import Scene, prepare
-from mirelight.splat_light import SplatLight
-from mirelight.units import LightSet, terms
+from mirelight.model.unit_lights import LightSet, terms
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import Scene, prepare
+from mirelight.pipeline.splat_light import SplatLight
 
 from .mixer_scene import walls
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import colour, relighting
+from mirelight import relighting
+from mirelight.base import colour
 from mirelight.model import Camera, Frame, LightingBuffer, LightLayer, RelightSettings, SplatLayer
 
 DATA = Path(__file__).parents[1] / "data" / "realtime"

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from mirelight.realtime.server import Inbox, _Server, serve
+from mirelight.apps.realtime.server import Inbox, _Server, serve
 
 
 class Asker:

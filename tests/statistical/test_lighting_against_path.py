@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.lighting import Tracer, oracle
 from mirelight.model import (
     AreaLight,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.lighting import Tracer
 from mirelight.model import (
     AreaLight,

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.lighting import Tracer, frame
 from mirelight.model import RenderSettings
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import backend, colour
+from mirelight.base import backend, colour
 from mirelight.lighting import Tracer, oracle, sunsky, tracer
 from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight, digest
 

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from mirelight import backend, doctor
-from mirelight.backend import LlvmLibrary
-from mirelight.errors import BackendError
+from mirelight.apps import doctor
+from mirelight.base import backend
+from mirelight.base.backend import LlvmLibrary
+from mirelight.base.errors import BackendError
 
 # What a stand-in library answers, by its file name: the finding and choosing is tested on files that are no libraries.
 VERSIONS: dict[str, tuple[int, int, int] | None] = {
@@ -146,7 +147,7 @@ def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 def test_drjit_reports_the_chosen_version() -> None:
     told = run(
-        "from mirelight import backend\n"
+        "from mirelight.base import backend\n"
         "dr, types = backend.drjit()\n"
         "print(dr.detail.llvm_version() == backend.choose().version, dr.sum(types.Float(1, 2, 3))[0])"
     )
@@ -156,14 +157,14 @@ def test_drjit_reports_the_chosen_version() -> None:
 def test_an_unsound_choice_does_not_reach_drjit(tmp_path: Path) -> None:
     bad = tmp_path / "libLLVM-15.so.1"
     bad.write_bytes(b"nothing")
-    told = run("from mirelight import backend; print(backend.mitsuba().variant())", DRJIT_LIBLLVM_PATH=str(bad))
+    told = run("from mirelight.base import backend; print(backend.mitsuba().variant())", DRJIT_LIBLLVM_PATH=str(bad))
     assert told.stdout.strip() == "llvm_ad_rgb"
     assert len(told.stderr.splitlines()) == 1
 
 
 def test_variants_switch_in_one_process() -> None:
     told = run(
-        "from mirelight import backend, doctor\n"
+        "from mirelight.base import backend; from mirelight.apps import doctor\n"
         "for variant in ('llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_rgb', 'scalar_rgb'):\n"
         "    doctor.small_render(variant)\n"
         "    print(backend.mitsuba(variant).variant())\n"
@@ -173,7 +174,7 @@ def test_variants_switch_in_one_process() -> None:
 
 def test_threads_are_set_and_left_alone() -> None:
     told = run(
-        "from mirelight import backend\n"
+        "from mirelight.base import backend\n"
         "dr, _ = backend.drjit(threads=3)\n"
         "backend.mitsuba()\n"
         "print(dr.thread_count())\n"
@@ -187,7 +188,7 @@ def test_threads_are_set_and_left_alone() -> None:
 
 def test_absent_cuda_is_one_line() -> None:
     told = run(
-        "from mirelight import backend\n"
+        "from mirelight.base import backend\n"
         "dr, _ = backend.drjit()\n"
         "has = dr.has_backend(dr.JitBackend.CUDA)\n"
         "try: print(has, backend.mitsuba('cuda_ad_rgb').variant())\n"
@@ -232,7 +233,7 @@ def test_doctor_survives_a_child_that_aborts(
 
 @pytest.mark.parametrize("home", [None, "/dev/null/nobody"])
 def test_without_a_home_kernels_go_elsewhere_without_a_word(tmp_path: Path, home: str | None) -> None:
-    code = "from mirelight import backend; dr, t = backend.drjit(); dr.eval(t.Float(dr.arange(t.UInt32, 9)) * 2.5)"
+    code = "from mirelight.base import backend; dr, t = backend.drjit(); dr.eval(t.Float(dr.arange(t.UInt32, 9)) * 2.5)"
     env = {k: v for k, v in os.environ.items() if k not in ("HOME", "DRJIT_CACHE_DIR")} | {"TMPDIR": str(tmp_path)}
     env |= {} if home is None else {"HOME": home}
     ran = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)

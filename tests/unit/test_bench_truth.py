@@ -45,6 +45,18 @@ def test_noise_of_the_truth_is_taken_out_and_an_error_is_not(scores: ModuleType)
     assert wrong.psnr == pytest.approx(wrong.light, abs=0.3)
 
 
+def test_what_splats_have_before_nothing_is_not_scored(scores: ModuleType) -> None:
+    before = np.random.default_rng(0).uniform(0.25, 0.4, (40, 60, 3)).astype(np.float32)
+    edges, there = np.ones((40, 60), bool), np.ones((40, 60), bool)
+    there[:, :20] = False
+    factor = np.full_like(before, 2.0)
+    factor[:, :20] = 0.1
+    scored = scores.score(factor, before * factor, (before, before), (2 * before, 2 * before), edges, there)
+    assert (scored.light, scored.light_edges, scored.psnr, scored.edges) == (60, 60, 60, 60)
+    assert scored.ssim == pytest.approx(1, abs=1e-6)
+    assert scores.score(factor, before * factor, (before, before), (2 * before, 2 * before), edges).light < 20
+
+
 def test_silhouettes_are_bands_round_jumps_of_depth(scores: ModuleType) -> None:
     coverage, depth = np.ones((20, 40), np.float32), np.full((20, 40), 4.0, np.float32)
     depth[:, 20:] = 8.0

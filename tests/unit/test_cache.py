@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from mirelight import cli
-from mirelight.cache import UserCache, folder
 from mirelight.io import owner
 from mirelight.model import ProxyMesh
+from mirelight.pipeline.cache import UserCache, folder
 
 ROW = np.arange(250, dtype=np.float32)
 MESH = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32))
@@ -69,7 +69,7 @@ def test_what_a_killed_process_left_goes(cache: Path) -> None:
 
 WRITER = """
 import sys, numpy as np
-from mirelight.cache import UserCache
+from mirelight.pipeline.cache import UserCache
 for turn in range(40):
     for key in "abcd":
         UserCache(most=3000).keep_array(key, np.arange(250, dtype=np.float32))

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight import doctor, extras
+from mirelight.apps import doctor
+from mirelight.base import extras
+from mirelight.base.errors import BackendError, InputError
 from mirelight.cli import main
-from mirelight.errors import BackendError, InputError
 from mirelight.model import Deferred, DirectionalLight, Job, Lighting, ProxyMesh, RenderSettings
-from mirelight.scene import prepare
+from mirelight.pipeline.scene import prepare
 
 ROOT = Path(__file__).resolve().parents[2]
 FOR_DEVELOPERS = {"test", "docs"}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io.folders import NewFolders
 
 

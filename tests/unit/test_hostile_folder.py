@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.dataset import index
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import image, owner, safety
 from mirelight.model import Camera, ProxyMesh, SplatLayer
-from mirelight.store import arrays, artefacts
+from mirelight.store import arrays, artefacts, layer_index
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims
 from mirelight.store.index import Index, digest_of, is_one_of
@@ -203,10 +202,10 @@ def test_terabytes_in_a_frames_place_are_not_read(tmp_path: Path) -> None:
 
 @each
 def test_data_sets(tmp_path: Path, make: Make) -> None:
-    (tmp_path / index.FILE).parent.mkdir(exist_ok=True)
-    make(tmp_path / index.FILE)
+    (tmp_path / layer_index.FILE).parent.mkdir(exist_ok=True)
+    make(tmp_path / layer_index.FILE)
     with pytest.raises(InputError, match=r"no kept layers|not an index|a damaged index"):
-        index.read(tmp_path)
+        layer_index.read(tmp_path)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38])

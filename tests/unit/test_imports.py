@@ -1,9 +1,8 @@
-"""The import rule of CONTRIBUTING.md, read from the source; and what importing and printing help may load."""
+"""The import rule, `scripts/rooms.py`, held against the source; and what importing and printing help may load."""
 
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
 import subprocess
 import sys
@@ -11,86 +10,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
-
-BASE = {"errors", "conventions", "model"}
-TOOLS = {"colour", "sh"}
-# Each unit of the package and the units that it may import beside itself; "*": any.
-MAY_IMPORT: dict[str, set[str]] = {
-    "": set(),  # mirelight/__init__.py: the public calls are looked up lazily, see LAZY_HOMES
-    "errors": BASE,
-    "extras": {"errors"},
-    "conventions": BASE,
-    "machine": set(),
-    "model": BASE,
-    "colour": BASE,
-    "sh": BASE,
-    "viewing": BASE,
-    "first": {"*"},
-    "advice": BASE | {"colour"},
-    "checking": BASE | {"advice", "lighting", "proxy", "viewing"},
-    "engine_lights": BASE | {"colour"},
-    "io": BASE | TOOLS | {"extras", "engine_lights", "machine", "peak", "proxy", "units", "viewing"},
-    "dataset": BASE | TOOLS | {"io", "kept", "keys", "needs", "plan", "relighting", "store", "units"},
-    "backend": {"errors", "model"},
-    "lighting": BASE | TOOLS | {"extras", "backend", "engine_lights", "machine"},
-    "compositor": BASE | TOOLS | {"backend", "machine"},
-    "relighting": {"model", "colour", "sh"},
-    "units": {"model"},
-    "mix": {"model", "units"},
-    "provenance": {"model", "backend"},
-    "proxy": BASE | TOOLS | {"extras", "backend", "lighting", "compositor", "machine"},
-    "estimate": BASE | TOOLS | {"lighting", "machine"},
-    "needs": {"errors", "model", "units", "relighting", "lighting"},
-    "keys": {"model", "needs", "units", "provenance", "relighting", "lighting"},
-    "kept": {"model"},
-    "cache": {"errors", "model", "io"},
-    "view_light": {"model", "units", "mix", "keys", "needs", "kept", "lighting"},
-    "splat_light": {"model", "units", "keys", "needs", "kept", "lighting", "relighting"},
-    "surface_light": {"model", "units", "keys", "needs", "kept", "lighting"},
-    "scene": {
-        "extras",
-        "advice",
-        "errors",
-        "model",
-        "units",
-        "keys",
-        "needs",
-        "kept",
-        "cache",
-        "backend",
-        "lighting",
-        "compositor",
-        "view_light",
-        "viewing",
-    }
-    | {"estimate", "surface_light", "splat_light", "relighting"},
-    "stages": {"model", "keys", "needs", "provenance", "relighting", "scene", "view_light"},
-    "plan": {"errors", "model", "engine_lights", "keys", "needs", "scene", "lighting"},
-    "store": BASE | {"io", "keys", "plan"},
-    "peak": {"keys", "model", "needs", "relighting", "units"},
-    "forecast": {"peak", "viewing", "keys", "needs", "model", "plan", "relighting", "scene", "stages", "store"},
-    "executor": {"viewing", "advice", "dataset", "errors", "model", "plan", "scene", "stages", "store", "units"},
-    "matching": BASE | {"colour", "io", "relighting", "units", "scene", "stages"},
-    "farm": BASE
-    | {"advice", "extras", "io", "keys", "mix", "plan", "relighting", "scene", "store", "executor", "machine", "units"},
-    "compare": {"*"},
-    "realtime": {"*"},
-    "mixing": {"*"},
-    "showing": {"*"},
-    "watching": {"*"},
-    "baking": BASE | TOOLS | {"needs", "relighting", "scene", "splat_light"},
-    "doctor": {"*"},
-    "cli": {"*"},
-    "__main__": {"cli"},
-}
-ONLY_CLI = {"cli", "__main__"}  # nobody else imports these
+import rooms
+from rooms import LEVEL, PACKAGE, imports, room_of, rooms_used, sources
 
 THIRD_PARTY_OWNERS = {
-    "mitsuba": {"backend", "lighting"},
-    "drjit": {"backend", "lighting", "compositor"},
+    "mitsuba": {"base/backend.py", "lighting"},
+    "drjit": {"base/backend.py", "lighting", "compositor"},
 }
+SHARED_APPS = {"realtime"}  # serves pages and renders the engine's frames for other apps
 HEAVY = {
     "mitsuba",
     "drjit",
@@ -108,32 +35,6 @@ HEAVY = {
 }
 
 
-def sources() -> list[Path]:
-    return sorted(PACKAGE.rglob("*.py"))
-
-
-def unit_of(path: Path) -> str:
-    """The row of MAY_IMPORT that a file belongs to."""
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return "" if parts == ("__init__",) else parts[0]
-
-
-def imports(path: Path) -> Iterator[str]:
-    """Every imported module of a file, those inside functions and under TYPE_CHECKING too, as absolute dotted names."""
-    package = "mirelight." + ".".join(path.relative_to(PACKAGE).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            home = node.module or ""
-            if node.level:
-                home = importlib.util.resolve_name("." * node.level + home, package.rstrip("."))
-            if home == "mirelight":
-                yield from (f"mirelight.{alias.name}" for alias in node.names)
-            else:
-                yield home
-
-
 def at_import_time(path: Path) -> Iterator[str]:
     """Top-level names of modules that importing a file loads at once."""
     pending: list[ast.stmt] = list(ast.parse(path.read_text(encoding="utf-8")).body)
@@ -149,51 +50,87 @@ def at_import_time(path: Path) -> Iterator[str]:
             pending += [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)]
 
 
-def unit_imports(path: Path) -> set[str]:
-    """Units of this package that a file imports; names of `mirelight` itself (its version) are not units."""
-    units = {name.split(".")[1] for name in imports(path) if name.startswith("mirelight.")}
-    return {u for u in units if (PACKAGE / u).is_dir() or (PACKAGE / f"{u}.py").is_file()}
+def test_every_module_stands_in_a_room() -> None:
+    assert {room_of(path) for path in sources()} == {"", "__main__", *LEVEL}
 
 
-def test_modules_import_only_what_their_rows_allow() -> None:
+def test_a_room_imports_what_is_below_it() -> None:
     for path in sources():
-        unit = unit_of(path)
-        assert unit in MAY_IMPORT, f"{unit} has no row here and in CONTRIBUTING.md"
-        used = unit_imports(path) - {unit}
-        if unit == "":
-            used -= lazy_homes()
-        allowed = MAY_IMPORT[unit]
-        if "*" not in allowed:
-            assert used <= allowed, f"{path.relative_to(PACKAGE)} imports {used - allowed}"
-        if unit not in ONLY_CLI:
-            assert not used & ONLY_CLI, path
+        room = room_of(path)
+        if room in LEVEL:
+            up = {other for other in rooms_used(path) if LEVEL.get(other, sys.maxsize) >= LEVEL[room]}
+            assert not up, f"{path.relative_to(PACKAGE)} imports {up}, which {room} stands no higher than"
+    assert rooms_used(PACKAGE / "__main__.py") == {"cli"}
 
 
-def lazy_homes() -> set[str]:
-    """Units that the package's own __getattr__ looks up on first use."""
-    import mirelight
+def test_no_app_knows_another() -> None:
+    apps = PACKAGE / "apps"
+    for path in sources(apps):
+        own = path.relative_to(apps).with_suffix("").parts[0]
+        used = {name.split(".")[2] for name in imports(path) if name.startswith("mirelight.apps.")}
+        assert used <= {own, *SHARED_APPS}, f"{path.relative_to(PACKAGE)} imports {used - {own, *SHARED_APPS}}"
 
-    return {home.split(".")[1] for home in mirelight._HOMES.values()}
+
+def test_no_module_imports_what_imports_it() -> None:
+    """Modules of one room too, those inside functions and under TYPE_CHECKING included."""
+    known = {path.relative_to(PACKAGE.parent).with_suffix("").as_posix().replace("/", "."): path for path in sources()}
+    graph: dict[str, set[str]] = {}
+    for module, path in known.items():
+        if path.name != "__init__.py":  # a package's face hands on names of its own modules
+            graph[module] = {x for x in _modules_used(path) if x in known} - {module}
+    done: set[str] = set()
+
+    def visit(module: str, trail: tuple[str, ...]) -> None:
+        assert module not in trail, " -> ".join((*trail, module))
+        if module not in done:
+            for other in graph.get(module, ()):
+                visit(other, (*trail, module))
+            done.add(module)
+
+    for module in graph:
+        visit(module, ())
+
+
+def _modules_used(path: Path) -> Iterator[str]:
+    """Imported modules, where a package's name stands before what is taken from it too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    yield from imports(path)
+
+
+def test_the_page_and_the_picture_are_of_now() -> None:
+    remedy = "run: python scripts/rooms.py"
+    assert rooms.PAGE.read_text(encoding="utf-8") == rooms.page(), remedy
+    assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.picture(), remedy
 
 
 def test_mitsuba_and_drjit_are_named_by_their_owners_alone() -> None:
     for path in sources():
+        places = {room_of(path), path.relative_to(PACKAGE).as_posix()}
         for name in imports(path):
             owners = THIRD_PARTY_OWNERS.get(name.split(".")[0])
-            assert owners is None or unit_of(path) in owners, f"{name} in {path.name}"
+            assert owners is None or owners & places, f"{name} in {path.name}"
 
 
 def test_heavy_modules_are_imported_inside_functions() -> None:
     for path in sources():
         # A kernel's module may name Dr.Jit and Mitsuba at its top (decorators, types): it is itself imported inside
         # functions, which the next test holds.
-        kernel = unit_of(path) in {"lighting", "compositor"} and path.parent != PACKAGE and path.name != "__init__.py"
+        kernel = room_of(path) in {"lighting", "compositor"} and path.name != "__init__.py"
         assert not (HEAVY - set(THIRD_PARTY_OWNERS) if kernel else HEAVY) & set(at_import_time(path)), path
 
 
-def test_importing_every_unit_loads_no_backend() -> None:
-    units = sorted({f"mirelight.{unit_of(p)}".rstrip(".") for p in sources()} - {"mirelight.__main__"})
-    code = f"import sys, {', '.join(units)}\nprint(*(m for m in {sorted(HEAVY)} if m in sys.modules))"
+def test_importing_every_room_loads_no_backend() -> None:
+    apps = [
+        f"mirelight.apps.{x.stem}" for x in (PACKAGE / "apps").iterdir() if x.stem not in {"__init__", "__pycache__"}
+    ]
+    modules = ["mirelight", *(f"mirelight.{room}" for room in LEVEL), *apps]
+    modules += [
+        f"mirelight.{room}.{x.stem}" for room in ("base", "pipeline") for x in (PACKAGE / room).glob("[a-z]*.py")
+    ]
+    code = f"import sys, {', '.join(modules)}\nprint(*(m for m in {sorted(HEAVY)} if m in sys.modules))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.split() == []
 
@@ -201,24 +138,6 @@ def test_importing_every_unit_loads_no_backend() -> None:
 def test_set_variant_has_one_caller() -> None:
     callers = [p.name for p in sources() if re.search(r"\bset_variant\s*\(", p.read_text(encoding="utf-8"))]
     assert callers == ["backend.py"]
-
-
-def test_no_cycles_between_units() -> None:
-    graph: dict[str, set[str]] = {}
-    for path in sources():
-        if unit_of(path):
-            graph.setdefault(unit_of(path), set()).update(unit_imports(path) - {unit_of(path), ""})
-    done: set[str] = set()
-
-    def visit(unit: str, trail: tuple[str, ...]) -> None:
-        assert unit not in trail, " -> ".join((*trail, unit))
-        if unit not in done:
-            for other in graph.get(unit, ()):
-                visit(other, (*trail, unit))
-            done.add(unit)
-
-    for unit in graph:
-        visit(unit, ())
 
 
 @pytest.mark.parametrize(
@@ -231,17 +150,16 @@ def test_import_and_help_load_nothing_heavy(arguments: list[str]) -> None:
     assert not loaded & (HEAVY | {"drjit", "pydantic"})
 
 
-def test_rule_sees_imports_inside_functions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules[__name__], "PACKAGE", tmp_path)
+def test_rule_sees_imports_inside_functions_and_strings(tmp_path: Path) -> None:
     (tmp_path / "io").mkdir()
-    (tmp_path / "io" / "ply.py").write_text(
-        "def f():\n    from mirelight import pipeline\n    from ..lighting import trace\n    import mitsuba as mi\n"
-        "if TYPE_CHECKING:\n    import scipy\nclass C:\n    import trimesh\n"
-    )
-    (tmp_path / "pipeline.py").touch()
-    (tmp_path / "lighting").mkdir()
     path = tmp_path / "io" / "ply.py"
-    assert unit_imports(path) == {"pipeline", "lighting"}
-    assert "mitsuba" in list(imports(path))
+    path.write_text(
+        "def f():\n    from mirelight import pipeline\n    from ..lighting import trace\n    import mitsuba as mi\n"
+        "if TYPE_CHECKING:\n    import scipy\nclass C:\n    import trimesh\nimport_module('mirelight.store.index')\n"
+    )
+    for room in ("pipeline", "lighting", "store"):
+        (tmp_path / room).mkdir()
+    assert rooms_used(path, tmp_path) == {"pipeline", "lighting", "store"}
+    assert "mitsuba" in list(imports(path, tmp_path))
     assert set(at_import_time(path)) == {"trimesh"}
-    assert unit_of(path) == "io"
+    assert room_of(path, tmp_path) == "io"

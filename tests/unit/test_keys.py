@@ -11,8 +11,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from mirelight import keys, provenance, relighting
-from mirelight.dataset import describe, export
+from mirelight import relighting
+from mirelight.dataset import export
 from mirelight.model import (
     Camera,
     CompositorSettings,
@@ -28,14 +28,17 @@ from mirelight.model import (
     OutputSettings,
     PointLight,
     ProxyMesh,
+    ProxyRecipe,
     RelightSettings,
     RenderSettings,
     SkyModel,
     SplatCloud,
 )
 from mirelight.model.planes import AOVS, MATTES
-from mirelight.plan import plan
-from mirelight.scene import prepare
+from mirelight.pipeline import keys, provenance
+from mirelight.pipeline.plan import plan
+from mirelight.pipeline.scene import prepare
+from mirelight.store import layer_records
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
@@ -198,7 +201,7 @@ def test_the_page_has_a_line_for_nothing_else() -> None:
 
 ROOM = replace(
     JOB,
-    made_proxy=mesh(),
+    made_proxy=ProxyRecipe(mesh=mesh(), splats=cloud()),
     albedo_from_splats=True,
     lightings=(DAY,),
     output=OutputSettings(aovs=(*AOVS, *MATTES)),
@@ -236,7 +239,7 @@ def _splat_light(made: keys.Keys) -> str:
 
 
 def _exported(made: keys.Keys) -> str:
-    index = describe.describe(plan(made.job))
+    index = layer_records.describe(plan(made.job))
     return export.picture_key(index, index.views[0], 0, np.eye(4))
 
 
@@ -359,7 +362,8 @@ def test_every_artefact_has_its_place_in_the_table() -> None:
 
 def test_every_part_of_a_job_has_its_place() -> None:
     """Who adds one says what it decides: settings in DECIDES, content in IN_ROOM."""
-    content = {"splats", "proxy", "made_proxy", "albedo_from_splats", "cameras", "lightings", "pooled", "captured"}
+    content = {"splats", "proxy", "made_proxy", "capture_cameras", "albedo_from_splats", "cameras", "lightings"}
+    content |= {"pooled", "captured"}
     in_no_key = {"source", "splat_files", "inputs", "notes"}
     assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
 
@@ -388,6 +392,10 @@ IN_ROOM: dict[str, tuple[Job, set[str]]] = {
     "other splats": (
         replace(ROOM, splats=cloud(1.0)),
         {"colours", *SEEDED, *ON_PROXY, *UNLIT} - {"made proxy"},
+    ),
+    "other cameras of the capture": (
+        replace(ROOM, capture_cameras=(VIEW,)),
+        {"colours", *SEEDED, *ON_PROXY},
     ),
     "another capture's light": (
         replace(ROOM, captured=replace(CAPTURED, lights=(replace(CAPTURED.lights[0], intensity=9.0),))),

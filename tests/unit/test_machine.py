@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mirelight import machine
-from mirelight.machine import memory, uninterrupted
+from mirelight.base import machine
+from mirelight.base.machine import memory, uninterrupted
 
 
 def groups(folder: Path, monkeypatch: pytest.MonkeyPatch, files: dict[str, str]) -> None:

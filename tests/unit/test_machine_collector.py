@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from mirelight.base.machine import collector_held
 from mirelight.io import job
-from mirelight.machine import collector_held
-from mirelight.scene import prepare
+from mirelight.pipeline.scene import prepare
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -99,7 +99,7 @@ PUBLIC = (
     "mirelight.io.splats",
     "mirelight.proxy",
     "mirelight.estimate",
-    "mirelight.matching",
+    "mirelight.apps.match",
     "mirelight.compositor",
     "mirelight.lighting",
     "mirelight.relighting",

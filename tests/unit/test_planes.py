@@ -10,7 +10,7 @@ from typing import get_args, get_type_hints
 import numpy as np
 import pytest
 
-from mirelight.errors import MirelightError
+from mirelight.base.errors import MirelightError
 from mirelight.io.job import load
 from mirelight.model import F32, Frame, LightingBuffer, LightLayer, OutputSettings, SplatLayer
 from mirelight.model.planes import AOVS, EXACT, LIGHT_PLANES, MATTES, PLANES, SURFACE, Owner, planes_of

@@ -8,7 +8,8 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mirelight import advice, colour, relighting
+from mirelight import relighting
+from mirelight.base import colour
 from mirelight.model import (
     Camera,
     DisplaySettings,
@@ -17,8 +18,10 @@ from mirelight.model import (
     RelightMode,
     RelightSettings,
     SplatLayer,
+    rules_of,
 )
 from mirelight.model.profiles import Gloss
+from mirelight.pipeline import frame_diagnostics
 
 H, W = 12, 17
 TINT = RelightSettings(mode="tint")
@@ -100,7 +103,9 @@ def test_unlit_encodes_back_to_the_blended_picture() -> None:
         rgba = relighting.unlit_rgba(layer)
         alpha = rgba[..., 3:]
         straight = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0)
-        np.testing.assert_allclose(colour.encode(straight, layer.profile) * alpha, layer.color, atol=3e-7)
+        np.testing.assert_allclose(
+            colour.encode(straight, rules_of(layer.profile).transfer) * alpha, layer.color, atol=3e-7
+        )
 
 
 def test_linear_composites_are_not_decoded() -> None:
@@ -549,10 +554,10 @@ def test_nothing_sends_out_more_than_the_brightest_surface_would(old: float) -> 
     new = varied(26)
     frame = relighting.apply(of_surface(np.ones(3), 0.9), lit(0.5 * new), ALBEDO, captured=lit(0.5 * old))
     np.testing.assert_allclose(frame.rgba[..., :3], 0.95 * new, rtol=1e-5)
-    (found,) = [x for x in advice.of_frame(frame, DisplaySettings(exposure=-2.0)) if x.kind == "albedo"]
+    (found,) = [x for x in frame_diagnostics.of_frame(frame, DisplaySettings(exposure=-2.0)) if x.kind == "albedo"]
     assert "100% of the splats' pixels were brighter than any surface" in found.text
     right = relighting.apply(of_surface(np.full(3, 0.5), 1.0), lit(0.5 * new), ALBEDO, captured=lit(0.5))
-    assert "albedo" not in [x.kind for x in advice.of_frame(right, DisplaySettings())]
+    assert "albedo" not in [x.kind for x in frame_diagnostics.of_frame(right, DisplaySettings())]
 
 
 # --- colour that changes with the view -------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from mirelight.model import AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SunLight
-from mirelight.viewing import View, remarks, views
+from mirelight.model.camera_checks import View, remarks, views
 
 
 def mesh(shape: Any, flipped: bool = False) -> ProxyMesh:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.pictures import Picture, Shared, Split, check_pinholes
 from mirelight.dataset.layouts.points import moved

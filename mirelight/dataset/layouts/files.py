@@ -18,10 +18,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.png import png_bytes
 from mirelight.dataset.layouts.pictures import Picture
 from mirelight.io import exr
 from mirelight.io.atomic import atomic_path, clear, output_error
-from mirelight.io.png import png_bytes
 from mirelight.io.safety import read_file
 
 RECORD = Path(".mirelight") / "export.jsonl"

@@ -12,11 +12,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.conventions import Matrix
+from mirelight.base import colour
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.dataset.surroundings import Surroundings
-from mirelight.errors import InputError
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.io.cameras.transforms import Z_UP
 from mirelight.model import F32, Camera, DisplaySettings
@@ -87,7 +87,7 @@ class Pixels:
     def rgb(self) -> U8:
         """(H, W, 3) sRGB over black."""
         shown = colour.tone_map(self.linear[..., :3] * np.float32(2.0**self._stops), self._tone)
-        return _bytes(colour.encode(shown, "physical"))
+        return _bytes(colour.encode(shown, "srgb"))
 
     @property
     def alpha(self) -> U8:
@@ -207,7 +207,7 @@ def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
     """
     display = display or DisplaySettings()
     own = colour.straight(rgba[..., :3], rgba[..., 3]) * np.float32(2.0**display.exposure)
-    shown = colour.encode(colour.tone_map(own, display.tone), "physical")
+    shown = colour.encode(colour.tone_map(own, display.tone), "srgb")
     return _bytes(np.concatenate([shown, rgba[..., 3:]], axis=-1))
 
 

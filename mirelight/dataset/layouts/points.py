@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.conventions import Matrix
+from mirelight.base.conventions import Matrix
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.model import SplatCloud
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.pictures import U8, Picture, Pixels, Shared, check_lenses, check_pinholes, with_alpha
 from mirelight.dataset.layouts.shared import ENVIRONMENTS, write_environments
@@ -83,7 +83,7 @@ def _write_view(
 
 def albedo_rgba(pixels: Pixels) -> U8:
     """(H, W, 4) sRGB, with what the proxy covers as alpha."""
-    return with_alpha(colour.encode(pixels.geometry.albedo, "physical"), pixels.geometry.coverage)
+    return with_alpha(colour.encode(pixels.geometry.albedo, "srgb"), pixels.geometry.coverage)
 
 
 def normal_rgba(shared: Shared, pixels: Pixels) -> U8:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight.conventions import Matrix
+from mirelight.base.conventions import Matrix
 from mirelight.io.cameras.transforms import Z_UP
 
 

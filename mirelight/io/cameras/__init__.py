@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import camera_path, colmap, inria, phones, reading, supersplat, table, transforms
 from mirelight.io.cameras.placed import STRAIGHT, Angle, Distortion, FileCamera, Intrinsics
 from mirelight.io.cameras.transforms import DATAPARSER, Axes

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Angle, FileCamera
 from mirelight.io.cameras.transforms import trained_world

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics
 from mirelight.io.safety import open_binary
@@ -287,7 +287,7 @@ def _binary_images(file: Path) -> Iterator[_Image]:
 
 def pose(world_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """COLMAP's quaternion (4,) wxyz and translation (3,) of a pose (4, 4) in glTF's camera axes."""
-    from mirelight import conventions
+    from mirelight.base import conventions
 
     inverse = reading.inverse(np.asarray(world_from_camera, dtype=np.float64) @ reading.FLIP)
     return conventions.quaternion_from_rotation(inverse[:3, :3]), inverse[:3, 3]

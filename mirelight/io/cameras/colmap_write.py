@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.cameras import colmap
 from mirelight.model import Camera

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import FileCamera
 from mirelight.io.gltf.fields import Fields

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight.conventions import Matrix
-from mirelight.errors import InputError
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.io.cameras.placed import Intrinsics
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.safety import read_bytes
@@ -109,7 +109,7 @@ def rigid(matrix: ArrayLike, fail: Callable[[str, str], InputError]) -> Matrix:
 
 def rotation_of(wxyz: ArrayLike, fail: Callable[[str, str], InputError]) -> Matrix:
     """The rotation (3, 3) of a quaternion of any length but zero. Raises InputError."""
-    from mirelight import conventions
+    from mirelight.base import conventions
 
     q = np.asarray(wxyz, dtype=np.float64)
     with np.errstate(over="ignore"):

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading, spline
 from mirelight.io.cameras.placed import Angle, FileCamera
 from mirelight.io.gltf.fields import Fields

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Angle, FileCamera, Intrinsics
 from mirelight.io.cameras.transforms import Axes

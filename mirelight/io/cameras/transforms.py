@@ -16,9 +16,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Angle, Distortion, FileCamera, Intrinsics
 from mirelight.io.gltf.fields import Fields

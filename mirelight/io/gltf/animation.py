@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.accessors import read_accessor
 from mirelight.io.gltf.cameras import read_node_cameras
 from mirelight.io.gltf.document import Document, read_document

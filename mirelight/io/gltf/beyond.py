@@ -24,7 +24,7 @@ from typing import Any, Literal, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.io.gltf.fields import Fields
 from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
 

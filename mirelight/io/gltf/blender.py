@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mirelight.errors import printable
+from mirelight.base.errors import printable
 from mirelight.io.gltf.document import Document
 from mirelight.model import Light
 

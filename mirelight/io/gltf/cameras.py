@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.names import unique_names

@@ -17,8 +17,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.fields import Bytes, Fields
+from mirelight.io.gltf.meshopt import decompress
 from mirelight.io.safety import contained, require_memory
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
@@ -111,8 +112,6 @@ class Document:
         if packed is None:
             return self.slice(entry)
         if index not in self._views:
-            from mirelight.io.gltf.meshopt import decompress
-
             self._views[index] = decompress(packed, self.slice(packed), entry.integer("byteLength", low=1))
         return self._views[index]
 

@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 
 Bytes = NDArray[np.uint8]  # (n,) raw contents of a buffer or view
 

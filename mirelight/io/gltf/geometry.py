@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.draco import DracoData, decode_draco

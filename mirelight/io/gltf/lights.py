@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.io.gltf.beyond import Punctual, restored
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.errors import printable
+from mirelight.base.errors import printable
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Bytes, Fields
 from mirelight.io.ldr import decode_srgb_image

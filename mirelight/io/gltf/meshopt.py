@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from mirelight import extras
-from mirelight.io.gltf.document import read_document
+from mirelight.base import extras
 from mirelight.io.gltf.fields import Bytes, Fields
 
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 _FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
 _MOST_EXPANSION = 2048  # bytes out per byte in; the format's own limit is about half of it
-_EXTENSION = "EXT_meshopt_compression"
-
-
-def refuse_without_decoder(path: Path) -> None:
-    """Raises InputError where a file cannot be read for want of the decoder; opens it only where that is missing."""
-    if not extras.missing("formats"):
-        return
-    top = read_document(path).top
-    if _EXTENSION in top.texts("extensionsRequired"):
-        raise top.fail("extensionsRequired", "meshopt compression", extras.remedy("formats"))
 
 
 def decompress(packed: Fields, data: Bytes, length: int) -> Bytes:

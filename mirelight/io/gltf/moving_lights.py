@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf import blender
 from mirelight.io.gltf.animation import (
     Track,

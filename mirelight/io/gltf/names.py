@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from mirelight.errors import printable
+from mirelight.base.errors import printable
 
 
 def unique_names(candidates: Sequence[tuple[str, ...]]) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import conventions
+from mirelight.base import conventions
 from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields

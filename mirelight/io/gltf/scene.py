@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import printable
+from mirelight.base.errors import printable
 from mirelight.io.gltf import blender
 from mirelight.io.gltf.animation import animated_nodes
 from mirelight.io.gltf.cameras import GltfCamera, read_node_cameras

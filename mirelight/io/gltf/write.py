@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import __version__, colour, conventions
-from mirelight.errors import OutputError
+from mirelight.base import colour, conventions
+from mirelight.base.errors import OutputError
+from mirelight.base.version import __version__
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.beyond import punctual
 from mirelight.io.gltf.materials import WRAP_NUMBERS

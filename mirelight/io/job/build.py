@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mirelight import model
-from mirelight.conventions import Matrix
+from mirelight.base.conventions import Matrix
 from mirelight.io.job import camera_files, cameras, lighting, mixing, moments, moving, placing, sweep
 from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.fields import PROXY, SPLATS
@@ -24,9 +24,21 @@ from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import GLTF
-from mirelight.model import F32, Deferred, EstimatedSky, Job, Light, Lighting, ProxyMesh, SplatCloud, SplatFile
+from mirelight.model import (
+    F32,
+    Deferred,
+    EstimatedSky,
+    Job,
+    Light,
+    Lighting,
+    ProxyMesh,
+    ProxyRecipe,
+    SplatCloud,
+    SplatFile,
+)
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
+from mirelight.model.recipe import not_made_yet
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -67,7 +79,7 @@ class Assets:
         """The proxy in world space; gray where its colours come from the splats."""
         path, m = self.path(table.path), placing.matrix(table.transform)
         if path.suffix.lower() in GLTF:
-            from mirelight.io.gltf.meshopt import refuse_without_decoder
+            from mirelight.io.gltf.decoders import refuse_without_decoder
 
             refuse_without_decoder(path)
         albedo = "gray" if table.albedo == "splats" else table.albedo
@@ -161,8 +173,9 @@ def build(source: Source, table: JobTable) -> Job:
 
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
-    made = _made_of_splats(source, table, splats, _capture_cameras(table, assets, wrong))
-    proxy = _worn(made, table) if made else assets.mesh(table.proxy) if table.proxy else None
+    capture_cameras = _capture_cameras(table, assets, wrong)
+    made = _made_of_splats(source, table, splats, capture_cameras)
+    proxy = _worn(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
     captured = _captured(table, lightings, assets, wrong)
@@ -180,6 +193,7 @@ def build(source: Source, table: JobTable) -> Job:
         splat_files=files,
         proxy=proxy,
         made_proxy=made,
+        capture_cameras=capture_cameras,
         albedo_from_splats=_wears_splats(table),
         cameras=cameras_of(),
         lightings=moments.numbered(mixed, is_moment),
@@ -217,7 +231,7 @@ def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
 
 
 def _capture_cameras(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[model.Camera, ...]:
-    """Those of the capture's pictures, in world space, that the proxy is made with."""
+    """Those of the capture's pictures, in world space: the proxy is made, and colours are looked at, from there."""
     if table.proxy is None or table.proxy.cameras is None or table.splats is None:
         return ()
     named = CamerasFromTable.model_construct(
@@ -232,27 +246,22 @@ def _capture_cameras(table: JobTable, assets: Assets, wrong: list[Mistake]) -> t
 
 def _made_of_splats(
     source: Source, table: JobTable, splats: Deferred[SplatCloud] | None, cameras: tuple[model.Camera, ...]
-) -> Deferred[ProxyMesh] | None:
-    """The mesh that a job has made from its splats; None where it names a file, or none."""
+) -> ProxyRecipe | None:
+    """How a job has its mesh made from its splats; None where it names a file, or none."""
     if table.proxy is None or table.proxy.path != SPLATS or splats is None or table.splats is None:
         return None
     render = table.render
     variant: model.Variant = "llvm_ad_rgb" if render.variant == "scalar_rgb" else render.variant
     named = source.folder / table.splats[0].path if len(table.splats) == 1 else source.path
     known = model.digest("proxy of splats", splats.digest, variant, *((cameras,) if cameras else ()))
-    return Deferred(known, partial(_made, splats, cameras, variant, render.threads, str(named)))
-
-
-def _made(
-    splats: Deferred[SplatCloud],
-    cameras: tuple[model.Camera, ...],
-    variant: model.Variant,
-    threads: int | None,
-    named: str,
-) -> ProxyMesh:
-    from mirelight.proxy import ProxySettings, make
-
-    return make(splats.value, ProxySettings(variant=variant, threads=threads), cameras=cameras, source=named).mesh
+    return ProxyRecipe(
+        mesh=Deferred(known, not_made_yet),
+        splats=splats,
+        cameras=cameras,
+        variant=variant,
+        threads=render.threads,
+        source=str(named),
+    )
 
 
 def _worn(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[ProxyMesh]:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.fields import PROXY
 from mirelight.io.job.lighting import choose

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.io.job import sampling
 from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name, scaled
 from mirelight.io.job.camera_tables import (
@@ -37,7 +37,7 @@ from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import GLTF
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
-from mirelight.viewing import Judge, is_room
+from mirelight.model.camera_checks import Judge, is_room
 
 __all__ = ["CameraFiles", "Extent", "of_job"]
 
@@ -65,8 +65,12 @@ class Extent:
     @cached_property
     def judge(self) -> Judge | None:
         """Says whether cameras are of use; None without a mesh."""
-        mesh = self._proxy.value if self._proxy is not None and self._there else None
+        mesh = self._mesh
         return Judge(mesh) if mesh is not None and len(mesh.faces) else None
+
+    @property
+    def _mesh(self) -> ProxyMesh | None:
+        return self._proxy.value if self._proxy is not None and self._there else None
 
     @cached_property
     def _corners(self) -> tuple[Matrix, Matrix]:
@@ -75,7 +79,7 @@ class Extent:
             means = splats.means[:: max(1, len(splats) // _MOST_SAMPLES)]
             low, high = np.percentile(means, (_STRAYS, 100 - _STRAYS), axis=0)
             return low, high
-        proxy = None if self._proxy is None else self._proxy.value
+        proxy = self._mesh
         if proxy is not None and len(proxy.vertices):
             low, high = (np.asarray(corner, dtype=np.float64) for corner in proxy.bounds)
             return low, high

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.safety import open_binary, require_memory
 from mirelight.io.suffixes import GLTF
 

@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from mirelight.colour import blackbody
-from mirelight.engine_lights import DEFAULT_RANGE
+from mirelight.base.colour import blackbody
 from mirelight.io.job.fields import (
     AssetPath,
     Color,
@@ -28,6 +27,7 @@ from mirelight.io.job.fields import (
 )
 from mirelight.io.job.light_units import AreaUnit, LampUnit, Shape, SunUnit, candela, nits
 from mirelight.model import F64, Falloff, cones
+from mirelight.model.playcanvas_lights import DEFAULT_RANGE
 
 _DIRECTION = "[x, y, z], the way the light travels."
 _POSITION = "[x, y, z] in world units."

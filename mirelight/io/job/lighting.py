@@ -11,9 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
-from mirelight.engine_lights import EngineLight, lumens, physical_light
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.io.ies import IesFile
 from mirelight.io.job.lamp_tables import (
     AnyLight,
@@ -49,6 +48,7 @@ from mirelight.model import (
     cones,
 )
 from mirelight.model.lights import SKY, SUN
+from mirelight.model.playcanvas_lights import EngineLight, lumens, physical_light
 
 ENVIRONMENT = "environment"  # its layer's name
 

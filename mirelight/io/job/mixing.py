@@ -14,7 +14,7 @@ from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
 from mirelight.model import LayerFactor, Lighting
-from mirelight.units import terms
+from mirelight.model.unit_lights import terms
 
 MOST_NAMES = 10_000
 _LISTED = 10  # names in a message

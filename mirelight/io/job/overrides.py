@@ -7,7 +7,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.job.limits import DEEPEST, load_toml
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import label, shown

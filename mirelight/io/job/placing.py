@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight import conventions
-from mirelight.conventions import Matrix
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.io.job.scene_tables import Transform
 from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirelight.conventions import Matrix, unit
+from mirelight.base.conventions import Matrix, unit
 from mirelight.model import Camera
 
 _GOLDEN = math.pi * (3 - math.sqrt(5))  # rad between neighbours of a Fibonacci lattice

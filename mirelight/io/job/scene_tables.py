@@ -132,14 +132,13 @@ class ProxyTable(Table):
     )
     cameras: AssetPath | None = Field(
         default=None,
-        description='With path = "splats": the cameras of the capture\'s pictures, a file or folder (docs/cameras.md), '
-        "placed as the splats are. What they did not see is closed against light.",
+        description="The cameras of the capture's pictures, a file or folder (docs/cameras.md), placed as the splats "
+        "are. Colours of fuzzy splats are looked at from there; of a proxy made from the splats, what they did not see "
+        "is closed against light.",
     )
 
     @model_validator(mode="after")
     def _check(self) -> ProxyTable:
-        if self.path != SPLATS and self.cameras is not None:
-            raise wrong("cameras of a mesh that is in a file", 'leave them out; they are for "splats"', at="cameras")
         if self.path == SPLATS and self.transform.model_fields_set:
             raise wrong("a transform of a proxy that is made from the splats", "give it to the splats", at="transform")
         if self.path == SPLATS and self.albedo == "file":

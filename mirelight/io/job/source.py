@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from mirelight.errors import InputError, ManyInputsError
+from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import safety
 from mirelight.io.job import overrides as overriding
 from mirelight.io.job import positions

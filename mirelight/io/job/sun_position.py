@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from mirelight.conventions import Matrix
+from mirelight.base.conventions import Matrix
 
 
 def sun_position(latitude: float, longitude: float, time: datetime) -> tuple[float, float]:

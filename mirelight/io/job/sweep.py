@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.job import overrides
 from mirelight.io.job.light_tables import LightingTable
 from mirelight.io.job.lighting import FreeNames, LightFiles, lighting

@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.io.job.sweep_tables import AxisTable, BallTable
 
 _GOLDEN = math.pi * (3 - math.sqrt(5))  # rad between neighbours of a Fibonacci lattice

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.job.source import Source
 from mirelight.model import (
     AreaLight,

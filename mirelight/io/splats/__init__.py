@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.safety import existing, open_binary
 from mirelight.io.splats import compressed_ply, dot_splat, external, ply, sog, sog_write, spz, streamed
 from mirelight.io.splats.edit import merge, transform

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.safety import require_memory
 from mirelight.model import F32, SplatCloud
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import open_binary
 from mirelight.io.splats import values

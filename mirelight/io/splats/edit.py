@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight import sh
-from mirelight.conventions import multiply_quaternions, quaternion_from_rotation
-from mirelight.errors import InputError
+from mirelight.base import sh
+from mirelight.base.conventions import multiply_quaternions, quaternion_from_rotation
+from mirelight.base.errors import InputError
 from mirelight.model import F32, SplatCloud
 
 _ROWS = 1 << 18  # splats moved at a time, so that float64 copies stay small

@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.splats import ply
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.model import SplatCloud

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from mirelight.base.sh import COEFFICIENTS
 from mirelight.io.splats.builder import cloud_bytes
-from mirelight.sh import COEFFICIENTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

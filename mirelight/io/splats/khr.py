@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import colour
-from mirelight.errors import InputError, OutputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError, OutputError
+from mirelight.base.sh import COEFFICIENTS
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import HANDLED_EXTENSIONS, Document, read_document
@@ -28,7 +29,6 @@ from mirelight.io.splats.builder import ROWS, CloudBuilder
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.model import SplatCloud
-from mirelight.sh import COEFFICIENTS
 
 _NAME = "KHR_gaussian_splatting"
 _MOST_INSTANCES = 1000  # of one primitive; each becomes splats of its own

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.sh import COEFFICIENTS, degree_of
 from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import NO_SPLATS, Element, PlyHeader, blocks, comment_lines, read_ply_header
 from mirelight.model import F32, SplatCloud
-from mirelight.sh import COEFFICIENTS, degree_of
 
 _MEANS = ("x", "y", "z")
 _DC = ("f_dc_0", "f_dc_1", "f_dc_2")

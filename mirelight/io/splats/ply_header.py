@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError, printable
+from mirelight.base.errors import InputError, printable
 from mirelight.io.safety import open_binary
 
 NO_SPLATS = "a mesh or point cloud has no splats; give a Gaussian-splat PLY"

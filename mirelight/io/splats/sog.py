@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
+from mirelight.base.sh import COEFFICIENTS, degree_of
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.safety import read_bytes, require_memory
 from mirelight.io.splats import values
@@ -21,7 +22,6 @@ from mirelight.io.splats.archive import Files, FolderFiles, ZipFiles, parse_json
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot, cloud_bytes
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.model import F32, SplatCloud
-from mirelight.sh import COEFFICIENTS, degree_of
 
 _LARGEST_META = 1 << 22  # bytes
 _PALETTE_ROW = 64  # palette entries side by side in the centroids image

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import __version__
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
+from mirelight.base.version import __version__
 from mirelight.io.atomic import atomic_path
 from mirelight.io.splats import values
 from mirelight.io.splats.compressed_ply import morton_order

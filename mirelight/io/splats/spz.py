@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import open_binary, require_memory
 from mirelight.io.splats import values

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.errors import InputError
-from mirelight.sh import COEFFICIENTS
+from mirelight.base.errors import InputError
+from mirelight.base.sh import COEFFICIENTS
 
 MAGIC = b"NGSP"
 ANTIALIASED, EXTENDED = 1, 2  # header flags

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from mirelight.base.sh import COEFFICIENTS
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.safety import neighbour, read_bytes
 from mirelight.io.splats.archive import parse_json
@@ -17,7 +18,6 @@ from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.sog import SogHead, SogImages, check_range, open_bundle, open_folder
 from mirelight.io.splats.sog import summary_of as sog_summary
 from mirelight.model import SplatCloud
-from mirelight.sh import COEFFICIENTS
 
 _LARGEST_META = 1 << 28  # bytes; a tree of a million leaves has some 100 MB
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.sh import C0, basis
 from mirelight.model import F32
-from mirelight.sh import C0, basis
 
 SQRT2 = 2**0.5
 

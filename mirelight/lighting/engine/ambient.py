@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.engine_lights import engine_rotation
 from mirelight.model import F64, Environment
+from mirelight.model.playcanvas_lights import engine_rotation
 
 WIDTH, HEIGHT, SEAM = 64, 32, 1  # pixels of the ambient tile; the map lies inside a seam
 SAMPLES = 2048

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight import backend
+from mirelight.base import backend
 from mirelight.model import F32, F64, Camera, ProxyMesh, Variant, triangles
 from mirelight.model.arrays import freeze
 

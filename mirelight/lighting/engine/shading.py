@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight import colour
-from mirelight.engine_lights import EngineLight, EngineLighting
+from mirelight.base import colour
 from mirelight.lighting.engine.ambient import ambient_light
 from mirelight.model import F64
+from mirelight.model.playcanvas_lights import EngineLight, EngineLighting
 
 
 def ambient(lighting: EngineLighting, normal: F64) -> F64:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.engine_lights import EngineLight, to_engine
 from mirelight.lighting.develop import refuse_if_too_large
 from mirelight.lighting.engine.raster import Rasterised, rasterise
 from mirelight.lighting.engine.shading import ambient, received
@@ -31,6 +30,7 @@ from mirelight.model import (
     RenderSettings,
     Variant,
 )
+from mirelight.model.playcanvas_lights import EngineLight, to_engine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +83,7 @@ class EngineTracer:
         """The lighting texture that the engine would make.
 
         Args:
-            lighting: physical units; `mirelight.engine_lights` says what the engine makes of them.
+            lighting: physical units; `mirelight.model.playcanvas_lights` says what the engine makes of them.
             camera: the splat camera; pixels coincide with its own.
             emission: changes nothing, as glowing surfaces light nothing in the engine.
             progress: called once, when all is done.

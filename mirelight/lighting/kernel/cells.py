@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mirelight.lighting.kernel.film import Film
-from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.memory import floats, in_fours, integers, rgb
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
-from mirelight.lighting.kernel.samples import Tiles, mix, pair
+from mirelight.lighting.kernel.samples import mix, pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.lighting.kernel.windows import Spread
-from mirelight.model import F32, F64, I32, SurfaceCells
+from mirelight.model import F32, F64, SurfaceCells
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,14 +82,14 @@ class DeviceCells:
         self.first, self.doubtful = first, doubt is not None
         self.nearest = dr.opaque(mi.Float, nearest)
         self.keys = integers(np.append(cells.keys.ravel(), np.zeros(2, np.uint32)))
-        self.anchors = _in_fours(cells.anchors)
+        self.anchors = in_fours(cells.anchors)
         self.starts = integers(np.append(cells.starts, np.zeros(2, np.uint32)))
         self.mask = dr.opaque(mi.UInt32, len(cells.starts) - 2)
         self.count = dr.opaque(mi.UInt32, len(cells))
         self.layers = dr.opaque(mi.UInt32, len(whole))
-        self.whole, self.indirect = _in_fours(whole), _in_fours(indirect)
-        self.met = _in_fours(met)
-        self.doubt = _in_fours(doubt if doubt is not None else np.zeros((1, 1, 3), np.float32))
+        self.whole, self.indirect = in_fours(whole), in_fours(indirect)
+        self.met = in_fours(met)
+        self.doubt = in_fours(doubt if doubt is not None else np.zeros((1, 1, 3), np.float32))
 
     @dr.syntax
     def find(self, surface: DeviceProxy, at: Point, u: Point2f, active: Bool) -> tuple[UInt32, Bool]:
@@ -145,9 +145,9 @@ class DeviceCells:
     ) -> tuple[Vector3f, Vector3f]:
         """The indirect light of a first hit's cell, to every layer, and what its reflected ray would have met."""
         sums = self._add_layers(self.indirect, film, sums, place, pixel, cell, scale, read)
-        sky = scale * _rgb(self.met, cell, read)
+        sky = scale * rgb(self.met, cell, read)
         sums = film.add_light(sums, place, film.sky_layer, mi.Bool(False), sky, read)
-        glow = scale * _rgb(self.met, self.count + cell, read)
+        glow = scale * rgb(self.met, self.count + cell, read)
         return film.add_light(sums, place, film.glow_layer, mi.Bool(False), glow, read)
 
     @dr.syntax
@@ -165,54 +165,12 @@ class DeviceCells:
         """What a cell holds of every layer, as indirect light, and the doubt about it."""
         layer = mi.UInt32(0)
         while read & (layer < self.layers):
-            value = scale * _rgb(held, layer * self.count + cell, read)
+            value = scale * rgb(held, layer * self.count + cell, read)
             sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
             if dr.hint(self.doubtful, mode="scalar"):
-                film.add_doubt(pixel, layer, scale * _rgb(self.doubt, layer * self.count + cell, read), read)
+                film.add_doubt(pixel, layer, scale * rgb(self.doubt, layer * self.count + cell, read), read)
             layer += 1
         return sums
-
-
-class Pieces(Protocol):
-    """Pieces of a surface, N of them, with P points each."""
-
-    @property
-    def faces(self) -> I32:
-        """(N, P)"""
-
-    @property
-    def corners(self) -> F32:
-        """(N, P, 2) barycentric coordinates"""
-
-    @property
-    def normals(self) -> F32:
-        """(N, P, 3) of those faces, on the side that counts"""
-
-
-class CellPoints:
-    """Stands in for a camera: pixel k is cell k, its samples go round the cell's points."""
-
-    def __init__(self, cells: Pieces) -> None:
-        self.points = dr.opaque(mi.UInt32, cells.faces.shape[1])
-        self.faces = integers(np.append(cells.faces.ravel(), np.zeros(2, np.int32)))
-        self.corners = floats(np.append(cells.corners.ravel(), np.zeros(4, np.float32)))
-        self.normals = _in_fours(cells.normals)
-
-    def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
-        """(index, stream) of a sample: each piece has a sequence of its own."""
-        return sample, mix(pixel, seed)
-
-    def first_hit(
-        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
-        """(True, face, barycentric coordinates, the way there)."""
-        point = pixel * self.points + (sample + mix(stream, 11)) % self.points
-        face = dr.gather(mi.UInt32, self.faces, point)
-        return mi.Bool(face == face), face, dr.gather(mi.Point2f, self.corners, point), -_rgb(self.normals, point, True)
-
-    def depth(self, p: Point3f) -> Float:
-        """Means nothing here."""
-        return mi.Float(p.x * 0)
 
 
 @dr.syntax
@@ -280,16 +238,3 @@ def buckets(keys: NDArray[np.uint32], mask: int) -> NDArray[np.uint32]:
     padded = np.append(keys, np.zeros((2, 2), np.uint32), axis=0)
     found = mix(integers(padded[:, 0]), integers(padded[:, 1])) & dr.opaque(mi.UInt32, mask)
     return np.asarray(found.numpy()[: len(keys)], np.uint32)
-
-
-def _rgb(buffer: Float, index: UInt32, active: Bool) -> Vector3f:
-    q = dr.gather(mi.Vector4f, buffer, index, active)
-    return mi.Vector3f(q.x, q.y, q.z)
-
-
-def _in_fours(rows: F32) -> Float:
-    """(..., 3) as a flat buffer of groups of four, two more than there are."""
-    flat = rows.reshape(-1, 3)
-    padded = np.zeros((len(flat) + 2, 4), np.float32)
-    padded[: len(flat), :3] = flat
-    return floats(padded)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight.lighting.kernel.types import Float, UInt32
+from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector3f
+from mirelight.model import F32
 
 ALIGNMENT = 64  # bytes, a cache line and the widest vector
 
@@ -25,6 +27,20 @@ def floats(array: ArrayLike) -> Float:
 def integers(array: ArrayLike) -> UInt32:
     """A flat UInt32 array of a copy of the values."""
     return mi.UInt32(_aligned(np.asarray(array, np.uint32)))
+
+
+def rgb(buffer: Float, index: UInt32, active: Bool) -> Vector3f:
+    """What `in_fours` packed, of one row each."""
+    q = dr.gather(mi.Vector4f, buffer, index, active)
+    return mi.Vector3f(q.x, q.y, q.z)
+
+
+def in_fours(rows: F32) -> Float:
+    """(..., 3) as a flat buffer of groups of four, two more than there are."""
+    flat = rows.reshape(-1, 3)
+    padded = np.zeros((len(flat) + 2, 4), np.float32)
+    padded[: len(flat), :3] = flat
+    return floats(padded)
 
 
 def _aligned(array: NDArray[Any]) -> NDArray[Any]:

@@ -14,14 +14,15 @@ import mitsuba as mi
 
 from mirelight.lighting.grid import FIRST_WEIGHED, LATER_WEIGHED
 from mirelight.lighting.kernel import lights as punctual
-from mirelight.lighting.kernel.cells import CellPoints, DeviceCells
+from mirelight.lighting.kernel.cell_points import CellPoints
+from mirelight.lighting.kernel.cells import DeviceCells
 from mirelight.lighting.kernel.film import Film
 from mirelight.lighting.kernel.lights import SHADOW_END, LightSet
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix, number, pair, stratified
-from mirelight.lighting.kernel.sky import Sky
+from mirelight.lighting.kernel.sky import Sky, sky_irradiance
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
 
 ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
@@ -54,15 +55,6 @@ class Path(NamedTuple):
     sample: UInt32
     place: UInt32  # in the film's launch
     salt: UInt32  # of this hit's random numbers
-
-
-def sky_irradiance(surface: DeviceProxy, sky: Sky, at: Point, choice: Float, inside: Point2f, active: Bool) -> Vector3f:
-    """The environment's light on a point by one sample of its map, weighted against the reflected ray's density."""
-    d, drawn = sky.sample(choice, inside, active)
-    cosine = dr.dot(d, at.normal)
-    lit = active & (cosine > 0) & (drawn > 0)
-    lit &= ~surface.blocked(bounded_ray(at.start, d, mi.Float(dr.inf)), lit)
-    return dr.select(lit, sky.radiance(d, lit) * (cosine / (drawn + cosine * dr.inv_pi)), 0)
 
 
 def _glow_irradiance(

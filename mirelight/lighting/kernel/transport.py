@@ -9,7 +9,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.kernel.cells import CellPoints, DeviceCells
+from mirelight.lighting.kernel.cell_points import CellPoints
+from mirelight.lighting.kernel.cells import DeviceCells
 from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.samples import mix, number, pair

@@ -9,10 +9,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting.kernel.cell_points import CellPoints
 from mirelight.lighting.kernel.memory import integers
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.samples import mix, number, pair
-from mirelight.lighting.kernel.sky import Sky
+from mirelight.lighting.kernel.sky import Sky, sky_irradiance
 from mirelight.lighting.kernel.types import Bool, Float, UInt32
 from mirelight.model import F32, SurfaceCells
 
@@ -57,9 +58,6 @@ def brought(
         the first cell of some; (n, samples) which of so many equal parts of [0, 1) each sample is from; (n, samples, 3)
         its light; (n, samples) what it counts.
     """
-    from mirelight.lighting.kernel.cells import CellPoints
-    from mirelight.lighting.kernel.paths import sky_irradiance
-
     points = CellPoints(cells)
     each = dr.opaque(mi.UInt32, samples)
     step = LANES // samples

@@ -8,7 +8,7 @@ import numpy as np
 import pycolmap
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import colmap_write, open_file
 from mirelight.io.cameras.colmap import MODELS
 from mirelight.model import Camera

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import FileCamera, open_file, spline
 from mirelight.io.cameras.inria import entry
 from mirelight.io.cameras.transforms import lens_entry, matrix_entry

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import open_file
 
 from .views import colmap_text, views, write_json, write_ssproj

@@ -16,6 +16,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from mirelight.base.errors import InputError
 from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, straight_rgba, world_of
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
 from mirelight.dataset.layouts.hub import write_hub
@@ -23,7 +24,6 @@ from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat
 from mirelight.dataset.layouts.pictures import file_names
 from mirelight.dataset.layouts.tensoir import check_tensoir
-from mirelight.errors import InputError
 from mirelight.io import owner
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirelight import conventions
-from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, shrunk, solid_angles
+from mirelight.base import conventions
+from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, solid_angles
 from mirelight.model import Camera
+from mirelight.store.small_maps import shrunk
 
 
 def way_of(u: float, v: float) -> np.ndarray:

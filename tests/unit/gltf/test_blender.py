@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from mirelight.apps.inspect.inspect import inspect
 from mirelight.cli.report import lines
 from mirelight.io.gltf import blender
 from mirelight.io.gltf.scene import read_lights_of
-from mirelight.io.inspect import inspect
 
 GENERATOR = "Khronos glTF Blender I/O v4.2.60"
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.animation import sample_cameras
 from mirelight.io.gltf.scene import read_cameras, read_scene
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.scene import read_scene
 
 SPHERE = trimesh.creation.icosphere(subdivisions=3)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.animation import sample_cameras
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.gltf.write import write_glb

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.mesh import read_mesh
 from mirelight.io.splats import read as read_splats

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mirelight import conventions
-from mirelight.errors import InputError
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.scene import read_lights, read_scene
 from mirelight.model import DirectionalLight, PointLight, SpotLight
 

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight import colour
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.model import Material, ProxyMesh
 

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from mirelight import colour, conventions
-from mirelight.errors import InputError
+from mirelight.base import colour, conventions
+from mirelight.base.errors import InputError
 from mirelight.io.mesh import companions, read_mesh, transform
 from mirelight.model import ProxyMesh
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight.errors import InputError, ManyInputsError
+from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io.gltf.moving_lights import Shot, light_times, moving_lights
-from mirelight.keys import Keys
 from mirelight.model import Job, PointLight, SpotLight
-from mirelight.plan import plan
+from mirelight.pipeline.keys import Keys
+from mirelight.pipeline.plan import plan
 
 TIMES = np.array([1, 3], dtype=np.float32)
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from mirelight import colour, conventions
-from mirelight.errors import InputError, OutputError
+from mirelight.base import colour, conventions
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.gltf.scene import read_lights, read_scene
 from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.model import (

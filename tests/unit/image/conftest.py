@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import Camera, Frame, LightingBuffer, LightLayer, Provenance, SplatLayer
 
 WIDTH, HEIGHT = 20, 12

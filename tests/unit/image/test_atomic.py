@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.image import write
 from mirelight.model import Frame
@@ -102,7 +102,7 @@ CHILD = """
 import resource, signal, sys
 from pathlib import Path
 import numpy as np
-from mirelight.errors import OutputError
+from mirelight.base.errors import OutputError
 from mirelight.io.environment import write_environment
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.png import write_png

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight import backend, colour
-from mirelight.errors import InputError, OutputError
+from mirelight.base import backend, colour
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.hdr import read_hdr, write_hdr
 

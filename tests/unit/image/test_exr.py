@@ -14,7 +14,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from mirelight.errors import InputError, OutputError
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.frame_texts import layer_names, world_to_camera, world_to_ndc
 from mirelight.io.image import read_fingerprint, write

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.exr_noise import silenced
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight.errors import InputError, OutputError
-from mirelight.showing import encoders, yuv
-from mirelight.showing.encoders import durations, encoder_of
-from mirelight.showing.film import Order, ordered, rate_of, write_film
-from mirelight.showing.shots import Shot, wanted
+from mirelight.apps.show import encoders, yuv
+from mirelight.apps.show.encoders import durations, encoder_of
+from mirelight.apps.show.film import Order, ordered, rate_of, write_film
+from mirelight.apps.show.shots import Shot, wanted
+from mirelight.base.errors import InputError, OutputError
 
 RATE = Fraction(24)
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mirelight.apps.inspect.facts import PictureFacts
+from mirelight.apps.inspect.inspect import inspect
+from mirelight.base.errors import InputError
 from mirelight.compare.pictures import read_picture
-from mirelight.errors import InputError
 from mirelight.io.display import read_display
 from mirelight.io.environment import read_environment
 from mirelight.io.exr import write_exr
-from mirelight.io.facts import PictureFacts
 from mirelight.io.hdr import write_hdr
-from mirelight.io.inspect import inspect
 from mirelight.io.safety import existing, open_binary
 
 

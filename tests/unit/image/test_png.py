@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import colour, relighting
+from mirelight import relighting
+from mirelight.base import colour
 from mirelight.io.image import write
 from mirelight.io.png import encode_display, read_png_text, write_png
 from mirelight.model import DisplaySettings, Frame, Profile, RelightSettings, ToneCurve

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import read, write
 from mirelight.model import Compression, Frame, LightLayer, OutputSettings, RelightSettings

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight.errors import InputError, OutputError
+from mirelight.apps.show.sheets import write_sheets
+from mirelight.apps.show.shots import Shot, find
+from mirelight.base.errors import InputError, OutputError
 from mirelight.io.display import read_display
 from mirelight.io.exr import write_exr
 from mirelight.io.image import write
 from mirelight.io.sheet import Pixels, Tile, spread, write_sheet
 from mirelight.model import DisplaySettings, Frame, Provenance
-from mirelight.showing.sheets import write_sheets
-from mirelight.showing.shots import Shot, find
 
 
 def flat(color: tuple[int, int, int], size: tuple[int, int] = (60, 80)) -> Pixels:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.io.exr import ExrImage, read_exr
 from mirelight.io.image import write
 from mirelight.model import (

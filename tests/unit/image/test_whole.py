@@ -11,7 +11,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import exr_bytes
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import is_intact, read, read_fingerprint, write

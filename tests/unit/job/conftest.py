@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError, ManyInputsError
+from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job, splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Camera, DirectionalLight, PointLight, ProxyMesh, SplatCloud

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import mirelight
-from mirelight.io.inspect import inspect
+from mirelight.apps.inspect.inspect import inspect
 from mirelight.model import Job, SpotLight
-from mirelight.plan import plan, warnings
+from mirelight.pipeline.plan import plan, warnings
 
 from .conftest import WriteJob
 
@@ -78,5 +78,5 @@ def test_several_lightings_and_a_sweep_say_it_once(lamps: WriteJob) -> None:
 
 
 def test_a_wrong_unit(lamps: WriteJob) -> None:
-    with pytest.raises(mirelight.errors.InputError, match=r"lights_from\.unit: 'watt'; give one of"):
+    with pytest.raises(mirelight.base.errors.InputError, match=r"lights_from\.unit: 'watt'; give one of"):
         mirelight.load(lamps(f'{SCENE}lights_from = {{ path = "lamps.gltf", unit = "watt" }}\n'))

@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mirelight.errors import InputError, ManyInputsError
+from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job
 from mirelight.io.job.overrides import Override
 from mirelight.io.job.positions import Path

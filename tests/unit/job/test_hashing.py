@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io.job.hashing import digest
 
 

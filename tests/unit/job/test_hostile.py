@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mirelight.errors import InputError, ManyInputsError, OutputError, printable
+from mirelight.base.errors import InputError, ManyInputsError, OutputError, printable
 from mirelight.io import job
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.names import unique_names

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import colour
+from mirelight.base import colour
 from mirelight.model import AreaLight, Light, PointLight, SpotLight
 
 from .conftest import Complaints, WriteJob

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight import conventions, model, needs
-from mirelight.errors import InputError
+from mirelight import model
+from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.tables import JobTable
 from mirelight.model import AreaLight, DirectionalLight, PointLight, SpotLight, SunLight
+from mirelight.pipeline import requirements
 
 from .conftest import WriteJob
 
@@ -200,7 +202,7 @@ def test_albedo_of_the_splats(write_job: WriteJob) -> None:
     """Gray in the file's place, until the pipeline colours it."""
     lines = 'splats = "splats.ply"\nproxy = { path = "proxy.glb", albedo = "splats" }\n'
     loaded = job.load(write_job(lines + "captured = { environment = { radiance = 1 } }\n"))
-    assert loaded.albedo_from_splats and needs.colors_proxy(loaded)
+    assert loaded.albedo_from_splats and requirements.colors_proxy(loaded)
     assert loaded.proxy is not None and loaded.proxy.value.albedo is not None
     assert loaded.proxy.value.albedo.tolist() == [0.5, 0.5, 0.5]
     assert not job.load(write_job('proxy = "proxy.glb"')).albedo_from_splats
@@ -418,7 +420,7 @@ def test_splats_alone_are_shown_as_captured(write_job: WriteJob) -> None:
 
 
 def mirelight_direction(u: float, rotation: float) -> tuple[float, float]:
-    """(x, z) of column u, written from mirelight.conventions: +X at 0.5, +Z at 0.75; turned about +Y."""
+    """(x, z) of column u, written from mirelight.base.conventions: +X at 0.5, +Z at 0.75; turned about +Y."""
     angle = (u - 0.5) * 2 * math.pi
     x, z = math.cos(angle), math.sin(angle)
     t = math.radians(rotation)  # counter-clockwise seen from above: X goes to -Z

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mirelight.errors import InputError, ManyInputsError
+from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job
 from mirelight.io.job.tables import json_schema
 

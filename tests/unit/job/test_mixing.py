@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job
-from mirelight.keys import Keys
 from mirelight.lighting.sunsky import resolved
 from mirelight.model import Lighting
-from mirelight.units import terms
+from mirelight.model.unit_lights import terms
+from mirelight.pipeline.keys import Keys
 
 from .conftest import WriteJob
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.model import AreaLight, PointLight, SpotLight
 from mirelight.model.lights import position_of

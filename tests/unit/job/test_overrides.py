@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.job.overrides import parse
 

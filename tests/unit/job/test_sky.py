@@ -7,8 +7,8 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
+from mirelight.apps.inspect.facts import lighting_facts
 from mirelight.io import job
-from mirelight.io.facts import lighting_facts
 from mirelight.io.job.sun_position import sun_position, to_sun
 from mirelight.model import SkyModel
 

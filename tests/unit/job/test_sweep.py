@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight import colour, keys, needs
-from mirelight.errors import InputError
+from mirelight.base import colour
+from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.model import Job, PointLight, SkyModel, SunLight
+from mirelight.pipeline import keys, requirements
 
 from .conftest import Complaints, WriteJob
 
@@ -244,7 +245,9 @@ def test_relight_settings_are_swept_and_trace_nothing_more(write_job: WriteJob) 
     assert len({s.digest for x in work.lightings for s in made.mixture(x).sets}) == 1
     assert len({made.frame(camera, x) for x in work.lightings}) == 6
     alone = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\nblend = 0.25\nmax_ratio = 8\n"))
-    whole = job.load(write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\n{axes}[output]\naovs = true\n"))
+    whole = job.load(
+        write_job(f"{HEAD}{CAPTURED}{LAMP}[relight]\ndelta = 0.01\n{axes}[output]\naovs = true\nlayers = true\n")
+    )
     assert keys.Keys(alone).frame(camera, alone.lightings[0]) == keys.Keys(whole).frame(camera, whole.lightings[1])
 
 
@@ -256,7 +259,9 @@ def test_modes_are_swept_beside_lights_of_the_proxys_file(write_job: WriteJob) -
         f"lighting-mode-{mode}{light}" for mode in ("tint", "ratio") for light in ("", "-lamp", "-moon")
     ]
     assert [work.relight_of(x).mode for x in work.lightings] == ["tint"] * 3 + ["ratio"] * 3
-    assert [needs.compares_in(work, x) for x in work.lightings] == [False] * 3 + [True] * 3 and needs.compares(work)
+    assert [requirements.compares_in(work, x) for x in work.lightings] == [False] * 3 + [
+        True
+    ] * 3 and requirements.compares(work)
     assert len(work.lightings[0].lights) == 2 and len(work.lightings[4].lights) == 1
 
 

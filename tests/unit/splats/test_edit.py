@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import conventions, sh
-from mirelight.errors import InputError
+from mirelight.base import conventions, sh
+from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.model import SplatCloud
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight import sh
-from mirelight.conventions import rotation_from_quaternion
-from mirelight.errors import InputError
+from mirelight.base import sh
+from mirelight.base.conventions import rotation_from_quaternion
+from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.io.splats.builder import ROWS
 from mirelight.io.splats.sog_write import codebook

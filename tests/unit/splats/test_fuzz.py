@@ -14,7 +14,7 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.model import SplatCloud
 

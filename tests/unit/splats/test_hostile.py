@@ -22,7 +22,7 @@ import pytest
 import zstandard
 from PIL import Image
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import safety, splats
 
 from . import truth

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mirelight.errors import InputError
+from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.io.splats.builder import ROWS
 from mirelight.model import SplatCloud

@@ -1,0 +1,72 @@
+"""Relit splats: new light written into the splats' own colours, for any viewer.
+
+Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy
+(`mirelight.pipeline.splat_light`, the same light as the mixer's). Splats are blended in display space, so a surface
+whose splats share a factor keeps its look up to the curvature of enc(f dec(c)) over the colours that meet in a pixel.
+What a colour does with the view (SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mirelight.base import colour
+from mirelight.base.sh import C0
+from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
+from mirelight.pipeline import requirements
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.splat_light import Progress, SplatLight
+from mirelight.relighting import gloss_of
+
+_PLAIN = RelightSettings()
+_STEP = 1e-3  # of display values, for the slope
+_NO_FACTOR = 1e-6  # below, there is nothing to see
+
+
+def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: Progress | None = None) -> F32:
+    """(N, 3) what the linear colours of the scene's splats are multiplied by under one of the job's lightings.
+
+    Args:
+        scene: a prepared job.
+        lighting: one of the job's.
+        spp: samples a splat.
+        progress: hears what is traced.
+
+    Raises:
+        InputError: no splats, proxy or lights; the profile playcanvas.
+        RenderError: no splat lies on the proxy.
+        BackendError: the variant cannot be used on this machine.
+    """
+    requirements.check_lit_splats(scene.job)
+    blend = np.float32(scene.job.relight_of(lighting).blend)
+    return np.asarray(1 - blend + blend * SplatLight(scene, spp, progress).factor(lighting), np.float32)
+
+
+def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) -> SplatCloud:
+    """Splats with the light in their colours.
+
+    Args:
+        cloud: N splats, in any axes.
+        factor: (N, 3) linear, 0 or more, `blend` included.
+        settings: what becomes of colour that changes with the view: kept, faded or removed, as in a frame.
+    """
+    shown = 0.5 + C0 * cloud.sh[:, 0].astype(np.float64)
+    new = _relit(shown, factor)
+    slope = (_relit(shown + _STEP, factor) - _relit(shown - _STEP, factor)) / (2 * _STEP)
+    gloss = gloss_of(settings)
+    if gloss == "fade":  # the slope is of the display curve and of the factor: the latter is min(f, 1)
+        slope *= np.minimum(factor, 1) / np.maximum(factor, _NO_FACTOR)
+    elif gloss == "remove" and settings.blend == 1:
+        cloud = replace(cloud, sh=cloud.sh[:, :1])
+    elif gloss == "remove":
+        slope *= (1 - settings.blend) / np.maximum(factor, _NO_FACTOR)
+    sh = cloud.sh * slope[:, None, :].astype(np.float32)
+    sh[:, 0] = (new - 0.5) / C0
+    return replace(cloud, sh=sh)
+
+
+def _relit(shown: F64, factor: F32) -> F64:
+    """enc(f dec(c)); colours below black stay there."""
+    return colour.srgb_encode(colour.srgb_decode(shown) * factor).astype(np.float64)

@@ -1,0 +1,116 @@
+"""What a rung of a ladder is made of: one recipe of a frame, and the list that rungs and missing causes go to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mirelight import relighting
+from mirelight.apps.explain.engine import EngineRun, engine_tone
+from mirelight.apps.explain.light import LitSurface
+from mirelight.apps.explain.splats import SplatPictures
+from mirelight.apps.explain.types import CAUSES, Rung
+from mirelight.base import colour
+from mirelight.model import (
+    F32,
+    Camera,
+    DisplaySettings,
+    Job,
+    Lighting,
+    LightingBuffer,
+    ProxyMesh,
+    RelightSettings,
+    SplatLayer,
+    rules_of,
+)
+from mirelight.model.playcanvas_lights import EngineLighting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Subject:
+    """The frame that is explained."""
+
+    job: Job
+    splats: SplatPictures
+    proxy: ProxyMesh
+    camera: Camera
+    given: Lighting  # as the job has it
+    lighting: Lighting  # its sky model turned into a sun and a map
+    lights: EngineLighting  # the same as the engine has it
+    engine: EngineRun | None  # None: mirelight's prediction stands for it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recipe:
+    """Everything that decides a modelled frame; a rung replaces one part."""
+
+    splats: SplatLayer
+    light: LightingBuffer
+    settings: RelightSettings
+    display: DisplaySettings
+    engine_blending: bool = True  # linear pipeline: tone curve and encoding follow the blending over the background
+    captured: LightingBuffer | None = None
+    captured_level: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointLight:
+    """A surface and the light on it, one sample a pixel; lamps and surroundings apart, as they change apart."""
+
+    surface: LitSurface
+    lamps: F32  # (H, W, 3) radiance, linear
+    sky: F32  # (H, W, 3)
+
+    @property
+    def total(self) -> F32:
+        """(H, W, 3)."""
+        return self.lamps + self.sky
+
+    @property
+    def buffer(self) -> LightingBuffer:
+        """The total, as a frame is relit by it."""
+        return self.surface.buffer(self.total)
+
+
+@dataclass(eq=False)
+class Rungs:
+    """The rungs of a ladder as they are made, and the causes that the job has not."""
+
+    job: Job
+    made: list[Rung] = field(default_factory=list)
+    absent: list[tuple[str, str]] = field(default_factory=list)
+
+    def add(self, name: str, recipe: Recipe) -> None:
+        """The frame of a recipe, under the name of the cause that it takes away."""
+        self.append(name, self.shown(recipe))
+
+    def append(self, name: str, frame: F32) -> None:
+        """A frame (H, W, 3) of display values."""
+        self.made.append(Rung(name, CAUSES[name].title, CAUSES[name].change, frame))
+
+    def skip(self, why: str, *names: str) -> None:
+        """Causes that there are not."""
+        self.absent += [(name, why) for name in names]
+
+    def shown(self, recipe: Recipe) -> F32:
+        """(H, W, 3) display values 0..1 of a recipe."""
+        frame = relighting.apply(
+            recipe.splats,
+            recipe.light,
+            recipe.settings,
+            captured=recipe.captured,
+            captured_level=recipe.captured_level,
+            noise=False,
+        )
+        rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display
+        tone, gain, whole = display.tone, 2.0**display.exposure, recipe.engine_blending and recipe.splats.linear
+        if whole:
+            tone, gain = engine_tone(self.job)
+        transfer = rules_of(frame.profile).transfer
+        return colour.shown(rgb, alpha, transfer, gain=gain, tone=tone, background=display.background, whole=whole)
+
+
+def as_float(values: object) -> F32:
+    """An array in the type of pictures."""
+    return np.asarray(values, dtype=np.float32)

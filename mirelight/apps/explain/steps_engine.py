@@ -1,0 +1,153 @@
+"""The first steps of a ladder: from the engine's own frame to one whose light is physical, but still of points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mirelight import relighting
+from mirelight.apps.explain.engine import EngineRun, corner_bits, engine_compositor, engine_tone
+from mirelight.apps.explain.light import LitSurface, shadows, texture
+from mirelight.apps.explain.recipe import PointLight, Recipe, Rungs, Subject, as_float
+from mirelight.apps.explain.types import Rung
+from mirelight.apps.realtime.engine import VERSION
+from mirelight.base import colour
+from mirelight.base.errors import RenderError
+from mirelight.lighting.engine.raster import rasterise
+from mirelight.lighting.visibility import ShadowRays
+from mirelight.model import F32, Camera, DisplaySettings, LightingBuffer
+from mirelight.model.playcanvas_lights import NORMAL_OFFSET_BIAS
+
+
+def as_modelled(subject: Subject, rungs: Rungs) -> tuple[Recipe, PointLight]:
+    """From the engine's frame to mirelight's model of it with exact shadows, order, corners and buffers.
+
+    Raises:
+        RenderError: the engine's texture has an unexpected size.
+    """
+    job, lights = subject.job, subject.lights
+    settings = replace(job.relight, profile="playcanvas", mode="tint", space="display")
+    surface = _lit_surface(subject, relighting.lighting_camera(subject.camera, settings), biased=True)
+    sky = surface.engine_environment(lights)
+    exact = PointLight(surface=surface, lamps=surface.engine_lights(lights, "exact"), sky=sky)
+    biased = replace(exact, lamps=surface.engine_lights(lights, "biased")).buffer
+    recipe = Recipe(
+        splats=subject.splats.drawn(engine_compositor(job), corner_bits=corner_bits(subject.engine)),
+        light=biased if subject.engine is None else _engine_texture(subject, subject.engine, exact),
+        settings=settings,
+        display=DisplaySettings(background=job.display.background),
+    )
+    _engine_frame(subject, rungs, recipe)
+    recipe = _splats_drawn_exactly(subject, rungs, recipe)
+    return _shadows_exact(subject, rungs, recipe, biased, exact), exact
+
+
+def _engine_frame(subject: Subject, rungs: Rungs, recipe: Recipe) -> None:
+    """The frame as users see it, the same in floating point, and the model's own."""
+    job, title = subject.job, "Real-time frame"
+    if subject.engine is None:
+        rough = replace(engine_compositor(job), eight_bit=not recipe.splats.linear)
+        drawn = subject.splats.drawn(rough, corner_bits=corner_bits(None))
+        eight = np.rint(rungs.shown(replace(recipe, splats=drawn)) * np.float32(255)) / 255
+        what = "mirelight's prediction: the engine did not run."
+        rungs.made.append(Rung("engine", title, what, as_float(eight)))
+        rungs.add("float", recipe)
+        rungs.skip("the engine did not run", "model")
+        return
+    frames = subject.engine.frames
+    what = f"Rendered by PlayCanvas {VERSION}."
+    rungs.made.append(Rung("engine", title, what, as_float(frames.frame[..., :3] / 255)))
+    shown = frames.frame_f32[..., :3]
+    if recipe.splats.linear:  # what follows blending
+        curve, exposure = engine_tone(job)
+        shown = colour.power_encode(colour.tone_map(shown * np.float32(exposure), curve))
+    rungs.append("float", as_float(np.clip(np.nan_to_num(shown, nan=0.0), 0, 1)))
+    rungs.add("model", recipe)
+
+
+def _splats_drawn_exactly(subject: Subject, rungs: Rungs, recipe: Recipe) -> Recipe:
+    """Corners where they are, splats in exact order, colours not rounded."""
+    drawing, splats = engine_compositor(subject.job), subject.splats
+    recipe = replace(recipe, splats=splats.drawn(drawing))
+    rungs.add("corners", recipe)
+    recipe = replace(recipe, splats=splats.drawn(drawing, bucketed=False))
+    rungs.add("order", recipe)
+    recipe = replace(recipe, splats=splats.composite(replace(drawing, work_buffer="large")))
+    if drawing.work_buffer == "compact":
+        rungs.add("buffer", recipe)
+    else:
+        rungs.skip("the job asks for half floats", "buffer")
+    return recipe
+
+
+def _shadows_exact(subject: Subject, rungs: Rungs, recipe: Recipe, biased: LightingBuffer, exact: PointLight) -> Recipe:
+    """Traced shadows from the biased points that the engine looks up, then from the points themselves."""
+    if not subject.lights.lights:
+        rungs.skip("no light casts any", "shadows", "bias")
+        return recipe
+    if subject.engine is not None:
+        recipe = replace(recipe, light=biased)
+        rungs.add("shadows", recipe)
+    else:
+        rungs.skip("the engine did not run, and its shadow maps are not modelled", "shadows")
+    recipe = replace(recipe, light=exact.buffer)
+    rungs.add("bias", recipe)
+    return recipe
+
+
+def _engine_texture(subject: Subject, run: EngineRun, exact: PointLight) -> LightingBuffer:
+    """The engine's texture, less what the model of its light without shadows misses."""
+    surface, real, without = exact.surface, run.frames.relight, run.unshadowed
+    expected = surface.albedo.shape[:2]
+    if real.shape[:2] != expected:
+        raise RenderError(f"the engine's lighting texture is {real.shape[:2]}, expected {expected}")
+    predicted = surface.engine_lights(subject.lights, "none") + exact.sky
+    known = (real[..., 3] > 0.5) & (without[..., 3] > 0.5) & surface.surface.coverage
+    corrected = np.maximum(real[..., :3] + predicted - without[..., :3], 0)
+    return texture(
+        surface.camera, np.where(known[..., None], corrected, real[..., :3]), (real[..., 3] > 0.5).astype(np.float32)
+    )
+
+
+def with_physical_falloffs(
+    subject: Subject, rungs: Rungs, recipe: Recipe, light: PointLight
+) -> tuple[Recipe, PointLight]:
+    """Causes that one light sample a pixel shows: texture scale, falloffs, prefiltering."""
+    lighting = subject.lighting
+    if light.surface.camera is not subject.camera:
+        full = _lit_surface(subject, subject.camera)
+        lamps, sky = full.engine_lights(subject.lights, "exact"), full.engine_environment(subject.lights)
+        light = PointLight(surface=full, lamps=lamps, sky=sky)
+        recipe = replace(recipe, light=light.buffer, settings=replace(recipe.settings, texture_scale=1.0))
+        rungs.add("scale", recipe)
+    else:
+        rungs.skip("the lighting texture is as large as the frame", "scale")
+    if lighting.lights:
+        light = replace(light, lamps=light.surface.lights(lighting.lights))
+        recipe = replace(recipe, light=light.buffer)
+        rungs.add("units", recipe)
+    else:
+        rungs.skip("there are no lights but the environment", "units")
+    if lighting.environment is not None:
+        light = replace(light, sky=light.surface.environment(lighting.environment))
+        recipe = replace(recipe, light=light.buffer)
+        rungs.add("prefilter", recipe)
+    else:
+        rungs.skip("there is no environment", "prefilter", "occlusion")
+    return recipe, light
+
+
+def _lit_surface(subject: Subject, camera: Camera, *, biased: bool = False) -> LitSurface:
+    render, proxy = subject.job.render, subject.proxy
+    surface = rasterise(proxy, camera, variant=render.variant, threads=render.threads)
+    rays = ShadowRays(proxy, render.variant, render.threads)
+    exact = shadows(rays, surface, camera, subject.lighting)
+    moved = shadows(rays, surface, camera, subject.lighting, NORMAL_OFFSET_BIAS) if biased else ()
+    hit = surface.coverage
+    if proxy.albedo is not None:
+        albedo: F32 = np.broadcast_to(proxy.albedo, (*hit.shape, 3)).astype(np.float32)
+    else:
+        albedo = np.zeros((*hit.shape, 3), dtype=np.float32)
+        albedo[hit] = rays.albedo(surface.face[hit], surface.position[hit].astype(np.float64))
+    return LitSurface(camera, surface, albedo, exact, moved)

@@ -1,0 +1,227 @@
+"""A commented job for a capture, that renders well as it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.apps.first_job import beside, captured, lighting, up, view
+from mirelight.apps.first_job.toml_text import Names, position, vector
+from mirelight.base import conventions
+from mirelight.base.errors import InputError, printable
+from mirelight.model import SplatCloud
+
+_DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
+_MOST_CAMERAS = 3  # of the capture, that a first job renders
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a person asks of a first job."""
+
+    light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
+    resolution: tuple[int, int] = (960, 540)
+
+
+@dataclass(frozen=True, slots=True)
+class FirstJob:
+    """A job, and lines of it for people."""
+
+    text: str
+    up: str  # how many splats, and which way is up in them
+    as_captured: str  # how bright they are
+    not_taken: tuple[str, ...]  # what beside the capture is of no use, and why
+
+
+def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
+    """The job.
+
+    Args:
+        capture: a splat file.
+        folder: where the job will be, which its paths are relative to.
+        wish: what is asked of it.
+
+    Raises:
+        InputError: the capture, or the light that was asked for, cannot be used.
+        BackendError: this machine cannot composite.
+    """
+    from mirelight.io import splats
+
+    lighting.check(wish.light)  # before the capture is looked at, which takes longer
+    cloud = splats.read(capture)
+    if cloud.too_far:
+        raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
+    cameras, unread = beside.cameras(capture)
+    found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
+    turn = conventions.rotation_from_euler(found.euler)
+    m = np.eye(4)
+    m[:3, :3] = turn
+    world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
+    proxy, misfit = beside.proxy(capture, cloud, turn)
+    seen = view.best(world, str(capture), outside=cameras is not None and beside.around(cameras, cloud))
+    known = None if proxy is None else captured.find(world, proxy, turn)
+    named = Names(folder)
+    if proxy is None:
+        _refuse_no_surface(capture, world, seen, misfit)
+    lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
+    which_way = _up(cloud, found)
+    lines = [
+        f"# {printable(capture.name)}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
+        *_splats(capture, which_way, found, named),
+        *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
+        *_cameras(cameras, unread, wish, named),
+        *_camera(seen, wish),
+        *_captured(seen, proxy, known),
+        *lighting.lightings(world, seen, wish.light, lit, dark, 1.0 if known is None else known.level, named),
+        *_rest(),
+    ]
+    not_taken = tuple(str(x) for x in (misfit, unread, *dark) if x is not None)
+    return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, not_taken)
+
+
+def _refuse_no_surface(capture: Path, world: SplatCloud, seen: view.FirstView, misfit: beside.Misfit | None) -> None:
+    """A job without a mesh renders nothing, and of some splats none can be made."""
+    from mirelight.proxy.capture import solid_part
+    from mirelight.proxy.make import refuse_fog
+
+    try:
+        solid_part(world, capture)
+        if seen.depth > _DEEP:
+            refuse_fog(world, capture)
+    except InputError as refused:
+        other = (
+            "put a mesh beside it: proxy.glb"
+            if misfit is None
+            else f"{printable(misfit.path.name)} beside it {misfit.why}"
+        )
+        raise InputError(capture, refused.found, f"{refused.remedy}; {other}") from None
+
+
+def _up(cloud: SplatCloud, found: up.Up) -> str:
+    lost = f" ({cloud.dropped:,} more with NaN, infinite or absurd values are left out)" if cloud.dropped else ""
+    return f"{len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
+
+
+def _splats(capture: Path, which_way: str, found: up.Up, named: Names) -> Iterator[str]:
+    yield ""
+    yield f"# {which_way}"
+    if found.guessed:
+        yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
+    place = _placed(found)
+    yield f"splats = {{ path = {named(capture)}{place} }}" if place else f"splats = {named(capture)}"
+
+
+def _placed(found: up.Up) -> str:
+    turned = found.euler != (0, 0, 0)
+    return f", transform = {{ rotation_euler = {vector(found.euler)} }}" if turned else ""
+
+
+def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, named: Names) -> Iterator[str]:
+    """A mesh beside the capture, and the light that is known by it."""
+    yield ""
+    yield "# The mesh that light falls on. This one was beside the capture, and fits it."
+    colours = ', albedo = "splats"' if known is not None else ""
+    yield f"proxy = {{ path = {named(proxy.path)}{_placed(found) if proxy.turned else ''}{colours} }}"
+    if known is not None:
+        yield ""
+        yield f"# The light of the capture is estimated from its shading and shadows: {known.said}."
+        yield "# `mirelight estimate` writes it out with a picture to judge it by (docs/captured-light.md)."
+        yield 'captured = "estimate"'
+
+
+def _made(
+    cameras: beside.Cameras | None, cloud: SplatCloud, room: bool, misfit: beside.Misfit | None, named: Names
+) -> Iterator[str]:
+    """A mesh made from the splats, with the capture's cameras where they help."""
+    yield ""
+    if misfit is not None:
+        yield f"# {misfit}"
+    yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
+    if cameras is None:
+        yield 'proxy = "splats"'
+        return
+    with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)} }}'
+    if not beside.look_at(cameras, cloud):
+        name = printable(cameras.path.name)
+        yield f"# {name}: few of its cameras have splats before them, so they are left out of it."
+        yield 'proxy = "splats"'
+    elif room:
+        yield "# In a room whose walls the pictures show, its cameras gain nothing. Where they leave walls out:"
+        yield f"# {with_them}"
+        yield 'proxy = "splats"'
+    else:
+        yield "# The capture's cameras tell what no picture shows: walls there are closed against light."
+        yield with_them
+
+
+def _cameras(found: beside.Cameras | None, unread: beside.Misfit | None, wish: Wish, named: Names) -> Iterator[str]:
+    """A few of the capture's own cameras, as large as the first picture."""
+    if unread is not None:
+        yield ""
+        yield f"# {unread}"
+    if found is None:
+        return
+    count = len(found.cameras)
+    every = -(-count // _MOST_CAMERAS)
+    width = max(x.size(wish.resolution)[0] for x in found.cameras)
+    keys = f", every = {every}" if every > 1 else ""
+    if width > wish.resolution[0]:
+        keys += f", resolution_scale = {wish.resolution[0] / width:.3g}"
+    bent = max(x.shift() for x in found.cameras) > 0
+    if bent:
+        keys += ', distortion = "ignore"'
+    yield ""
+    some = f"one in {every} of the capture's {count}" if every > 1 else f"the capture's {count}"
+    yield f"# Cameras: {some}{', as pinholes' if bent else ''}, beside the one below."
+    yield f"cameras_from = {{ path = {named(found.path)}{keys} }}"
+
+
+def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
+    width, height = wish.resolution
+    yield ""
+    yield f"resolution = [{width}, {height}]"
+    yield ""
+    yield "[[cameras]]"
+    yield 'name = "first"'
+    yield f"position = {position(seen.camera.position, seen)}"
+    ahead = -seen.camera.world_from_camera[:3, 2]
+    away = float(np.linalg.norm(seen.target - seen.camera.position))
+    yield f"target = {position(seen.camera.position + ahead * away, seen)}"
+    yfov = 2 * np.degrees(np.arctan(seen.camera.height / 2 / seen.camera.fy))
+    yield f"yfov = {yfov:.4g} # degrees"
+    yield f"near = {away / 1000:.3g}"
+
+
+def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.Known | None) -> Iterator[str]:
+    yield ""
+    yield f"# {seen.brightness}"
+    if known is not None:
+        return
+    if seen.room:
+        yield "# The light they were captured under is not known, and within walls none comes from all around. It is"
+        yield "# taken as even on every surface: new light multiplies their colours (mode tint)."
+        yield "# Where you know it, or which lamps there were, say it in [captured] (docs/captured-light.md)."
+        return
+    yield "# The light they were captured under is not known, so an even one all around is assumed. New light is"
+    yield "# divided by it: a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here."
+    if proxy is None:
+        yield "# `mirelight estimate` finds it from shading and shadows, and says how well (docs/captured-light.md)."
+    else:
+        yield "# Shading and shadows tell too little of it to estimate it from them: `mirelight estimate` says why."
+    yield "[captured]"
+    yield "environment = { radiance = 1.0 }"
+
+
+def _rest() -> Iterator[str]:
+    yield ""
+    yield "[render]"
+    yield "spp = 64 # samples per pixel; more is cleaner and slower"
+    if find_spec("pyoidn") is not None:
+        yield "denoise = true"
+    yield ""
+    yield "[output]"
+    yield 'directory = "out"'

@@ -1,0 +1,180 @@
+"""Which way is up in a capture: from its cameras, from the floor among its splats, or as its format usually has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.base import conventions
+from mirelight.io.suffixes import GLTF
+from mirelight.model import F64, SplatCloud
+
+LEAST_FLOOR = (
+    0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.22, a thing without one 0.03)
+)
+_MOST_BELOW = 0.05  # share of the area that may lie below it
+_ALIKE = 0.5  # of the floor's share: what a ceiling has at the least
+_WALL = 0.2  # cosine between up and what is a wall at the most
+_LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which they are told apart
+_LAYER = 1 / 50  # of the extent: how thick a floor is
+_ALONG = 0.9  # cosine between a splat's normal and the floor's
+_DIRECTIONS = 100
+_SAMPLE = 20_000
+_STRAIGHT = np.cos(np.radians(4.0))  # nearer to an axis counts as the axis
+_LIKELY = ((1.5, (0, 1, 0)), (1.2, (0, 0, 1)))  # worth of a floor across these axes, either sign
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Up:
+    """A direction, and how it was found."""
+
+    way: F64  # (3,) unit, in the splats' own axes
+    why: str  # in words
+    guessed: bool  # by the format alone
+
+    @property
+    def euler(self) -> tuple[float, float, float]:
+        """Degrees about the fixed axes X, Y, Z that turn it to +Y, as a job's rotation_euler has them."""
+        x, y, z = self.way
+        if y < -_STRAIGHT:
+            return 0.0, 0.0, 180.0
+        # X first takes the direction into the plane of X and Y, with y >= 0; Z then takes it to +Y.
+        about_x = float(np.degrees(np.arctan2(-z, y))) if abs(z) > 1e-9 or y < 0 else 0.0
+        about_z = float(np.degrees(np.arctan2(x, np.hypot(y, z))))
+        return round(about_x, 2) + 0.0, 0.0, round(about_z, 2) + 0.0
+
+
+def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
+    """Up in the splats' own axes.
+
+    Args:
+        cloud: as its file has it.
+        path: its file, whose format decides where nothing else does.
+        cameras: (4, 4) world_from_camera of the cameras that took it, in the same axes.
+    """
+    taken = _of_cameras(cameras)
+    if taken is not None:
+        return Up(_neat(taken), f"from {len(cameras)} cameras of the capture", False)
+    floor = _floor(cloud)
+    gltf = path.suffix.lower() in GLTF
+    habit = np.array([0.0, 1.0 if gltf else -1.0, 0.0])
+    usual = "+Y is up in glTF" if gltf else "-Y is up in most captures"
+    if floor is None:
+        return Up(habit, f"a guess: there is no floor, and {usual}", True)
+    if not floor.told:
+        way = floor.way if floor.way @ habit >= 0 else -floor.way
+        return Up(_neat(way), f"a guess: floor and ceiling look alike, and {usual}", True)
+    why = f"from the floor, in which {floor.share:.0%} of the splats' area lies"
+    return Up(_neat(floor.way), why + (", and on which things stand" if floor.ceiling else ""), False)
+
+
+def _of_cameras(poses: Sequence[F64]) -> F64 | None:
+    """The direction that is across all cameras' right; None where cameras do not agree, as of a phone rolled about."""
+    if len(poses) < 3:
+        return None
+    rights, ups = np.stack([p[:3, 0] for p in poses]), np.stack([p[:3, 1] for p in poses])
+    mean = ups.mean(axis=0)
+    if np.linalg.norm(mean) < 0.5:
+        return None
+    values, vectors = np.linalg.eigh(rights.T @ rights / len(poses))
+    if values[0] > 0.05 or values[1] < 0.05:  # rolled, or all from one side
+        return conventions.unit(mean) if values[0] <= 0.05 else None
+    way = vectors[:, 0]
+    return np.asarray(way * np.sign(way @ mean))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Floor:
+    """What a capture stands on."""
+
+    way: F64  # (3,) unit, up
+    share: float  # of the splats' area that lies in it
+    ceiling: bool  # whether there is one like it on the other side
+    told: bool  # which of both is the floor
+
+
+def _floor(cloud: SplatCloud) -> Floor | None:
+    """The layer that holds most area with nearly nothing on its other side. A closed room has two: things stand on the
+    floor, so what lies between both and is no wall lies nearer to it."""
+    sound = np.isfinite(cloud.means).all(axis=1) & np.isfinite(cloud.scales).all(axis=1) & (cloud.opacities > 0.1)
+    rows = np.flatnonzero(sound)
+    rows = rows[:: max(1, len(rows) // _SAMPLE)]
+    if len(rows) < 50:
+        return None
+    scales = np.sort(cloud.scales[rows].astype(np.float64), axis=1)
+    area = scales[:, 1] * scales[:, 2] * cloud.opacities[rows]
+    area = np.minimum(area, np.quantile(area, 0.99))  # a few huge splats of a sky do not make a floor
+    if not area.sum() > 0:
+        return None
+    area /= area.sum()
+    turns = conventions.rotation_from_quaternion(cloud.quats[rows])
+    normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
+    means = cloud.means[rows].astype(np.float64)
+    best: tuple[float, F64, _Layer] | None = None
+    for way in _ways(normals):
+        worth = max([1.0, *(by for by, axis in _LIKELY if abs(way @ axis) > 0.8)])
+        layer = _lowest(means, normals, area, way)
+        if layer is not None and (best is None or layer.share * worth > best[0]):
+            best = layer.share * worth, way, layer
+    if best is None or best[2].share < LEAST_FLOOR:
+        return None
+    _, way, floor = best
+    ceiling = _lowest(means, normals, area, -way)
+    if ceiling is None or ceiling.share < _ALIKE * floor.share:
+        return Floor(floor.way, floor.share, ceiling=False, told=True)
+    height = means @ way
+    low, high = np.quantile(height, [0.005, 0.995])
+    inside = ~floor.on & ~ceiling.on & (np.abs(normals @ way) > _WALL)
+    if area[inside].sum() < _LEAST_INSIDE:
+        return Floor(floor.way, floor.share, ceiling=True, told=False)
+    upright = float(np.average(height[inside], weights=area[inside])) < (low + high) / 2
+    found = floor if upright else ceiling
+    return Floor(found.way, found.share, ceiling=True, told=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Layer:
+    """The layer along a direction that holds most area, with nearly nothing below it."""
+
+    way: F64  # (3,) unit, its normal
+    share: float  # of the area
+    on: NDArray[np.bool_]  # (N,) which splats lie in it
+
+
+def _lowest(means: F64, normals: F64, area: F64, way: F64) -> _Layer | None:
+    height = means @ way
+    low, high = np.quantile(height, [0.005, 0.995])
+    if not high > low:
+        return None
+    flat = np.abs(normals @ way) > _ALONG
+    layer = np.clip((height - low) / ((high - low) * _LAYER), 0, 1 / _LAYER).astype(int)
+    every = np.bincount(layer, area)
+    held = np.bincount(layer[flat], area[flat], minlength=len(every))
+    held[np.cumsum(every) - every >= _MOST_BELOW] = 0
+    lowest = int(np.argmax(held))
+    share = float(held[lowest])
+    if not share > 0:
+        return None
+    near = flat & (layer == lowest)
+    signs = np.sign(normals[near] @ way)[:, None]
+    return _Layer(conventions.unit((normals[near] * signs * area[near, None]).sum(axis=0)), share, near)
+
+
+def _ways(normals: F64) -> F64:
+    """Unit vectors to try, of either sign: the axes, and what a few of the splats face."""
+    some = normals[:: max(1, len(normals) // _DIRECTIONS)]
+    return np.concatenate([np.eye(3), -np.eye(3), some, -some])
+
+
+def _neat(way: F64) -> F64:
+    """The axis that a direction nearly is, else itself."""
+    axis = int(np.argmax(np.abs(way)))
+    if abs(way[axis]) < _STRAIGHT:
+        return way
+    out = np.zeros(3)
+    out[axis] = np.sign(way[axis])
+    return out

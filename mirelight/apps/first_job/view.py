@@ -1,0 +1,158 @@
+"""A camera that shows a capture well: of many that might, the one whose small picture is full, sharp and rich."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mirelight.base import colour
+from mirelight.base.errors import InputError
+from mirelight.model import F64, Camera, SplatCloud, SplatLayer
+
+YFOV = 40.0  # degrees
+ROOM_YFOV = 60.0
+_WIDTH, _HEIGHT = 160, 90
+_AZIMUTHS = np.arange(0, 360, 30.0)
+_ELEVATIONS = (12.0, 25.0)
+_ENCLOSED = 0.9  # mean alpha all around the middle, above which a capture is a room
+_FREE = 0.15  # of its radius: how far off the walls of a room are
+_FILL = 0.94  # of the picture: what the splats within the bounds fill
+_FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FirstView:
+    """A chosen camera and what it shows."""
+
+    camera: Camera
+    target: F64  # (3,) what it looks at
+    room: bool  # seen from inside
+    luminance: float  # mean of the splats' pixels as captured, linear
+    white: float  # share of them at the end of a channel
+    depth: float  # of what they blend, as a share of the capture's radius
+
+    @property
+    def brightness(self) -> str:
+        """How bright it is, a line for people."""
+        white = f"{self.white:.1%} of their pixels are white"
+        return f"As captured, the splats' mean luminance is {self.luminance:.2f}; {white}."
+
+
+def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, outside: bool = False) -> FirstView:
+    """The view to show first.
+
+    Args:
+        cloud: in the world, +Y up.
+        source: whom to name in an error.
+        captured: cameras of the capture in the same world; where there are any, one of these is chosen.
+        outside: whether it is known to be no room, closed as it may be.
+
+    Raises:
+        InputError: nothing is to be seen of it from anywhere.
+        BackendError: this machine cannot composite.
+    """
+    from mirelight.compositor import Compositor
+
+    solid = cloud.means[cloud.opacities > 0.1].astype(np.float64)
+    if not len(solid):
+        raise InputError(source, "no splat shows (every opacity is below 0.1)", "check the file")
+    low, high = _bounds(solid)
+    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    if not radius > 0:
+        raise InputError(source, "all splats lie in one place", "check the file")
+    points = solid[((solid >= low) & (solid <= high)).all(axis=1)]
+    points = points[:: max(1, len(points) // 4000)] if len(points) else solid
+    compositor = Compositor(cloud)
+    room = False
+    if captured:
+        views = [_small(c) for c in captured[:: max(1, len(captured) // 24)]]
+    else:
+        room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+        views = list(_inside(low, high) if room else _outside(points, middle))
+    shown = (compositor.composite(camera, depth=True) for camera in views)
+    score, layer = max(((_score(x, middle, radius), x) for x in shown), key=lambda x: x[0])
+    if not score > 0:
+        raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")
+    on = layer.transmittance < 0.5
+    deep = float(np.median(np.abs(layer.depth - layer.median_depth)[on])) / radius if on.any() else np.inf
+    light = colour.srgb_decode(layer.color[on] / (1 - layer.transmittance[on, None])) if on.any() else np.zeros((1, 3))
+    white = float((light.max(axis=-1) > 0.99).mean())
+    return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
+
+
+def _bounds(points: F64) -> tuple[F64, F64]:
+    """Corners of a box around all but floaters: the feet of a thing stay in its picture."""
+    least, low, high, most = np.quantile(points, [0.001, 0.01, 0.99, 0.999], axis=0)
+    beyond = _FLOATING * (high - low)
+    return np.where(low - least <= beyond, least, low), np.where(most - high <= beyond, most, high)
+
+
+def _small(camera: Camera) -> Camera:
+    share = min(_WIDTH / max(camera.width, camera.height), 1.0)
+    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+
+
+def _around(middle: F64, radius: float) -> Iterable[Camera]:
+    directions = np.array([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1], [0.1, 0.99, 0], [0.1, -0.99, 0]])
+    for way in directions:
+        yield Camera.look_at(middle, middle + way, 48, 48, yfov=90, near=0.01 * radius)
+
+
+def _is_room(sides: Sequence[SplatLayer], radius: float) -> bool:
+    alpha = float(np.mean([1 - x.transmittance.mean() for x in sides]))
+    depths = np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
+    return alpha > _ENCLOSED and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
+
+
+def _inside(low: F64, high: F64) -> Iterable[Camera]:
+    middle, extent = (low + high) / 2, high - low
+    for azimuth in np.radians(_AZIMUTHS):
+        way = np.array([np.sin(azimuth), 0, -np.cos(azimuth)])
+        eye = middle - 0.28 * extent * way
+        eye[1] = low[1] + 0.5 * extent[1]
+        target = eye + way * float(np.linalg.norm(extent)) - (0, 0.08 * extent[1], 0)
+        yield Camera.look_at(eye, target, _WIDTH, _HEIGHT, yfov=ROOM_YFOV, near=float(extent.max()) / 1000)
+
+
+def _outside(points: F64, middle: F64) -> Iterable[Camera]:
+    for elevation in np.radians(_ELEVATIONS):
+        for azimuth in np.radians(_AZIMUTHS):
+            flat = np.cos(elevation)
+            way = np.array([flat * np.sin(azimuth), np.sin(elevation), flat * np.cos(azimuth)])
+            yield _framed(points, middle, way)
+
+
+def _framed(points: F64, middle: F64, way: F64) -> Camera:
+    """A camera on that side, as near as the points allow; its target is the middle of what it shows."""
+    target, away = middle, 0.0
+    half = np.tan(np.radians(YFOV / 2)) * _FILL
+    for _ in range(3):
+        pose = Camera.look_at(target + way, target, _WIDTH, _HEIGHT, yfov=YFOV, near=1e-3).world_from_camera
+        own = (points - target) @ pose[:3, :3]  # along right, up, and towards the camera
+        reach_x = np.abs(own[:, 0]) / (half * _WIDTH / _HEIGHT) + own[:, 2]
+        reach_y = np.abs(own[:, 1]) / half + own[:, 2]
+        away = float(max(reach_x.max(), reach_y.max()))
+        seen = own[:, :2] / (away - own[:, 2:])
+        shift = (seen.min(axis=0) + seen.max(axis=0)) / 2 * away
+        target = target + pose[:3, :2] @ shift
+    return Camera.look_at(target + way * away, target, _WIDTH, _HEIGHT, yfov=YFOV, near=away / 1000)
+
+
+def _score(layer: SplatLayer, middle: F64, radius: float) -> float:
+    """How much there is to see: detail of opaque parts, less what is neither there nor not.
+
+    What lies beyond the middle counts more than what lies before it, or a courtyard is shown from behind its walls.
+    """
+    alpha = 1 - layer.transmittance
+    solid = alpha > 0.9
+    if not solid.any():
+        return float(alpha.mean()) * 1e-3
+    gray = np.clip(layer.color.mean(axis=-1), 0, 1)
+    both_x, both_y = solid[:-1, 1:] & solid[:-1, :-1], solid[1:, :-1] & solid[:-1, :-1]
+    detail = np.abs(gray[:-1, 1:] - gray[:-1, :-1])[both_x].sum() + np.abs(gray[1:, :-1] - gray[:-1, :-1])[both_y].sum()
+    fuzzy = float(((alpha > 0.1) & ~solid).sum() / (alpha > 0.1).sum())
+    ahead = -float((layer.camera.camera_from_world @ np.append(middle, 1.0))[2])
+    deep = float(np.clip((layer.depth[solid].mean() - ahead + radius) / (2 * radius), 0.02, 1))
+    return float(detail / alpha.size) * (1 - fuzzy) * deep**3 + 1e-6

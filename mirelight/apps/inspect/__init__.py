@@ -1,0 +1,1 @@
+"""`mirelight inspect`: what a file holds, told without rendering anything."""

@@ -1,0 +1,79 @@
+"""What worker processes and whoever watches them tell each other: a line of JSON for each thing."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from mirelight.pipeline.plan import FrameTask
+
+_EVERY = 0.25  # seconds between two words about samples
+
+READY = "ready"  # the job is loaded
+SAMPLES = "samples"  # frame, done, total
+FINISHED = "finished"  # frame, 1 where it was there already
+FAILED = "failed"  # frame, what went wrong
+NOTE = "note"  # a line for people
+BUSY = "busy"  # the camera is another process's
+DONE = "done"  # frames of the camera rendered, skipped, failed
+PARTIAL = "partial"  # paths of the frame that an interrupt stopped
+FATAL = "fatal"  # why nothing can go on, in lines
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """One message."""
+
+    kind: str
+    values: tuple[str | int, ...] = ()
+
+    def line(self) -> str:
+        """As text, without the end of line."""
+        return json.dumps([self.kind, *self.values])
+
+    @staticmethod
+    def read(line: bytes | str) -> Word | None:
+        """Back from :meth:`line`; None of anything else."""
+        try:
+            kind, *values = json.loads(line)
+        except (ValueError, TypeError):
+            return None
+        return Word(str(kind), tuple(x if isinstance(x, int) else str(x) for x in values))
+
+
+class Reporter:
+    """A `mirelight.batch.executor.Progress` that tells every step as a word."""
+
+    def __init__(self, say: Callable[[Word], None]) -> None:
+        self._say = say
+        self._last = 0.0
+
+    def started(self, tasks: Sequence[FrameTask]) -> None:
+        """The watcher knows."""
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        """A few times a second."""
+        now = time.monotonic()
+        if now - self._last >= _EVERY:
+            self._last = now
+            self._say(Word(SAMPLES, (task.name, done, total)))
+
+    def finished(self, task: FrameTask, skipped: bool) -> None:
+        """A frame is there."""
+        self._say(Word(FINISHED, (task.name, int(skipped))))
+
+    def failed(self, task: FrameTask, error: str) -> None:
+        """A frame could not be made."""
+        self._say(Word(FAILED, (task.name, error)))
+
+    def note(self, line: str) -> None:
+        """Something to know."""
+        self._say(Word(NOTE, (line,)))
+
+    def working(self, frames: Sequence[str]) -> None:
+        """A worker has no workers."""
+
+    def waiting(self, cameras: int) -> None:
+        """A worker does not wait."""

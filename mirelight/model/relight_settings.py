@@ -1,0 +1,24 @@
+"""How lighting meets the splats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mirelight.model.profiles import Gloss, Per, Profile, RelightMode, Space
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelightSettings:
+    """How lighting meets splats. Defaults are the engine's GsplatRelighting attributes."""
+
+    mode: RelightMode = "tint"
+    profile: Profile = "physical"
+    space: Space = "linear"  # in which the factor multiplies
+    blend: float = 1.0  # 0: unlit frame, bit for bit; 1: fully relit
+    brightness: float = 2.0  # multiplies the lit proxy (tint)
+    background: float = 1.0  # the factor far from the proxy; playcanvas: wherever it does not cover
+    texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 2]
+    delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
+    max_ratio: float = 16.0  # ratio: upper clamp
+    per: Per = "pixel"  # light is found for each pixel of a view, for each splat, or as the module `shadows` says
+    sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)

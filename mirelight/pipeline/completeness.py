@@ -1,0 +1,50 @@
+"""Whether a job says enough to be rendered."""
+
+from __future__ import annotations
+
+from mirelight import relighting
+from mirelight.base import extras
+from mirelight.base.errors import InputError
+from mirelight.model import Job, RelightSettings
+from mirelight.model.profiles import COMPARING
+from mirelight.pipeline import requirements
+
+
+def check(job: Job) -> None:
+    """Raises InputError where a job names too little to be rendered, BackendError where it needs a package that is not
+    installed."""
+    if job.render.denoise and job.proxy is not None and not requirements.follows_engine(job):
+        extras.require("denoise")
+    if job.splats is None and (job.proxy is None or not job.lightings):
+        raise InputError(job.source, "nothing to render", "name splats, or a proxy and lights")
+    kept_apart = job.output.store == "layers" or job.dataset.layouts
+    if kept_apart and job.splats is not None and any(_asks_splats(x) for x in _relights(job)):
+        raise InputError(
+            job.source,
+            "light that is found for splats, and frames that are mixed from the layers of pixels",
+            'set per to "pixel", or leave dataset.layouts and output.store = "layers" out',
+            field="relight.per",
+        )
+    if job.lightings and job.proxy is None:
+        raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
+    if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
+        raise InputError(
+            job.source,
+            f"mode {_comparing(job)!r} without the lighting that the capture was made under",
+            "name it, or set mode to 'tint'",
+            field="relight.mode",
+        )
+
+
+def _comparing(job: Job) -> str:
+    """The first mode that compares with the captured light."""
+    return next(x.mode for x in _relights(job) if x.mode in COMPARING)
+
+
+def _relights(job: Job) -> list[RelightSettings]:
+    """How any of the job's lightings meets the splats."""
+    return [job.relight_of(x) for x in (None, *job.lightings)]
+
+
+def _asks_splats(settings: RelightSettings) -> bool:
+    return relighting.per_splat(settings) or relighting.softens(settings)

@@ -1,0 +1,378 @@
+"""Keys of finished work: the digest of exactly what each product is made from.
+
+docs/job-file.md says for every setting what is made again when it changes; a test holds that table against this module.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
+from functools import cached_property
+
+from mirelight import relighting
+from mirelight.model import (
+    Camera,
+    CompositorSettings,
+    Environment,
+    EstimatedSky,
+    Job,
+    Lighting,
+    OutputSettings,
+    RelightSettings,
+    SkyModel,
+    digest,
+)
+from mirelight.model.profiles import rules_of
+from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
+from mirelight.pipeline import provenance, requirements
+
+FILE_SUFFIXES = (".exr", ".png")
+
+
+class Keys:
+    """The keys of one job. What frames share is taken once, so that a plan of ten thousand costs little."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self._eyes: dict[int, tuple[Camera, str, str]] = {}
+        self._seen: dict[tuple[str, str], str] = {}
+        self._composites: dict[str, str] = {}  # by view
+        self._old: dict[str, list[str]] = {}  # what a frame reads of the captured light, by view
+        self._relights: dict[RelightSettings, str] = {}
+        self._moments: dict[int, Mixture] = {}  # of lightings for single cameras
+        self._named: dict[int, tuple[Lighting, str]] = {}
+
+    # --- made once a scene ---
+
+    @cached_property
+    def made_proxy(self) -> str:
+        """The bare mesh that is made from the splats."""
+        job = self.job
+        assert job.made_proxy is not None
+        return digest("mesh", job.made_proxy.digest, self._device)
+
+    @cached_property
+    def proxy(self) -> str:
+        """The proxy as light falls on it: with the splats' colours where they are wanted."""
+        job = self.job
+        assert job.proxy is not None
+        if not requirements.colors_proxy(job):
+            return job.proxy.digest
+        assert job.splats is not None and job.captured is not None
+        parts = job.proxy.digest, *self._shown, _light(job.captured), job.render.seed, job.render.max_depth
+        return digest("colours", *parts, self._device)
+
+    @cached_property
+    def captured_level(self) -> str:
+        """How bright the captured light is over the scene, one number."""
+        job = self.job
+        assert job.captured is not None
+        parts = *self._shown, self.proxy, _light(job.captured), job.render.seed
+        return digest("level", *parts, job.render.max_depth, job.render.profile, self._device)
+
+    def estimate(self, sky: EstimatedSky) -> str:
+        """The light that the splats were captured under, found from splats and proxy."""
+        return digest("estimate", replace(sky, intensity=1.0), self.job.capture_cameras, self._device)
+
+    @property
+    def _shown(self) -> tuple[object, ...]:
+        """What tells the captured colours: splats, and the cameras that they are looked at from."""
+        job = self.job
+        return job.splats and job.splats.digest, job.capture_cameras
+
+    def map_of(self, environment: Environment) -> str:
+        """An environment's picture, made as small as data sets keep it; its turn and strength are no part of it."""
+        return digest("map", environment.radiance, self._versions("numpy"))
+
+    def sky_of(self, sky: SkyModel | EstimatedSky, part: str) -> str:
+        """The sun or the sky of a model, kept with data sets."""
+        return digest("sky", self.estimate(sky) if isinstance(sky, EstimatedSky) else "", sky, part, self._device)
+
+    @cached_property
+    def splat_places(self) -> str:
+        """Where each splat lies on the proxy, and on which side."""
+        job = self.job
+        assert job.splats is not None
+        parts = job.splats.digest, self.proxy, job.captured and _light(job.captured), job.render.seed
+        return digest("places", *parts, job.render.max_depth, self._device)
+
+    @cached_property
+    def captured_lamps(self) -> str:
+        """The direct light of the captured lamps on each splat."""
+        assert self.job.captured is not None
+        return digest("captured lamps on splats", self.splat_places, _light(self.job.captured))
+
+    @cached_property
+    def splat_sets(self) -> LightSets:
+        """The sets of unit lights whose light on splats makes the job's lightings, then the captured one."""
+        job = self.job
+        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
+        return LightSets((*job.lightings, *captured), ALIKE)
+
+    def splat_light(self, light_set: LightSet, spp: int) -> str:
+        """The light of a set on each splat."""
+        return digest("light on splats", self.splat_places, light_set.digest, spp)
+
+    @cached_property
+    def sets(self) -> LightSets:
+        """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
+        job = self.job
+        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
+        shared = tuple(x for x in job.lightings if x.time is None)
+        return LightSets((*shared, *captured), requirements.rules(job), shared if job.pooled else ())
+
+    def _moment(self, lighting: Lighting) -> Mixture:
+        """Lights for one camera alone: traced together, for no other frame has a use for a part of them."""
+        known = self._moments.get(id(lighting))
+        if known is None:
+            known = self._moments[id(lighting)] = LightSets((lighting,), requirements.rules(self.job)).mixture(lighting)
+        return known
+
+    # --- made once a camera ---
+
+    def composite(self, camera: Camera) -> str:
+        """The splats as a camera sees them; kept, since all its frames ask for it."""
+        seen = self._eye(camera)[0]
+        if seen not in self._composites:
+            self._composites[seen] = _joined(self._composite, seen)
+        return self._composites[seen]
+
+    @cached_property
+    def _composite(self) -> str:
+        job = self.job
+        if job.splats is None:
+            return "no splats"
+        wanted = requirements.wants_depth(job), requirements.wants_diffuse(job)
+        settings = _read(job.compositor, _compositor_reads(job.compositor)), *wanted
+        return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
+
+    def light(self, light_set: LightSet, camera: Camera) -> str:
+        """The traced buffer of a set of unit lights; `camera` is the lighting's."""
+        return self._light(light_set, view(camera))
+
+    def _light(self, light_set: LightSet, seen: str) -> str:
+        """The same by the camera's view; kept, since many lightings are made of one set."""
+        place = light_set.digest, seen
+        found = self._seen.get(place)
+        if found is None:
+            found = self._seen[place] = _joined(self._traced, *place)
+        return found
+
+    @cached_property
+    def _traced(self) -> str:
+        job = self.job
+        settings = (
+            _read(job.render, _light_reads(job)),
+            requirements.keeps_lights_apart(job),
+            requirements.wants_aovs(job),
+        )
+        surface = self.surface_cells if requirements.reads_surface(job) else ""
+        return digest("light", self.proxy, settings, surface, self._device)
+
+    @cached_property
+    def surface_cells(self) -> str:
+        """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
+        job = self.job
+        views = [view(x) for x in requirements.lighting_cameras(job)]
+        return digest("cells", self.proxy, views, self._device)
+
+    @cached_property
+    def surface_transport(self) -> str:
+        """How light goes between those pieces, whatever the light."""
+        return digest("surface transport", self.surface_cells, self.job.render.seed)
+
+    def surface_light(self, part: LightSet) -> str:
+        """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
+        render = self.job.render
+        # how many fills are averaged for a noise target depends on the target and on what frames look like
+        aim = () if render.noise is None else (render.noise, render.indirect, requirements.keeps_lights_apart(self.job))
+        return digest("light on the surface", self.surface_transport, part.digest, render.max_depth, *aim)
+
+    def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
+        yield from (self.surface_cells, self.surface_transport)
+        yield from (self.surface_light(part) for one in every for part in one.parts())
+
+    def lights(self) -> Iterator[str]:
+        """All light of the job that is kept: each camera's sets, and what lies on the surface."""
+        job = self.job
+        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
+        every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
+        shared = {s.digest: s for x in (*job.lightings, *captured) if x.time is None for s in self.mixture(x).sets}
+        for camera in job.cameras:
+            own = [s for x in job.lightings if x.time is not None and x.lights_up(camera) for s in self.mixture(x).sets]
+            seen = relighting.lighting_camera(camera, job.relight)
+            yield from (self.light(s, seen) for s in (*shared.values(), *own, GLOW))
+        if requirements.reads_surface(job):
+            yield from self._on_surface((*every.values(), GLOW))
+
+    def layers(self, camera: Camera, lightings: Iterable[Lighting | None]) -> Iterator[str]:
+        """What the frames of a camera are mixed from: its composite, and the sets of the lightings."""
+        job = self.job
+        if job.splats is not None:
+            yield self.composite(camera)
+        captured = (job.captured,) if job.splats is not None and requirements.compares(job) else ()
+        seen = relighting.lighting_camera(camera, job.relight)
+        mixtures = (self.mixture(x) for x in (*lightings, *captured) if x is not None)
+        yield from (self.light(s, seen) for s in {s.digest: s for m in mixtures for s in m.sets}.values())
+
+    # --- frames ---
+
+    def frame(self, camera: Camera, lighting: Lighting | None) -> str:
+        """The frame's pixels, linear."""
+        job = self.job
+        composite = self.composite(camera)
+        if lighting is None:
+            return _joined("unlit", composite)
+        seen = self._eye(camera)[1]
+        parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
+        if job.splats is not None and requirements.compares_in(job, lighting) and job.captured is not None:
+            if seen not in self._old:
+                self._old[seen] = [*self._lit(job.captured, seen), self.captured_level]
+            parts += self._old[seen]
+            if relighting.softens(job.relight_of(lighting)):
+                parts.append(self.captured_lamps)
+        if job.splats is not None and relighting.per_splat(job.relight_of(lighting)):
+            parts += self._on_splats(lighting)
+        return _joined("frame", *parts)
+
+    def _on_splats(self, lighting: Lighting) -> Iterator[str]:
+        """What a frame reads of the light on splats."""
+        captured = self.job.captured if requirements.compares_in(self.job, lighting) else None
+        for one in (lighting, captured):
+            if one is not None:
+                mixture = self.splat_sets.mixture(one)
+                yield from (self.splat_light(s, self.job.render.spp) for s in mixture.sets)
+                yield mixture.digest
+
+    def _lit(self, lighting: Lighting, seen: str) -> Iterable[str]:
+        """`seen`: the view of the lighting's camera."""
+        mixture = self.mixture(lighting)
+        return [self._light(one, seen) for one in mixture.sets] + [mixture.digest]
+
+    def _eye(self, camera: Camera) -> tuple[str, str]:
+        """The view of a camera, and that of the camera which its light is traced for; those of one camera are kept."""
+        found = self._eyes.get(id(camera))
+        if found is None or found[0] is not camera:
+            seen = relighting.lighting_camera(camera, self.job.relight)
+            found = self._eyes[id(camera)] = (camera, view(camera), view(seen))
+        return found[1:]
+
+    def mixture(self, lighting: Lighting) -> Mixture:
+        """How a lighting is made of sets."""
+        return self.sets.mixture(lighting) if lighting.time is None else self._moment(lighting)
+
+    def _relit(self, settings: RelightSettings) -> str:
+        """How light meets splats; that of one kind of settings is kept."""
+        found = self._relights.get(settings)
+        if found is None:
+            job = self.job
+            denoised = (True, self._versions("pyoidn")) if job.render.denoise else (False,)
+            found = self._relights[settings] = digest(
+                "relit",
+                _read(settings, relighting.reads(settings)),
+                denoised,
+                self._versions("numpy"),
+                job.splats is None,
+                requirements.wants_noise(job),
+                job.output.wants_layers,  # layers are added up one by one, else before they are mixed: other roundings
+            )
+        return found
+
+    # --- files ---
+
+    def file(self, frame: str, camera: Camera, lighting: Lighting | None, suffix: str) -> str:
+        """A file of a frame, whose own key is `frame`: what is in it, and how it is written."""
+        return _joined(self._writing[suffix], frame, json.dumps(camera.name), self._names(lighting))
+
+    @cached_property
+    def _writing(self) -> dict[str, str]:
+        """By suffix, how a file is written."""
+        job = self.job
+        exr = digest(".exr", exr_settings(job.output), self._mattes, self._versions("OpenEXR"))
+        return {".exr": exr, ".png": digest(".png", job.display, self._versions("numpy"))}
+
+    @cached_property
+    def _mattes(self) -> str:
+        """The names of the proxy's things in a file, whatever lights it; what a camera sees is in its frames' keys."""
+        wanted, proxy = requirements.mattes(self.job), self.job.proxy
+        return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, self._device)
+
+    def _names(self, lighting: Lighting | None) -> str:
+        """What a lighting and its layers are called; those of one lighting are kept."""
+        if lighting is None:
+            return ""
+        found = self._named.get(id(lighting))
+        if found is None or found[0] is not lighting:
+            found = self._named[id(lighting)] = (lighting, digest(lighting.name, [x.layer for x in terms(lighting)]))
+        return found[1]
+
+    @cached_property
+    def files(self) -> tuple[str, ...]:
+        """Suffixes of the files that each frame has."""
+        output = self.job.output
+        frames = output.store != "layers" or not self.job.lightings  # nothing to mix
+        wanted = {".exr": frames and output.exr, ".png": frames and output.png}
+        return tuple(suffix for suffix in FILE_SUFFIXES if wanted[suffix])
+
+    @cached_property
+    def _device(self) -> str:
+        """What decides the bits of all that is traced or searched, whatever is traced: the variant, and the versions of
+        what computes it."""
+        versions = self._versions("mitsuba", "drjit", "llvm", "numpy", "scipy")
+        return digest("device", self.job.render.variant, versions)
+
+    def _versions(self, *packages: str) -> dict[str, str]:
+        return {k: v for k, v in self._all_versions.items() if k in ("mirelight", *packages)}
+
+    @cached_property
+    def _all_versions(self) -> dict[str, str]:
+        return provenance.versions()
+
+
+def exr_settings(output: OutputSettings) -> dict[str, object]:
+    """The settings that decide what an EXR holds."""
+    elsewhere = "directory", "exr", "png", "store"
+    return _read(output, (field.name for field in fields(output) if field.name not in elsewhere))
+
+
+def _read(settings: object, names: Iterable[str]) -> dict[str, object]:
+    return {name: getattr(settings, name) for name in sorted(names)}
+
+
+def _compositor_reads(settings: CompositorSettings) -> set[str]:
+    """Names of the settings that shape a composite in its profile."""
+    rules = rules_of(settings.profile).splats
+    names = {"profile", "sort", "alpha_clip"}
+    if rules.drops_small:
+        names.add("min_pixel_size")
+    if rules.packed:
+        names.add("work_buffer")
+    if rules.pipelines:
+        names |= {"linear", "eight_bit", "tone", "exposure"}
+    return names
+
+
+def _light_reads(job: Job) -> set[str]:
+    """Names of the settings that shape a traced buffer in its profile."""
+    names = {"profile", "variant"}
+    if requirements.follows_engine(job):
+        return names
+    names |= {"spp", "noise", "max_depth", "indirect", "seed", "denoise"}
+    return names | {"ao_distance"} if requirements.wants_aovs(job) else names
+
+
+def view(camera: Camera) -> str:
+    """What a camera sees: all of it but its name and time."""
+    return digest("view", _read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
+
+
+def _light(lighting: Lighting) -> str:
+    """A lighting without names."""
+    return digest("lighting", [(x.unit.digest, x.weight) for x in terms(lighting)])
+
+
+def _joined(*parts: str) -> str:
+    """SHA-256 (hex) over keys and words, none of which holds a line's end."""
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

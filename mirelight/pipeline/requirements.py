@@ -1,0 +1,106 @@
+"""What the frames of a job need, told from its settings alone; nothing here is made or read."""
+
+from __future__ import annotations
+
+from mirelight import relighting
+from mirelight.base.errors import InputError
+from mirelight.model import Camera, Job, Lighting
+from mirelight.model.planes import MATTES
+from mirelight.model.profiles import rules_of
+from mirelight.model.unit_lights import Rules
+
+
+def compares(job: Job) -> bool:
+    """True where the relight mode of the job, or of any of its lightings, divides by the light that the capture was
+    made under."""
+    return any(compares_in(job, x) for x in (None, *(x for x in job.lightings if x.relight is not None)))
+
+
+def compares_in(job: Job, lighting: Lighting | None) -> bool:
+    """The same of one lighting; None: of lightings that say nothing of it."""
+    return relighting.mode_of(job.relight_of(lighting)).needs_captured
+
+
+def follows_engine(job: Job) -> bool:
+    """True where light is the real-time engine's."""
+    return not rules_of(job.render.profile).path_traced
+
+
+def check_lit_splats(job: Job) -> None:
+    """Raises InputError, in one line, where a job has no traced light on splats: for bakes and the mixer."""
+    if job.splats is None:
+        raise InputError(job.source, "no splats", "name a capture: its splats take the light", field="splats")
+    if job.proxy is None:
+        found = "no proxy mesh for light to fall on"
+        raise InputError(job.source, found, 'add the line proxy = "splats"', field="proxy")
+    if not job.lightings:
+        raise InputError(job.source, "no light", "name lights or an environment", field="lights")
+    if follows_engine(job):
+        found = "the profile playcanvas, whose light is not traced"
+        remedy = "use profile physical; mirelight realtime has the engine's own light"
+        raise InputError(job.source, found, remedy, field="profile")
+
+
+def lighting_cameras(job: Job) -> list[Camera]:
+    """Every camera of the job as light is traced for it."""
+    return [relighting.lighting_camera(x, job.relight) for x in job.cameras]
+
+
+def reads_surface(job: Job) -> bool:
+    """True where light that has been reflected is kept on the surface and read there."""
+    return job.render.indirect != "traced" and not follows_engine(job)
+
+
+def mattes(job: Job) -> tuple[str, ...]:
+    """Names of the cryptomattes that a file holds."""
+    return tuple(name for name in MATTES if job.output.wants(name)) if job.proxy is not None else ()
+
+
+def wants_noise(job: Job) -> bool:
+    """True where a file holds the frame's own noise."""
+    return job.output.wants("noise")
+
+
+def colors_proxy(job: Job) -> bool:
+    """True where frames are lit on a proxy with the splats' colours: asked for, and of use.
+
+    It is of use to a ratio alone. The tint multiplies splats that have their own albedo by a gray proxy's light, as the
+    real-time engine does, and that engine's light model reflects nothing from surface to surface.
+    """
+    there = job.splats is not None and job.proxy is not None and job.captured is not None
+    useful = relighting.mode_of(job.relight).uses_proxy_colours and not follows_engine(job)
+    return job.albedo_from_splats and there and useful
+
+
+def rules(job: Job) -> Rules:
+    """Which of the job's lightings are mixed from unit lights."""
+    from mirelight.lighting.layers import MAX_LAYERS
+    from mirelight.lighting.lights import ALL_LIGHTS
+
+    return Rules(
+        linear=not follows_engine(job) and job.render.noise is None and keeps_lights_apart(job),
+        most_lights=ALL_LIGHTS,
+        most_layers=MAX_LAYERS,
+        suns_apart=wants_aovs(job),
+    )
+
+
+def keeps_lights_apart(job: Job) -> bool:
+    """True where lights are traced in layers of their own: files hold them, or they are kept to be mixed anew."""
+    return job.output.layers or job.output.store != "frames"
+
+
+def wants_aovs(job: Job) -> bool:
+    """True where a file holds what is traced beside light."""
+    return job.output.wants("sun_visibility", "ambient_occlusion")
+
+
+def wants_depth(job: Job) -> bool:
+    """True where a file holds the splats' depth."""
+    return job.output.wants("splat_depth", "splat_median_depth")
+
+
+def wants_diffuse(job: Job) -> bool:
+    """True where a frame treats colour that changes with the view apart."""
+    own = [job.relight, *(x.relight for x in job.lightings if x.relight is not None)]
+    return any(relighting.gloss_of(x) != "keep" for x in own)

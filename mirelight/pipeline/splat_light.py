@@ -1,0 +1,297 @@
+"""A job's light on its splats: where each lies on the proxy, and what unit lights bring there; kept, or made now.
+
+Frames that are relit splat by splat, baked splats and the mixer's layers take the same values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from mirelight import relighting
+from mirelight.model import (
+    F32,
+    DirectionalLight,
+    Job,
+    Light,
+    Lighting,
+    PointLight,
+    ProxyMesh,
+    SplatCloud,
+    SpotLight,
+    SurfaceCells,
+    SurfaceTransport,
+)
+from mirelight.model.unit_lights import GLOW, LightSet, Unit
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline.kept import Kept, made_once
+
+if TYPE_CHECKING:
+    from mirelight.lighting import Tracer
+    from mirelight.lighting.splat_light import Places
+
+EMISSION = "emission"
+FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
+READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
+SHARP_READS = 8  # samples of lights that are a point or a direction, as then only what is read differs between them
+
+Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
+
+
+class Lightable(Protocol):
+    """What is needed of the prepared job."""
+
+    job: Job
+    keys: keys.Keys
+    kept: Kept
+
+    @property
+    def splats(self) -> SplatCloud | None:
+        """In world space."""
+
+    @property
+    def proxy(self) -> ProxyMesh | None:
+        """As light falls on it."""
+
+    @property
+    def glows(self) -> bool:
+        """Whether the proxy's own surfaces send out light."""
+
+    @property
+    def captured_level(self) -> float | None:
+        """Mean luminance of the captured light over the scene."""
+
+    def resolved(self, lighting: Lighting) -> Lighting:
+        """The lighting with a sun and a map in place of its sky model."""
+
+    def lighting_of(self, light_set: LightSet) -> Lighting:
+        """What to trace for a set."""
+
+
+class SplatLight:
+    """Light on N splats, found or made when it is asked for.
+
+    Args:
+        scene: a prepared job with splats and a proxy, whose light is path-traced.
+        spp: samples a splat.
+        progress: hears what is traced; what it raises ends the tracing.
+    """
+
+    def __init__(self, scene: Lightable, spp: int, progress: Progress | None = None) -> None:
+        self._scene, self._spp, self._progress = scene, spp, progress
+
+    def with_samples(self, spp: int) -> SplatLight:
+        """The same splats with other samples."""
+        out = copy(self)
+        out._spp = spp
+        vars(out).pop("_transport", None)  # of as many rays as there are samples
+        return out
+
+    @property
+    def near(self) -> float:
+        """Share of the splats that lie on the proxy; the others take the light of the nearest that does.
+
+        Raises:
+            RenderError: none does.
+        """
+        return self.places.near
+
+    def factor(self, lighting: Lighting) -> F32:
+        """(N, 3) what the splats' linear colours are multiplied by under a lighting, at full strength.
+
+        Raises:
+            RenderError: no splat lies on the proxy.
+        """
+        scene, job = self._scene, self._scene.job
+        assert scene.splats is not None
+        settings = job.relight_of(lighting)
+        old = None
+        if requirements.compares_in(job, lighting):
+            assert job.captured is not None
+            old = self.of(job.captured)
+        new = self.of(lighting)
+        return relighting.splat_relighter(
+            relighting.captured_color(scene.splats),
+            None if relighting.mode_of(settings).uses_proxy_colours else self.albedo,
+            settings,
+            captured=old,
+            captured_level=None if old is None else scene.captured_level or 0.0,
+        )(new)
+
+    def of(self, lighting: Lighting) -> F32:
+        """(N, 3) irradiance / pi under a lighting, and what the places send out themselves over their albedo."""
+        mixture = self._scene.keys.splat_sets.mixture(lighting)
+        weights = {term.unit.digest: term.weight for term in mixture.terms}
+        out = np.zeros((len(self.places.points), 3))
+        for number, one in enumerate(mixture.sets):
+            if not one.units:
+                continue
+            light = self.light(one, f"set {number + 1} of {len(mixture.sets)}")
+            for unit, values in zip(one.units, light, strict=True):
+                if unit.digest in weights:
+                    out += values * weights[unit.digest]
+        if self._scene.glows:
+            out += self.light(GLOW, "surfaces that glow")[0]
+        return out.astype(np.float32)
+
+    def light(self, one: LightSet, what: str) -> F32:
+        """(units, N, 3) irradiance / pi of a set's unit lights; of GLOW one.
+
+        Args:
+            one: a set.
+            what: it is called in the progress.
+        """
+        key = self._scene.keys.splat_light(one, self._spp)
+        layers = [EMISSION] if one.glow else [str(i) for i in range(len(one.units))]
+        shape = len(layers), len(self.places.points), 3
+        return self._made_once(key, shape, lambda: np.stack(list(self._traced(one, layers, what))))
+
+    def unit_light(self, unit: Unit) -> F32:
+        """(N, 3) irradiance / pi of one unit light, as it may be for a moment: it is not kept."""
+        return next(self._traced(LightSet((unit,)), ["0"], ""))
+
+    @cached_property
+    def albedo(self) -> F32:
+        """(N, 3) of the proxy where the splats lie."""
+        return self.tracer.materials_at(self.places.points, self.places.normals)[0]
+
+    def _made_once(self, key: str, shape: Sequence[int], make: Callable[[], F32]) -> F32:
+        """A kept array, or one made now; one process makes it, and others wait."""
+        kept = self._scene.kept
+
+        def find() -> F32 | None:
+            found = kept.array(key)
+            return found if found is not None and found.shape == tuple(shape) else None
+
+        def keep() -> F32:
+            made = make()
+            kept.keep_array(key, made)
+            return made
+
+        return made_once(kept, f"splats {key[:24]}", find, keep)
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """What lights them."""
+        from mirelight.lighting import splat_light
+
+        assert self._scene.proxy is not None
+        return splat_light.tracer_for(self._scene.proxy, self._scene.job.render)
+
+    @property
+    def captured_lamps(self) -> F32:
+        """(N, 3) direct light of the lamps that the splats were captured under, irradiance / pi.
+
+        Raises:
+            RenderError: no splat lies on the proxy.
+        """
+        from mirelight.lighting import splat_light
+
+        scene = self._scene
+        assert scene.job.captured is not None
+        captured = scene.resolved(scene.job.captured)
+
+        def make() -> F32:
+            self._say("lamps of the capture", 0, 1)
+            return splat_light.lamps_on(self.tracer, captured, self.places)
+
+        return self._made_once(scene.keys.captured_lamps, (len(self.places.points), 3), make)
+
+    @cached_property
+    def places(self) -> Places:
+        """Where the splats lie on the proxy.
+
+        Raises:
+            RenderError: none does.
+        """
+        from mirelight.lighting import splat_light
+
+        scene = self._scene
+        assert scene.proxy is not None and scene.splats is not None
+        splats, proxy, captured = scene.splats, scene.proxy, scene.job.captured
+        count = len(splats)
+
+        def make() -> F32:
+            self._say("where splats lie", 0, 1)
+            reference = None if captured is None else scene.resolved(captured)
+            found = splat_light.places_of(splats, proxy, self.tracer, reference)
+            rows = [found.points, found.normals, np.full((1, 3), found.near)]
+            return np.concatenate(rows)
+
+        kept = self._made_once(scene.keys.splat_places, (2 * count + 1, 3), make)
+        points, normals = (np.asarray(x, np.float64) for x in (kept[:count], kept[count:-1]))
+        return splat_light.Places(points, normals, float(kept[-1, 0]))
+
+    def _traced(self, one: LightSet, layers: list[str], what: str) -> Iterator[F32]:
+        points, normals = self.places.points, self.places.normals
+        lighting, tracer = self._scene.lighting_of(one), self.tracer
+        say = partial(self._say, what)
+        if not self._reads_surface:
+            made = [tracer.point_layers(lighting, points, normals, self._spp, emission=one.glow, progress=say)]
+        else:
+            between = None if one.glow else self._transport
+            cells = self._cells
+            cache = tracer.fill(cells, lighting, samples=self._spp, transport=between, emission=one.glow, progress=say)
+            made = [
+                tracer.point_layers(part, points, normals, spp, emission=one.glow, cache=cache, progress=say)
+                for part, spp in by_sharpness(lighting, max(self._spp // READS, 1), glow=one.glow)
+            ]
+        of_name = {name: (part, k) for part in made for k, name in enumerate(part.names)}
+        for name in layers:
+            part, k = of_name[name]
+            light = np.asarray((part.direct[k] + part.indirect[k]) * np.float32(1 / np.pi), np.float32)
+            yield light + self._own_glow if one.glow else light
+
+    @cached_property
+    def _own_glow(self) -> F32:
+        """(N, 3) what the places send out themselves over their albedo."""
+        from mirelight.lighting.appearance import own_glow
+
+        return own_glow(self.tracer, self.places.points, self.places.normals)
+
+    @cached_property
+    def _cells(self) -> SurfaceCells:
+        return self.tracer.cells_at(self.places.points, self.places.normals)
+
+    @cached_property
+    def _transport(self) -> SurfaceTransport:
+        return self.tracer.transport(self._cells, self._spp, partial(self._say, "rays between surfaces"))
+
+    @property
+    def _reads_surface(self) -> bool:
+        """Whether indirect light is gathered on the surface first: where that is less work than paths from splats."""
+        paths = len(self.places.points) * self._spp
+        if self._scene.job.render.max_depth == 1 or paths <= FEWEST_PATHS:
+            return False
+        return paths > len(self._cells) * self._spp
+
+    def _say(self, what: str, done: int, total: int) -> None:
+        if self._progress is not None:
+            self._progress(what, done, total)
+
+
+def by_sharpness(lighting: Lighting, spp: int, *, glow: bool) -> Iterator[tuple[Lighting, int]]:
+    """A lighting in parts, whose layers are whole, and the samples that each takes where reflected light is read."""
+    soft = {x.group or x.name for x in lighting.lights if not _is_sharp(x)}
+    sharp = tuple(x for x in lighting.lights if (x.group or x.name) not in soft)
+    rest = replace(lighting, lights=tuple(x for x in lighting.lights if (x.group or x.name) in soft))
+    if sharp:
+        yield Lighting(name=lighting.name, lights=sharp), min(spp, SHARP_READS)
+    if rest.lights or rest.environment is not None or rest.sky is not None or glow:
+        yield rest, spp
+
+
+def _is_sharp(light: Light) -> bool:
+    """Whether it reaches a point from one direction alone."""
+    match light:
+        case DirectionalLight():
+            return True
+        case PointLight() | SpotLight():
+            return light.radius == 0
+        case _:
+            return False

@@ -1,0 +1,218 @@
+"""The stages of a frame, pure functions of a prepared scene: composite, light, relight, write.
+
+These are mirelight's public calls, and the body of every render::
+
+    job    = mirelight.load("room.toml")
+    scene  = mirelight.prepare(job)
+    splats = mirelight.composite(scene, camera)
+    light  = mirelight.light(scene, camera, lighting)
+    frame  = mirelight.relight(scene, splats, light)
+    mirelight.write(frame, "frame.exr", job)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from mirelight import relighting
+from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, RelightSettings, SplatLayer
+from mirelight.pipeline import provenance, requirements
+from mirelight.pipeline.scene import Scene
+from mirelight.pipeline.view_light import Progress, ViewStopped
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lit:
+    """A view's light: what it is to be lit by, and what it was captured under where the mode compares both."""
+
+    camera: Camera  # of the splats; the buffers may have fewer pixels
+    lighting: Lighting
+    new: LightingBuffer
+    captured: LightingBuffer | None = None
+    factor: F32 | None = None  # (N, 3) of each splat, linear, where splats are relit one by one
+
+    def __repr__(self) -> str:
+        return f"Lit({self.camera.name} under {self.lighting.name}: {self.new!r})"
+
+
+Look = Callable[[Callable[[], Lit]], None]  # may ask for the light of a view as far as it is traced
+
+
+class Stopped(KeyboardInterrupt):
+    """The user stopped a trace; `lit` is the light so far. None: nothing to show yet."""
+
+    def __init__(self, lit: Lit | None) -> None:
+        self.lit = lit
+        super().__init__("interrupted")
+
+
+# --- composite -------------------------------------------------------------------------------------------------------
+
+
+def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
+    """The splats as a camera sees them, before any lighting; None where the job has none.
+
+    Raises:
+        BackendError: the job's variant cannot be used on this machine.
+        RenderError: the frame does not fit in memory.
+    """
+    _require("composite", scene=(scene, Scene), camera=(camera, Camera))
+    if scene.job.splats is None:
+        return None
+    return scene.compositor.composite(
+        camera, depth=requirements.wants_depth(scene.job), diffuse=requirements.wants_diffuse(scene.job)
+    )
+
+
+# --- light -----------------------------------------------------------------------------------------------------------
+
+
+def light(
+    scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progress | None = None, look: Look | None = None
+) -> Lit:
+    """The light of a view: unit lights are traced, or found where they were kept, and mixed.
+
+    Args:
+        scene: a prepared job.
+        camera: one of the job's, or any other.
+        lighting: one of the job's, or any other.
+        progress: called with (samples done, samples in all) while something is traced.
+        look: called while the lighting is traced, with what gives its light so far (noisy, and not denoised).
+
+    Raises:
+        Stopped: Ctrl-C; holds what there was.
+        BackendError: the job's variant cannot be used on this machine.
+        RenderError: the film does not fit in memory.
+    """
+    _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
+    job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
+    compared = job.captured if job.splats is not None and requirements.compares_in(job, lighting) else None
+    view = scene.view_light(seen)
+    view.expect([lighting] if compared is None else [compared, lighting], progress)
+    captured: LightingBuffer | None = None
+    try:
+        factor = _factor(scene, lighting)
+    except KeyboardInterrupt:
+        raise Stopped(None) from None
+
+    def lit(buffer: LightingBuffer) -> Lit:
+        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured, factor=factor)
+
+    def offer(so_far: Callable[[], LightingBuffer]) -> None:
+        assert look is not None
+        look(lambda: lit(so_far()))
+
+    try:
+        captured = None if compared is None else view.mixed(compared)
+        if captured is not None and relighting.softens(job.relight_of(lighting)):
+            captured = _softened(scene, captured)
+        return lit(view.mixed(lighting, None if look is None else offer))
+    except ViewStopped:
+        so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None
+        raise Stopped(None if so_far is None else lit(so_far)) from None
+
+
+def _softened(scene: Scene, captured: LightingBuffer) -> LightingBuffer:
+    """Captured light with its lamps as the splats show them; without it there is nothing to compare with."""
+    try:
+        return scene.softened(captured)
+    except KeyboardInterrupt:
+        raise Stopped(None) from None
+
+
+def _factor(scene: Scene, lighting: Lighting) -> F32 | None:
+    """What each splat is multiplied by; None where pixels are."""
+    job = scene.job
+    if job.splats is None or not relighting.per_splat(job.relight_of(lighting)):
+        return None
+    return scene.splat_light.factor(lighting)
+
+
+def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progress: Progress | None = None) -> None:
+    """Trace the unit lights of a view that are not kept yet, and what frames are compared with; nothing is mixed.
+
+    Raises:
+        Stopped, BackendError, RenderError: as :func:`light`.
+    """
+    job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
+    wanted = list(lightings)
+    if job.splats is not None and requirements.compares(job) and job.captured is not None:
+        wanted.append(job.captured)
+        _ = scene.captured_level
+    try:
+        scene.view_light(seen).trace(wanted, progress)
+    except ViewStopped:
+        raise Stopped(None) from None
+
+
+# --- relight ---------------------------------------------------------------------------------------------------------
+
+
+def relight(scene: Scene, splats: SplatLayer | None, lit: Lit | None) -> Frame:
+    """One frame, as the relight settings of the job, or of its lighting, say.
+
+    Args:
+        scene: a prepared job.
+        splats: from :func:`composite`; None: the lit proxy itself.
+        lit: from :func:`light`, of the same camera; None: the splats as captured.
+
+    Raises:
+        ValueError: neither splats nor light; both of different cameras.
+    """
+    _require("relight", scene=(scene, Scene), splats=(splats, SplatLayer | None), lit=(lit, Lit | None))
+    return relit(scene, splats, lit, unfinished=False)
+
+
+def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinished: bool) -> Frame:
+    """:func:`relight`; `unfinished`: of light that was interrupted, which the frame then says."""
+    job = scene.job
+    if splats is None and lit is None:
+        raise ValueError("a frame needs splats, light, or both")
+    camera = lit.camera if lit is not None else splats.camera if splats is not None else None
+    assert camera is not None
+    key = "" if unfinished else scene.keys.frame(camera, lit.lighting if lit else None)
+    settings = job.relight_of(lit.lighting if lit else None)
+    made_by = provenance.of_frame(replace(job, relight=settings), lit.lighting.name if lit else "", key)
+    made_by = replace(made_by, partial=unfinished)
+    if splats is not None and lit is not None and lit.factor is not None:
+        made = relighting.frame_of_splats(splats, _blended(scene, splats, lit.factor, settings), lit.new, made_by)
+    else:
+        made = relighting.apply(
+            splats,
+            lit.new if lit else None,
+            settings,
+            captured=lit.captured if lit else None,
+            captured_level=scene.captured_level if lit and lit.captured else None,
+            made_by=made_by,
+            noise=requirements.wants_noise(job),
+        )
+    mattes = scene.mattes(camera)
+    return replace(made, mattes=mattes) if mattes else made
+
+
+def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSettings) -> F32:
+    """(H, W, 3) the composite of relit splats."""
+    if settings.blend == 0:
+        return splats.color
+    compositor, camera = scene.compositor, splats.camera
+    colors = compositor.colors(camera)
+    new = relighting.relit_colors(splats, colors, compositor.plain_colors, factor, settings)
+    return compositor.composite_with(camera, new, depth=False)[1]
+
+
+def frame(scene: Scene, camera: Camera, lighting: Lighting | None) -> Frame:
+    """The stages one after the other: one whole frame, as `mirelight render` makes it."""
+    splats = composite(scene, camera)
+    return relight(scene, splats, None if lighting is None else light(scene, camera, lighting))
+
+
+# --- types -----------------------------------------------------------------------------------------------------------
+
+
+def _require(call: str, **arguments: tuple[object, object]) -> None:
+    """Raises TypeError, in one line, where an argument is not what the call takes."""
+    for name, (value, kind) in arguments.items():
+        if not isinstance(value, kind):  # type: ignore[arg-type]
+            wanted = getattr(kind, "__name__", str(kind)).removeprefix("mirelight.model.")
+            raise TypeError(f"{call}(): {name} is a {type(value).__name__}, expected {wanted}")

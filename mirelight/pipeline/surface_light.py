@@ -1,0 +1,173 @@
+"""A job's light on the surface: cells and unit lights, each found where it was kept, or made by one process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
+from mirelight.model.unit_lights import LightSet
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline.kept import WAIT, Kept, made_once
+
+if TYPE_CHECKING:
+    from mirelight.lighting import Tracer
+
+Progress = Callable[[int, int], None]  # (samples done, samples in all)
+
+_MOST_BYTES = 2**30  # of light that stays in memory
+FILL = 0x1B873593  # between the seeds of fills that are averaged
+
+
+class Lightable(Protocol):
+    """What is needed of the prepared job."""
+
+    job: Job
+    keys: keys.Keys
+    kept: Kept
+
+    def lighting_of(self, light_set: LightSet) -> Lighting:
+        """What to trace for a set."""
+
+
+class SurfaceLight:
+    """Found or made when it is first asked for.
+
+    A unit light's values do not depend on what it is filled together with, so each is kept by itself: a lamp that is
+    added to a lighting is the only one that is filled.
+
+    Args:
+        scene: a prepared job whose light is read from the surface.
+        tracer: of the job's proxy.
+        tell: called with a line before something that takes long.
+    """
+
+    def __init__(self, scene: Lightable, tracer: Tracer, tell: Callable[[str], None]) -> None:
+        self._job, self._keys, self._kept = scene.job, scene.keys, scene.kept
+        self._lighting_of, self._tracer, self._tell = scene.lighting_of, tracer, tell
+        self._lights: dict[str, tuple[CellLight, ...]] = {}
+
+    @cached_property
+    def cells(self) -> SurfaceCells:
+        """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
+        key = self._keys.surface_cells
+
+        def make() -> SurfaceCells:
+            made = self._tracer.cells(requirements.lighting_cameras(self._job))
+            self._kept.keep_cells(key, made)
+            return made
+
+        return made_once(self._kept, _claim(key), lambda: self._kept.cells(key), make)
+
+    @cached_property
+    def transport(self) -> SurfaceTransport:
+        """How light goes between the cells, whatever the light.
+
+        Raises:
+            RenderError: it does not fit in memory.
+        """
+        key = self._keys.surface_transport
+
+        def make() -> SurfaceTransport:
+            self._tell(f"finding how light goes between {len(self.cells):,} pieces of the surface, for any light")
+            made = self._tracer.transport(self.cells)
+            self._kept.keep_transport(key, made)
+            return made
+
+        return made_once(self._kept, _claim(key), lambda: self._kept.transport(key, len(self.cells)), make)
+
+    def cache(self, light_set: LightSet, progress: Progress | None = None) -> SurfaceCache:
+        """A set's light, its layers named as the set's are.
+
+        Args:
+            light_set: of the job.
+            progress: called while it is gathered.
+
+        Raises:
+            RenderError: the light of so many cells does not fit in memory.
+        """
+        parts = {self._keys.surface_light(part): part for part in light_set.parts()}
+        said = False
+        while missing := [key for key in parts if not self._find(key)]:
+            with ExitStack() as held:
+                mine = [key for key in missing if held.enter_context(self._kept.claim(_claim(key)))]
+                mine = [key for key in mine if not self._find(key)]  # made while the claim was taken
+                if mine:
+                    self._fill({key: parts[key] for key in mine}, progress)
+            if not mine:
+                if not said:
+                    self._tell("another process gathers the light on the surface; waiting for it")
+                said = True
+                time.sleep(WAIT)
+        lights = [self._lights[key] for key in parts]
+        if light_set.units:
+            named = [replace(light, name=str(i)) for i, part in enumerate(lights) for light in part]
+        else:
+            named = [light for part in lights for light in part]
+        self._make_room(parts)
+        return SurfaceCache(cells=self.cells, lights=tuple(named))
+
+    def _find(self, key: str) -> bool:
+        """Whether a part is in memory, where it is brought to if it is kept."""
+        if key not in self._lights:
+            found = self._kept.cell_lights(key, len(self.cells))
+            if found is None:
+                return False
+            self._lights[key] = found
+        return True
+
+    def _fill(self, parts: dict[str, LightSet], progress: Progress | None) -> None:
+        """Make parts together, as they share rays, and keep each by itself."""
+        units = tuple(unit for part in parts.values() for unit in part.units)
+        whole = LightSet(units) if units else next(iter(parts.values()))
+        count = len(whole.units) or 1
+        self._tell(
+            f"gathering the light of {count} source{'s' * (count > 1)} on {len(self.cells):,} pieces of the surface; "
+            "it is kept for the next time"
+        )
+        emission = whole.whole is not None or whole.glow
+        glows = emission and self._tracer.emissive
+        transport = None if glows else self.transport
+        lighting = self._lighting_of(whole)
+        made = self._tracer.fill(self.cells, lighting, transport=transport, emission=emission, progress=progress)
+        if self._job.render.noise is not None:
+            made = self._enough(made, lighting, emission, self._job.render.noise)
+        by_name = {light.name: light for light in made.lights}
+        for i, key in enumerate(parts):
+            self._lights[key] = (by_name[str(i)],) if units else made.lights
+            self._kept.keep_cell_lights(key, self._lights[key], len(self.cells))
+
+    def _enough(self, first: SurfaceCache, lighting: Lighting, emission: bool, target: float) -> SurfaceCache:
+        """As many fills, averaged, as bring the job's pictures to their noise target at least cost."""
+        from mirelight.lighting.budget import averaged
+
+        tracer, cameras = self._tracer, requirements.lighting_cameras(self._job)
+        if not cameras or not first.lights:
+            return first
+        rays, pixels = min(x.rays for x in first.lights), sum(x.width * x.height for x in cameras)
+        noise = tracer.noise_of(lighting, cameras, first, emission=emission)
+        count = noise.fills(target, rays * len(self.cells), pixels)
+        self._tell(
+            f"for a noise of {target:g}, light on the surface is gathered along {count * rays:,} rays of each piece; "
+            f"{rays} leave a noise of {noise.of_fill**0.5:.2g}, a sample of each pixel {noise.of_sample**0.5:.2g}"
+        )
+        fills = [first]
+        for k in range(1, count):
+            own = replace(tracer.settings, seed=(tracer.settings.seed + FILL * k) & 0xFFFFFFFF)
+            again = tracer.tuned(own, layers=True, aovs=False)
+            fills.append(again.fill(self.cells, lighting, emission=emission))
+        return averaged(fills)
+
+    def _make_room(self, needed: dict[str, LightSet]) -> None:
+        """Let go of what is not needed now, where there is much."""
+        held = sum(2 * x.direct.nbytes for lights in self._lights.values() for x in lights)
+        if held > _MOST_BYTES:
+            self._lights = {key: x for key, x in self._lights.items() if key in needed}
+
+
+def _claim(key: str) -> str:
+    return f"surface {key[:24]}"

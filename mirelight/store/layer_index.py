@@ -1,0 +1,258 @@
+"""The index of kept layers, `.mirelight/dataset.json`: which files hold what, so that any lighting can be mixed.
+
+A few numbers for each camera, unit light and lighting, and the keys by which composites and traced light are kept.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mirelight.base.errors import InputError
+from mirelight.io.atomic import atomic_path
+from mirelight.io.safety import read_file
+from mirelight.model import (
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    DisplaySettings,
+    IesProfile,
+    Light,
+    PointLight,
+    RelightSettings,
+    SpotLight,
+    SunLight,
+)
+from mirelight.model.profiles import PROFILES
+from mirelight.store import fitting
+
+FILE = Path(".mirelight") / "dataset.json"
+LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
+VERSION = 2
+_LIGHTS = {kind.__name__: kind for kind in (AreaLight, DirectionalLight, PointLight, SpotLight, SunLight)}
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """Light from far away, kept as an array."""
+
+    key: str  # of a map (h, w, 3) of linear radiance, or of suns (n, 7): the way they shine, lux, degrees across
+    rotation: float = 0.0  # degrees, of a map
+    intensity: float = 1.0  # multiplies it
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # linear, multiplies it, too: of what is traced as it is
+
+
+@dataclass(frozen=True, slots=True)
+class UnitLight:
+    """Light that can be dimmed and coloured on its own."""
+
+    name: str  # unique; that of its layer in the first lighting that has it
+    kind: str  # lamp, sun, area, group, environment, sky, or whole: a lighting that was traced as it is
+    lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they shine; none of skies
+    group: int  # index of the set that it was traced in
+    layer: str  # its layer there; "": all of them
+    around: tuple[Around, ...] = ()  # of environments and skies
+
+
+@dataclass(frozen=True, slots=True)
+class Weighted:
+    """A lighting as weights over unit lights."""
+
+    name: str
+    groups: tuple[int, ...]  # the sets that it is made of, at least one
+    units: tuple[int, ...]
+    weights: tuple[tuple[float, float, float], ...]  # linear: colour times intensity
+    relight: RelightSettings | None = None  # how it meets the splats; None: as the job says
+
+
+@dataclass(frozen=True, slots=True)
+class KeptView:
+    """A camera, and where its pictures are kept."""
+
+    camera: Camera
+    light_size: tuple[int, int]  # rows and columns of the light's pictures
+    composite: str | None  # key; None: the job has no splats
+    groups: tuple[str, ...]  # keys of the traced sets
+    glow: str  # key of what the proxy's own surfaces send out; there is no such file where nothing glows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Index:
+    """All that mixing needs to know."""
+
+    job: str  # the job file's name
+    views: tuple[KeptView, ...]
+    units: tuple[UnitLight, ...]
+    lightings: tuple[Weighted, ...]
+    captured: Weighted | None  # where the relight mode compares with it
+    captured_level: str | None  # key of an array
+    relight: RelightSettings
+    display: DisplaySettings
+    denoised: bool  # the job's own frames are, after mixing; the layers are as traced
+    profile: str
+    linear: bool  # composites hold linear light
+
+
+def write(index: Index, folder: Path) -> None:
+    """Write the index, unless that very one is there.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    text = json.dumps({"version": VERSION, **_packed(index)}, allow_nan=False, separators=(",", ":")) + "\n"
+    path = folder / FILE
+    try:
+        if read_file(path) == text.encode():
+            return
+    except (OSError, ValueError):
+        pass
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def read(folder: Path) -> Index:
+    """The index of an output folder.
+
+    Raises:
+        InputError: there is none, or it is not one of this version.
+    """
+    path = folder / FILE
+    remedy = 'render the job with output.store = "layers" or "both"'
+    try:
+        data = json.loads(read_file(path), parse_constant=_refused)
+    except OSError:
+        raise InputError(folder, "no kept layers", remedy) from None
+    except (ValueError, RecursionError):
+        raise InputError(path, "not an index of layers", remedy) from None
+    try:
+        if data["version"] != VERSION:
+            raise InputError(path, f"version {data['version']}", f"this mirelight reads version {VERSION}; {remedy}")
+        index = _index(data)
+        fitting.require(index)
+        _require_places(index)
+        return index
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError):
+        raise InputError(path, "a damaged index", remedy) from None
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(constant)
+
+
+def _require_places(index: Index) -> None:
+    """Raises ValueError: something names what is not there."""
+    if index.profile not in PROFILES:
+        raise ValueError("an unknown profile")
+    counts = {len(view.groups) for view in index.views}
+    if len(counts) != 1:
+        raise ValueError("views of different sets")
+    groups, units = range(counts.pop()), range(len(index.units))
+    for view in index.views:
+        (rows, columns), camera = view.light_size, view.camera
+        if not (0 < rows <= 4 * camera.height and 0 < columns <= 4 * camera.width):
+            raise ValueError("light of another size")
+    for one in (*index.lightings, *(() if index.captured is None else (index.captured,))):
+        known = all(i in groups for i in one.groups) and all(i in units for i in one.units)
+        if not one.groups or not known or len(one.units) != len(one.weights):
+            raise ValueError("a lighting of unknown lights")
+    if any(unit.group not in groups for unit in index.units):
+        raise ValueError("a light of an unknown set")
+
+
+# --- JSON ------------------------------------------------------------------------------------------------------------
+
+
+def _packed(value: Any) -> Any:
+    match value:
+        case np.ndarray():
+            return value.tolist()
+        case float():
+            return value if math.isfinite(value) else None
+        case tuple() | list():
+            return [_packed(x) for x in value]
+        case RelightSettings() | DisplaySettings():
+            return asdict(value)
+        case Mapping():
+            return {key: _packed(x) for key, x in value.items()}
+        case IesProfile():
+            return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+        case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
+            own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+            return {"type": type(value).__name__, **own}
+        case Camera() | Index() | KeptView() | UnitLight() | Weighted() | Around():
+            return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+        case _:
+            return value
+
+
+def _index(data: dict[str, Any]) -> Index:
+    display = dict(data["display"])
+    display["background"] = tuple(display["background"])
+    captured = data["captured"]
+    return Index(
+        job=str(data["job"]),
+        views=tuple(_view(x) for x in data["views"]),
+        units=tuple(_unit(x) for x in data["units"]),
+        lightings=tuple(_weighted(x) for x in data["lightings"]),
+        captured=None if captured is None else _weighted(captured),
+        captured_level=None if data["captured_level"] is None else _key(data["captured_level"]),
+        relight=RelightSettings(**data["relight"]),
+        display=DisplaySettings(**display),
+        denoised=bool(data["denoised"]),
+        profile=str(data["profile"]),
+        linear=bool(data["linear"]),
+    )
+
+
+def _view(data: dict[str, Any]) -> KeptView:
+    camera = {**data["camera"], "world_from_camera": np.array(data["camera"]["world_from_camera"])}
+    camera["far"] = math.inf if camera["far"] is None else camera["far"]
+    rows, columns = data["light_size"]
+    groups = tuple(_key(x) for x in data["groups"])
+    composite = None if data["composite"] is None else _key(data["composite"])
+    return KeptView(Camera(**camera), (rows, columns), composite, groups, _key(data["glow"]))
+
+
+def _key(value: Any) -> str:
+    """A key as a file name: what is none must lead nowhere."""
+    if not isinstance(value, str) or not value.isalnum():
+        raise ValueError
+    return value
+
+
+def _unit(data: dict[str, Any]) -> UnitLight:
+    lights = tuple(_light(x) for x in data["lights"])
+    around = tuple(_around(x) for x in data["around"])
+    return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"], around)
+
+
+def _around(data: dict[str, Any]) -> Around:
+    red, green, blue = data.get("color", (1.0, 1.0, 1.0))
+    color = float(red), float(green), float(blue)
+    return Around(_key(data["key"]), float(data["rotation"]), float(data["intensity"]), color)
+
+
+def _light(data: dict[str, Any]) -> Light:
+    kind: Callable[..., Light] = _LIGHTS[data["type"]]
+    own: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
+    if "range" in own and own["range"] is None:
+        own["range"] = math.inf
+    if "size" in own:
+        own["size"] = tuple(data["size"])
+    if own.get("profile") is not None:
+        own["profile"] = IesProfile(**{k: np.array(v) for k, v in own["profile"].items()})
+    return kind(**own)
+
+
+def _weighted(data: dict[str, Any]) -> Weighted:
+    weights = tuple((float(r), float(g), float(b)) for r, g, b in data["weights"])
+    relight = data.get("relight")
+    settings = None if relight is None else RelightSettings(**relight)
+    return Weighted(data["name"], tuple(data["groups"]), tuple(data["units"]), weights, settings)

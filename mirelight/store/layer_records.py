@@ -1,0 +1,179 @@
+"""The index of a job's layers, from the job alone: nothing is read or made for it. And what it names besides layers:
+the maps and suns of environments and skies, so that a data set holds them, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mirelight import relighting
+from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
+from mirelight.model.lights import SKY, SUN, EstimatedSky
+from mirelight.model.unit_lights import GLOW, LightSet, Unit
+from mirelight.pipeline import keys, requirements
+from mirelight.pipeline import plan as planning
+from mirelight.pipeline.kept import Kept
+from mirelight.pipeline.plan import Plan
+from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.store.small_maps import shrunk
+
+_TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
+
+
+def describe(plan: Plan) -> Index:
+    """What all of the job's cameras and lightings are kept as, whatever the plan has chosen."""
+    job = plan.job
+    if len(plan.groups) < len(job.cameras) or len(plan.groups[0].tasks) < len(job.lightings):
+        plan = planning.plan(job)
+    made = plan.keys
+    known = _Units(made)
+    lightings = tuple(known.weighted(x) for x in job.lightings)
+    compared = _compared(job)
+    captured = None if compared is None else known.weighted(compared)
+    views: list[KeptView] = []
+    for group in plan.groups:
+        camera = group.camera
+        seen = relighting.lighting_camera(camera, job.relight)
+        views.append(
+            KeptView(
+                camera=camera,
+                light_size=(seen.height, seen.width),
+                composite=None if job.splats is None else made.composite(camera),
+                groups=tuple(made.light(one, seen) for one in known.sets.values()),
+                glow=made.light(GLOW, seen),
+            )
+        )
+    return Index(
+        job=job.source.name,
+        views=tuple(views),
+        units=tuple(known.units),
+        lightings=lightings,
+        captured=captured,
+        captured_level=made.captured_level if captured is not None else None,
+        relight=job.relight,
+        display=job.display,
+        denoised=job.render.denoise,
+        profile=job.compositor.profile,
+        linear=job.compositor.blends_linear,
+    )
+
+
+def _compared(job: Job) -> Lighting | None:
+    """The captured lighting, where frames take it."""
+    return job.captured if job.splats is not None and requirements.compares(job) else None
+
+
+class _Units:
+    """The unit lights of a job, in the order in which lightings name them."""
+
+    def __init__(self, made: keys.Keys) -> None:
+        self._made = made
+        self.sets: dict[str, LightSet] = {}
+        self.units: list[UnitLight] = []
+        self._places: dict[str, int] = {}  # of units, by digest
+        self._names: dict[str, int] = {}
+
+    def weighted(self, lighting: Lighting) -> Weighted:
+        mixture = self._made.mixture(lighting)
+        order = list(self.sets)
+        for one in mixture.sets:
+            if one.digest not in self.sets:
+                self.sets[one.digest] = one
+                order.append(one.digest)
+        groups = {one.digest: order.index(one.digest) for one in mixture.sets}
+        first = mixture.sets[0]
+        if first.whole is not None:
+            place = self._place(first.digest, lighting.name, "whole", groups[first.digest], "", first.whole)
+            return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),), lighting.relight)
+        places: list[int] = []
+        for term in mixture.terms:
+            home = next(s for s in mixture.sets if s.layer_of(term.unit) is not None)
+            layer = home.layer_of(term.unit) or ""
+            places.append(
+                self._place(term.unit.digest, term.layer, _kind(term.unit), groups[home.digest], layer, term.unit)
+            )
+        weights = tuple((float(t.weight[0]), float(t.weight[1]), float(t.weight[2])) for t in mixture.terms)
+        return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights, lighting.relight)
+
+    def _place(self, digest: str, name: str, kind: str, group: int, layer: str, of: Unit | Lighting) -> int:
+        if digest not in self._places:
+            self._places[digest] = len(self.units)
+            count = self._names[name] = self._names.get(name, 0) + 1
+            own = name if count == 1 else f"{name}-{count}"
+            around = tuple(key for key, _ in _around(of, self._made))
+            self.units.append(UnitLight(own, kind, _shining(of), group, layer, around))
+        return self._places[digest]
+
+
+def _kind(unit: Unit) -> str:
+    if unit.environment is not None:
+        return "environment"
+    if unit.sky is not None:
+        return "sun" if unit.part == "sun" else "sky"
+    return _TEXT.get(type(unit.lights[0]), "lamp") if len(unit.lights) == 1 else "group"
+
+
+# --- light from far away ---------------------------------------------------------------------------------------------
+
+_Source = Environment | tuple[SkyModel | EstimatedSky, str]  # a picture, or the sun or the sky of a model
+
+
+def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]) -> None:
+    """Keep the maps and suns that the index names and that are not there yet.
+
+    Args:
+        plan: of the job.
+        kept: where to.
+        resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.pipeline.scene.Scene`.
+    """
+    compared = _compared(plan.job)
+    for lighting in (*plan.job.lightings, *(() if compared is None else (compared,))):
+        mixture = plan.keys.mixture(lighting)
+        whole = mixture.sets[0].whole
+        for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:
+            for around, source in _around(of, plan.keys):
+                if not kept.has_array(around.key):
+                    kept.keep_array(around.key, _values(source, resolved))
+
+
+def _shining(of: Unit | Lighting) -> tuple[Light, ...]:
+    """Its lights, with what is said of them in `mix`."""
+    if isinstance(of, Unit) or not of.mix:
+        return of.lights
+    factors = of.factors()
+    return tuple(replace(x, color=x.color * factors.get(x.group or x.name, 1.0)) for x in of.lights)
+
+
+def _around(of: Unit | Lighting, made: keys.Keys) -> list[tuple[Around, _Source]]:
+    """What is kept of a unit's light from far away, and what it is made from; with what is said of it in `mix`."""
+    factors = {} if isinstance(of, Unit) else of.factors()
+
+    def color(layer: str) -> tuple[float, float, float]:
+        red, green, blue = (float(x) for x in factors.get(layer, np.ones(3)))
+        return red, green, blue
+
+    out: list[tuple[Around, _Source]] = []
+    if of.environment is not None:
+        around = of.environment
+        own = Around(made.map_of(around), around.rotation, around.intensity, color(around.name))
+        out.append((own, around))
+    if of.sky is not None:
+        parts = (of.part,) if isinstance(of, Unit) else (SUN, SKY)
+        out += [(Around(made.sky_of(of.sky, part), color=color(part)), (of.sky, part)) for part in parts]
+    return out
+
+
+def _values(source: _Source, resolved: Callable[[Lighting], Lighting]) -> F32:
+    if isinstance(source, Environment):
+        return shrunk(source.pixels)
+    model, part = source
+    lighting = resolved(Lighting(sky=model))
+    if part == SKY:
+        around = lighting.environment
+        assert around is not None
+        return shrunk(around.pixels * np.float32(around.intensity))
+    suns = [x for x in lighting.lights if isinstance(x, SunLight)]
+    rows = [[*x.direction, *(x.color * x.intensity), x.angular_diameter] for x in suns]
+    return np.array(rows, dtype=np.float32).reshape(-1, 7)

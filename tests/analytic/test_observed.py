@@ -1,0 +1,117 @@
+"""Colours of splats that lie off the surface, as an optimiser leaves them: what they blend to is what counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mirelight.base.colour import srgb_decode, srgb_encode
+from mirelight.base.errors import RenderError
+from mirelight.base.sh import C0
+from mirelight.compositor import Compositor
+from mirelight.io.splats import merge
+from mirelight.lighting import Tracer, captured_level, colored_by
+from mirelight.model import F64, Camera, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
+from mirelight.proxy.capture_views import capture_views
+
+SETTINGS = RenderSettings(seed=1)
+DAY = Lighting(name="day", environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
+VIEWS = tuple(
+    Camera.look_at((x, 2.5, z), (0.2 * x, 0, 0.2 * z), 60, 40, yfov=50, name=f"{x} {z}")
+    for x, z in ((1.5, 0.5), (-1.5, 1.0), (0.3, 1.8), (0.5, -1.9))
+)
+
+
+def floor() -> ProxyMesh:
+    """4 x 4 units at height 0, in faces of 0.1."""
+    line = np.linspace(-2, 2, 41)
+    x, z = np.meshgrid(line, line, indexing="ij")
+    k = np.arange(41 * 41).reshape(41, 41)
+    a, b, c, d = (q.ravel() for q in (k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return ProxyMesh(vertices=np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], 1), faces=faces)
+
+
+def cloud_of(means: F64, sizes: F64, opacities: F64, display: F64) -> SplatCloud:
+    """Balls and ellipsoids along the axes."""
+    at, size, opacity, sh = (x.astype(np.float32) for x in (means, sizes, opacities, (display - 0.5) / C0))
+    quats = np.tile(np.array([1, 0, 0, 0], np.float32), (len(at), 1))
+    return SplatCloud(means=at, quats=quats, scales=size, opacities=opacity, sh=sh[:, None])
+
+
+def fuzzy() -> SplatCloud:
+    """Half transparent balls about the floor: dark ones before it, bright ones behind it."""
+    rng = np.random.default_rng(2)
+    count = 6000
+    means = rng.uniform((-2, -0.03, -2), (2, 0.03, 2), (count, 3))
+    display = np.where(means[:, 1:2] > 0, 0.45, 0.8) * np.ones(3)
+    sizes, opacities = rng.uniform(0.04, 0.06, (count, 3)), rng.uniform(0.3, 0.6, count)
+    return cloud_of(means, sizes, opacities, display)
+
+
+def shown(cloud: SplatCloud, camera: Camera) -> SplatLayer:
+    return Compositor(cloud).composite(camera)
+
+
+def test_the_proxy_looks_as_the_capture_does() -> None:
+    """At a camera that gave no colours, under the captured light."""
+    cloud, mesh, camera = fuzzy(), floor(), Camera.look_at((-0.8, 2.2, -1.4), (0, 0, 0), 60, 40, yfov=35)
+    views = capture_views(cloud, VIEWS)
+    assert len(views) == len(VIEWS)
+    layer = shown(cloud, camera)
+    true = srgb_decode(layer.color)
+
+    def off(given: tuple[SplatLayer, ...]) -> float:
+        proxy = colored_by(cloud, mesh, DAY, SETTINGS, given)
+        seen = Tracer(proxy, RenderSettings(seed=1, spp=64), layers=False, aovs=False).trace(DAY, camera)
+        return float(np.mean(seen.beauty[..., :3][8:-8, 8:-8]) / np.mean(true[8:-8, 8:-8]) - 1)
+
+    assert abs(off(views)) < 0.03
+    assert off(()) > 0.15  # single splats, dark and bright, count alike
+
+
+def test_the_level_is_that_of_the_surface() -> None:
+    """Nothing blocks the sky: irradiance / pi is its radiance."""
+    cloud, mesh = fuzzy(), floor()
+    level = captured_level(cloud, mesh, DAY, SETTINGS, capture_views(cloud, VIEWS))
+    assert level == pytest.approx(1.0, rel=0.02)
+
+
+def test_discs_are_not_looked_at() -> None:
+    cloud = fuzzy()
+    flat = SplatCloud(
+        means=cloud.means,
+        quats=cloud.quats,
+        scales=cloud.scales * np.array([1, 0.05, 1], np.float32),
+        opacities=cloud.opacities,
+        sh=cloud.sh,
+    )
+    assert capture_views(flat, VIEWS) == ()
+    assert capture_views(cloud, ()) == ()
+
+
+def test_a_proxy_that_no_picture_shows() -> None:
+    """Where splats and mesh do not lie at one depth nothing is told."""
+    cloud, mesh = fuzzy(), floor()
+    away = ProxyMesh(vertices=mesh.vertices - np.array([0, 1, 0], np.float32), faces=mesh.faces)
+    with pytest.raises(RenderError, match="nowhere where the capture's pictures show a surface"):
+        colored_by(cloud, away, DAY, SETTINGS, capture_views(cloud, VIEWS))
+
+
+def test_a_wall_beside_a_floor_takes_none_of_its_colour() -> None:
+    """Pixels on outlines are mixtures: a dark slab in front of a bright floor stays dark at its rim."""
+    rng = np.random.default_rng(3)
+    cloud, mesh = fuzzy(), floor()
+    slab = rng.uniform((-0.5, 0.98, -0.5), (0.5, 1.02, 0.5), (3000, 3))
+    dark = np.full((3000, 3), float(srgb_encode(np.array(0.02))))
+    thing = cloud_of(slab, np.full((3000, 3), 0.02), np.full(3000, 0.6), dark)
+    both = merge([cloud, thing])
+    corners = np.array([[-0.5, 1, -0.5], [-0.5, 1, 0.5], [0.5, 1, 0.5], [0.5, 1, -0.5]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + len(mesh.vertices)
+    scene = ProxyMesh(
+        vertices=np.concatenate([mesh.vertices, corners]), faces=np.concatenate([mesh.faces, faces.astype(np.int32)])
+    )
+    made = colored_by(both, scene, DAY, SETTINGS, capture_views(both, VIEWS))
+    assert made.vertex_colors is not None
+    on_slab = made.vertices[:, 1] > 0.9
+    assert float(made.vertex_colors[on_slab].max()) < 0.06

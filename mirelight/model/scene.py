@@ -137,6 +137,8 @@ class ProxyMesh(ArrayHolder):
     @property
     def too_far(self) -> str:
         """As :attr:`SplatCloud.too_far`; a mesh has no strays, so its bounds tell."""
+        if not len(self.vertices):
+            return ""
         low, high = self.bounds
         return _too_far(low.astype(np.float64), high.astype(np.float64))
 

@@ -87,7 +87,7 @@ def test_it_is_found_from_any_folder(job: Path, cache: Path, capsys: pytest.Capt
     kept = (job.parent / "two" / ".mirelight" / "scene").glob("*.array")
     assert (
         sum("faces" in read_arrays(x).arrays for x in kept) == 1
-    )  # for machines that share the folder and not the cache
+    )  # for those who share the folder alone
     assert cli.main(["inspect", str(job), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["proxy_to_make"] is False
     shutil.rmtree(cache)

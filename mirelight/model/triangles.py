@@ -26,3 +26,13 @@ def normals(corners: NDArray[_Float]) -> NDArray[_Float]:
 def areas(corners: NDArray[_Float]) -> NDArray[_Float]:
     """(F,) areas of triangles (F, 3 corners, 3)."""
     return np.asarray(np.linalg.norm(crossed(corners), axis=1) / 2)
+
+
+def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(V, 3) unit means of the normals of the faces (F, 3) around vertices (V, 3), by area; length 0 where none are."""
+    own = crossed(vertices[faces])
+    sums = np.zeros_like(vertices)
+    for corner in range(3):
+        for k in range(3):
+            sums[:, k] += np.bincount(faces[:, corner], own[:, k], len(vertices))
+    return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), np.finfo(np.float64).tiny))

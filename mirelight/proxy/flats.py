@@ -36,8 +36,8 @@ class Points:
     weight: F64  # (N,) 0..1: trust in those that were joined, and how far their normals agree
 
     @staticmethod
-    def of(views: Sequence[DepthMap], spacing: float) -> Points:
-        """What views see, one point a voxel."""
+    def of(views: Sequence[DepthMap], spacing: float, radius: float) -> Points:
+        """What views see within the radius, one point a voxel."""
         at, normal, weight = [], [], []
         for view in views:
             here, facing = points_of(view, _STEP)
@@ -46,6 +46,8 @@ class Points:
             normal.append(facing)
             weight.append(view.trust[::_STEP, ::_STEP][seen].astype(np.float64) + 1e-3)
         points, normals, weights = np.concatenate(at), np.concatenate(normal), np.concatenate(weight)
+        near = (points * points).sum(axis=1) < radius * radius
+        points, normals, weights = points[near], normals[near], weights[near]
         i = np.floor(points / (_VOXEL * spacing)).astype(np.int64) + (1 << 20)
         _, index, count = np.unique((i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2], return_inverse=True, return_counts=True)
         total = np.bincount(index, weights)
@@ -79,14 +81,21 @@ class Flat:
         i = np.where(inner[..., None], i, 0)
         return np.asarray(inner & self.there[i[..., 0], i[..., 1]])
 
+    @property
+    def middles(self) -> F64:
+        """(I J, 3) of the cells."""
+        i = np.stack(np.meshgrid(*(np.arange(n) for n in self.there.shape), indexing="ij"), axis=-1).reshape(-1, 2)
+        places = (i + self.low + 0.5) * self.cell
+        return np.asarray(places[:, :1] * self.axes[0] + places[:, 1:] * self.axes[1] + self.normal * self.offset)
+
     def off(self, points: F64) -> F64:
         """(...,) distances of points (..., 3), signed."""
         return np.asarray(np.einsum("...i,i->...", points, self.normal) - self.offset)
 
 
-def flats_of(views: Sequence[DepthMap], spacing: float) -> list[Flat]:
-    """The large planes of what views see, largest first."""
-    points = Points.of(views, spacing)
+def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:
+    """The large planes of what views see within the radius, largest first."""
+    points = Points.of(views, spacing, radius)
     if len(points.at) < _SAMPLE // 100:
         return []
     low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
@@ -170,9 +179,7 @@ def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
     """With the cells that views see on the plane, or that they do not look through where it goes on around them."""
     from scipy.ndimage import binary_closing, binary_fill_holes, label
 
-    i = np.stack(np.meshgrid(*(np.arange(n) for n in flat.there.shape), indexing="ij"), axis=-1).reshape(-1, 2)
-    places = (i + flat.low + 0.5) * flat.cell
-    at = places[:, :1] * flat.axes[0] + places[:, 1:] * flat.axes[1] + flat.normal * flat.offset
+    at = flat.middles
     on, through = np.zeros(len(at)), np.zeros(len(at))
     for view in views:
         own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])

@@ -24,14 +24,17 @@ _FACING = 0.03  # cosine to the ray below which a plane is not seen
 
 def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> DepthMap:
     """The view with the pixels that lie on planes moved onto them; they count in full."""
+    from scipy.ndimage import binary_fill_holes
+
     if not flats:
         return view
     _, directions = rays(view.camera)
     depths = [_depth(view, flat, directions) for flat in flats]
     label = _labels(view, flats, depths, tolerance)
+    solid = binary_fill_holes(view.alpha > OPAQUE)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
     for k, flat in enumerate(flats):
-        on = (label == k) & (depths[k] > 0) & (view.alpha > OPAQUE)
+        on = (label == k) & (depths[k] > 0) & solid
         depth[on] = depths[k][on]
         side = -np.sign((directions[on] * flat.normal).sum(axis=-1))
         normal[on] = side[:, None] * flat.normal

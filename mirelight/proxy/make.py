@@ -20,6 +20,7 @@ from mirelight.proxy.inside import HIDDEN, hidden_share, places
 from mirelight.proxy.judge import judged
 from mirelight.proxy.labels import flattened
 from mirelight.proxy.nets import surface_of
+from mirelight.proxy.openings import looked_through
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
@@ -126,7 +127,10 @@ def _fused(
     report("smoothing depth maps", 0.4)
     views = [slanted(view, capture.spacing) for view in views]
     report("finding planes", 0.6)
-    flats = flats_of(views, capture.spacing)
+    flats = flats_of(views, capture.spacing, capture.radius)
+    opened = looked_through(views, flats, capture.spacing, capture.radius)
+    if opened is not None:
+        views, flats = opened, flats_of(opened, capture.spacing, capture.radius)
     views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing) for view in views]
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.8, 0.9))

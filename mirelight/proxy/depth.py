@@ -87,7 +87,9 @@ class DepthMaps:
             behind = (there > 0) & (z > there + self._reach)
             _, sums = self._thinned.composite_with(camera, np.where(behind[:, None], 0, values), depth=False)
             slope = np.einsum("hwi,hwi->hw", sums[..., :3], directions.astype(np.float32))
-            across = np.einsum("hwi,hwi->hw", sums[..., :3], (origins - camera.position).astype(np.float32) + 0 * sums[..., :3])
+            across = np.einsum(
+                "hwi,hwi->hw", sums[..., :3], (origins - camera.position).astype(np.float32) + 0 * sums[..., :3]
+            )
             surface = (sums[..., 3] - across) / np.where(slope > _BEHIND * sums[..., 4], slope, np.inf)
         weight = np.maximum(sums[..., 4], 1e-30)
         mean = sums[..., 5] / weight

@@ -49,7 +49,9 @@ class Points:
         near = (points * points).sum(axis=1) < radius * radius
         points, normals, weights = points[near], normals[near], weights[near]
         i = np.floor(points / (_VOXEL * spacing)).astype(np.int64) + (1 << 20)
-        _, index, count = np.unique((i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2], return_inverse=True, return_counts=True)
+        _, index, count = np.unique(
+            (i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2], return_inverse=True, return_counts=True
+        )
         total = np.bincount(index, weights)
 
         def mean(rows: F64) -> F64:
@@ -58,7 +60,9 @@ class Points:
         turned_to = mean(normals)
         agreed = np.linalg.norm(turned_to, axis=1)
         return Points(
-            mean(points), turned_to / np.maximum(agreed, 1e-12)[:, None], agreed * np.minimum(count / _STEP, 1) * total / count
+            mean(points),
+            turned_to / np.maximum(agreed, 1e-12)[:, None],
+            agreed * np.minimum(count / _STEP, 1) * total / count,
         )
 
 
@@ -101,7 +105,10 @@ def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[F
     low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
     tolerance = TUNING.plane_tolerance * spacing
     found = _planes(points, tolerance)
-    return [_confirmed(_seen(normal, offset, points, rows, spacing, low, high), views, tolerance) for normal, offset, rows in found]
+    return [
+        _confirmed(_seen(normal, offset, points, rows, spacing, low, high), views, tolerance)
+        for normal, offset, rows in found
+    ]
 
 
 def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:

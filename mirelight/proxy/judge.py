@@ -55,6 +55,14 @@ def judge(
     return judged(capture, DepthMaps(capture, settings), local, there, settings)
 
 
+def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
+    """Of a capture's cameras as many as a capture without is looked at from, evenly taken, as :func:`judge` takes them.
+
+    A room from around shows the backs of its walls.
+    """
+    return tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // VIEWS)])
+
+
 def judged(
     capture: Capture, maps: DepthMaps, mesh: ProxyMesh, cameras: Sequence[Camera] | None, settings: ProxySettings
 ) -> ProxyQuality:

@@ -17,7 +17,7 @@ from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.inside import HIDDEN, hidden_share, places
-from mirelight.proxy.judge import judged
+from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.openings import looked_through
@@ -81,7 +81,7 @@ def make(
         report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
     report("judging the proxy", 0.9)
-    quality = judged(capture, maps, soup.mesh(), None, settings)
+    quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings)
     whole = soup
     if cameras:
         whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0)))

@@ -1,7 +1,7 @@
 """Windows: where pictures are clipped to white and what shines lies behind the wall around it, light comes in.
 
-Splats of a sky that a picture shows as white lie anywhere behind a window's frame, as nothing tells their distance; taken
-for a surface they would shut the window. A patch of sun on a wall is as bright, but lies on it.
+Splats of a sky that a picture shows as white lie anywhere behind a window's frame, as nothing tells their distance;
+taken for a surface they would shut the window. A patch of sun on a wall is as bright, but lies on it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ _BEFORE = 2.0  # spacings: what lies farther before a plane hides it
 _FAR = 6.0  # spacings: what lies farther off counts as this far
 
 
-def looked_through(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, radius: float) -> list[DepthMap] | None:
+def looked_through(
+    views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, radius: float
+) -> list[DepthMap] | None:
     """The views with the sky in windows far away; None: there are no windows.
 
     Args:

@@ -1,4 +1,4 @@
-"""Depth maps made smooth: through each pixel the plane that the depths around it agree on, led by the picture's colours.
+"""Depth maps made smooth: through each pixel the plane that depths around it agree on, led by the picture's colours.
 
 What an optimiser leaves is a surface that waves by some splats. Planes are functions a x + b y + c of the pixel in
 inverse depth, so that windows are fitted by least squares, again and again with less weight on what lies off (Geman and

@@ -116,7 +116,9 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
     rng = np.random.default_rng(0)
     left, out = np.arange(len(points.at)), list[tuple[F64, float, Int]]()
     least = TUNING.plane_least * float(points.weight.sum())
-    while len(out) < TUNING.plane_most and len(left) > _SAMPLE // 100:
+    for _ in range(2 * TUNING.plane_most):
+        if len(out) == TUNING.plane_most or len(left) <= _SAMPLE // 100:
+            break
         some = left[rng.permutation(len(left))[:_SAMPLE]]
         at, normals, weight = points.at[some], points.normal[some], points.weight[some]
         best, held = 0, -1.0
@@ -132,6 +134,9 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
         on = (off < tolerance) & (cosine > TUNING.plane_cosine)
         if points.weight[left[on]].sum() < least:
             break
+        if _turn(points, left[on], normal) > TUNING.plane_turn:
+            left = left[~on]
+            continue
         out.append((normal, offset, left[on]))
         left = left[~((off < TUNING.plane_band * tolerance) & (cosine > 0.6))]
     return out
@@ -155,13 +160,35 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
     return normal, offset
 
 
+def _turn(points: Points, rows: Int, normal: F64) -> float:
+    """By how much, in radians, normals turn from the middle of these points outwards: 0 of a plane, rough or not.
+
+    The turn is regressed on the place in the plane: a slope is the curvature.
+    """
+    axes = _axes(normal)
+    weight = points.weight[rows] / points.weight[rows].sum()
+    place, turn = turned_to(points.at[rows], axes), turned_to(points.normal[rows], axes)
+    turn = turn * np.sign((points.normal[rows] * normal).sum(axis=1))[:, None]
+    place = place - (place * weight[:, None]).sum(axis=0)
+    turn = turn - (turn * weight[:, None]).sum(axis=0)
+    spread = [[(place[:, i] * place[:, j] * weight).sum() for j in range(2)] for i in range(2)]
+    along = [[(place[:, i] * turn[:, j] * weight).sum() for j in range(2)] for i in range(2)]
+    curvature = np.linalg.solve(np.array(spread) + 1e-12 * np.eye(2) * np.trace(spread), np.array(along))
+    return float(np.abs(curvature).max() * np.sqrt(np.trace(spread)))
+
+
+def _axes(normal: F64) -> F64:
+    """(2, 3) unit vectors across it."""
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first)])
+
+
 def _seen(normal: F64, offset: float, points: Points, rows: Int, spacing: float, low: F64, high: F64) -> Flat:
     """Cells over the box that hold points of the plane, small gaps closed."""
     from scipy.ndimage import binary_closing, binary_dilation, label
 
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first /= np.linalg.norm(first)
-    axes, cell = np.stack([first, np.cross(normal, first)]), TUNING.plane_cell * spacing
+    axes, cell = _axes(normal), TUNING.plane_cell * spacing
     corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
     reach = turned_to(corners, axes) / cell
     own = np.floor(turned_to(points.at[rows], axes) / cell).astype(np.int64)

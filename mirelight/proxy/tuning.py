@@ -24,6 +24,9 @@ class Tuning:
     plane_band: float = 2.5  # tolerances: what lies nearer and faces alike is the same surface, and no second plane
     plane_cosine: float = 0.85  # between the normals of points and their plane
     plane_least: float = 0.004  # share of the surface: smaller ones are left to what is free
+    plane_turn: float = (
+        0.15  # radians from middle to rim: what turns more is round (a ball's caps 0.3, a room's walls 0.05)
+    )
     plane_most: int = 24  # planes
     plane_cell: float = 2.0  # side of the cells that tell where a plane is
 

@@ -20,8 +20,9 @@ from mirelight.proxy.views import rays, turned
 
 Bool = NDArray[np.bool_]
 
-_SEEDS = 400  # points whose own planes are tried, for each plane that is found
-_SAMPLE = 20_000  # points that planes are tried on
+_SEEDS = 200  # points whose own planes are tried, for each plane that is found
+_SAMPLE = 6_000  # points that planes are tried on
+FEWEST = 200  # points, of which planes are made
 _STEP = 3  # every third pixel of a map, both ways, is a point
 _VOXEL = 0.7  # spacings: points in one voxel become one
 _ROUNDS = 6  # of fitting a plane to what lies on it
@@ -100,7 +101,7 @@ class Flat:
 def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:
     """The large planes of what views see within the radius, largest first."""
     points = Points.of(views, spacing, radius)
-    if len(points.at) < _SAMPLE // 100:
+    if len(points.at) < FEWEST:
         return []
     low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
     tolerance = TUNING.plane_tolerance * spacing
@@ -117,7 +118,7 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
     left, out = np.arange(len(points.at)), list[tuple[F64, float, Int]]()
     least = TUNING.plane_least * float(points.weight.sum())
     for _ in range(2 * TUNING.plane_most):
-        if len(out) == TUNING.plane_most or len(left) <= _SAMPLE // 100:
+        if len(out) == TUNING.plane_most or len(left) <= FEWEST:
             break
         some = left[rng.permutation(len(left))[:_SAMPLE]]
         at, normals, weight = points.at[some], points.normal[some], points.weight[some]

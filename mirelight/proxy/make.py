@@ -47,9 +47,10 @@ def make(
     """A triangle mesh that stands for the surface of splats.
 
     Discs (fitted surfels) become cells: pieces of their planes, cut by their neighbours. Other captures are looked at
-    from around, and the depth maps are fused. Where the capture's cameras are known, what they did not see is closed
-    against light. The mesh is decided, to the bit, by the splats' means, rotations, scales and opacities, by the
-    cameras and by the settings other than `threads`.
+    through their cameras, or from around where those are not known, and the depth maps are smoothed, moved onto the
+    planes that they show, and fused. Where the capture's cameras are known, what they did not see is closed against
+    light. The mesh is decided, to the bit, by the splats (of their colours by what does not change with the view), by
+    the cameras and by the settings other than `threads`.
 
     Args:
         splats: the capture, in world space.
@@ -59,8 +60,8 @@ def make(
         source: whom to name in an error, usually the splats' file.
 
     Raises:
-        InputError: splats that have no surface: too few, transparent, fog, too far from the origin; cameras that do not
-            see it.
+        InputError: splats that have no surface: too few, transparent, fog, too far from the origin; cameras that are
+            another capture's.
         BackendError: the variant cannot run here.
         RenderError: not enough memory.
     """

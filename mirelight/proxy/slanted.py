@@ -17,6 +17,7 @@ from mirelight.proxy.depth import OPAQUE, DepthMap
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 
+LEAST_WINDOW, MOST_WINDOW = 2, 8  # px, radius
 _LEAST = 0.05  # summed weight of a window that tells a plane
 
 
@@ -25,11 +26,15 @@ def slanted(view: DepthMap, noise: float) -> DepthMap:
 
     Args:
         view: a map as `DepthMaps` makes it.
-        noise: by how far depths of one surface differ, world units.
+        noise: by how far depths of one surface differ, world units: the splats' spacing.
     """
-    radius, step = TUNING.window, TUNING.window_step
-    height, width = view.depth.shape
     there = view.depth > 0
+    if not there.any():
+        return view
+    footprint = float(np.median(view.depth[there])) / view.camera.fx
+    radius = int(np.clip(TUNING.window * noise / footprint, LEAST_WINDOW, MOST_WINDOW))
+    step = TUNING.window_step if radius > 2 * LEAST_WINDOW else 1
+    height, width = view.depth.shape
     inverse = np.where(there, 1 / np.maximum(view.depth, np.float32(1e-12)), 0).astype(np.float32)
     trust = np.where(there, 0.05 + view.trust, 0).astype(np.float32)
     padded = [np.pad(x, [(radius, radius)] * 2 + [(0, 0)] * (x.ndim - 2)) for x in (inverse, trust, view.color)]

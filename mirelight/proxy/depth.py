@@ -100,7 +100,7 @@ class DepthMaps:
         normal = -sums[..., :3] / np.maximum(np.linalg.norm(sums[..., :3], axis=-1, keepdims=True), 1e-30)
         return DepthMap(
             camera,
-            layer.color / np.maximum(alpha, np.float32(1e-3))[..., None],
+            (layer.color / np.maximum(alpha, np.float32(1e-3))[..., None]).astype(np.float32),
             alpha,
             np.where(sound, surface, 0).astype(np.float32),
             np.where(sound[..., None], normal, 0).astype(np.float32),
@@ -117,7 +117,8 @@ class DepthMaps:
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.float32(1e-30))
         z = np.einsum("ni,i->n", v, ahead)
         rows = np.stack([np.einsum("ni,ni->n", n, v), np.ones_like(z), z, z * z], axis=1)
-        return np.nan_to_num(np.concatenate([n, rows], axis=1).astype(np.float32) * self._fine[:, None])
+        planes = np.concatenate([n, rows], axis=1).astype(np.float32) * self._fine[:, None]
+        return np.asarray(np.nan_to_num(planes), np.float32)
 
     def _places(self, camera: Camera) -> tuple[F32, NDArray[np.int64]]:
         """(N,) depth of the splats' middles, and the pixel that each lies in; -1: none."""

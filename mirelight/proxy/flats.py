@@ -82,7 +82,7 @@ class Flat:
         """(...,) whether points (..., 3) lie over such cells."""
         i = np.floor(np.einsum("...i,ki->...k", points, self.axes) / self.cell)
         i = np.where(np.isfinite(i), i, -1e9).astype(np.int64) - self.low
-        inner = ((i >= 0) & (i < self.there.shape)).all(axis=-1)
+        inner = np.asarray(((i >= 0) & (i < self.there.shape)).all(axis=-1))
         i = np.where(inner[..., None], i, 0)
         return np.asarray(inner & self.there[i[..., 0], i[..., 1]])
 
@@ -229,9 +229,9 @@ def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
         near = tolerance + 0.5 * view.spread.ravel()[pixel] * aslant
         on[rows] += trust * (np.abs(off) < near)
         through[rows] += trust * (off > 2.5 * near)
-    on, through = on.reshape(flat.there.shape), through.reshape(flat.there.shape)
-    sure = flat.there & (on > 0.5 * through)
-    free = (through > 2 * on) & (through > 0.3)
+    held, open_ = on.reshape(flat.there.shape), through.reshape(flat.there.shape)
+    sure = flat.there & (held > 0.5 * open_)
+    free = (open_ > 2 * held) & (open_ > 0.3)
     whole = (binary_closing(np.pad(sure, 20), iterations=12)[20:-20, 20:-20] | binary_fill_holes(sure)) & ~free | sure
     part, _ = label(whole)
     own_parts = np.unique(part[sure])

@@ -11,11 +11,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import OPAQUE, DepthMap
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
+
+Bool = NDArray[np.bool_]
 
 LEAST_WINDOW, MOST_WINDOW = 2, 8  # px, radius
 _LEAST = 0.05  # summed weight of a window that tells a plane
@@ -47,7 +50,7 @@ def slanted(view: DepthMap, noise: float) -> DepthMap:
         near = np.float32((x * x + y * y) / (2 * (radius / 2) ** 2))
         weights.append(padded[1][window] * np.exp(-other / np.float32(TUNING.window_color) - near))
     plane = _plane_of(view)
-    found = np.zeros((height, width), bool)
+    found: Bool = np.zeros((height, width), bool)
     for wide in TUNING.window_rounds:
         scale = 1 / (np.float32(wide * noise) * np.maximum(plane[..., 2], np.float32(1e-12)) ** 2)
         sums = np.zeros((9, height, width), np.float32)
@@ -64,7 +67,7 @@ def slanted(view: DepthMap, noise: float) -> DepthMap:
     return _with_planes(view, plane, found)
 
 
-def _solved(sums: F32, before: F32) -> tuple[F32, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
+def _solved(sums: F32, before: F32) -> tuple[F32, Bool]:
     """Planes (H, W, 3) of least squares, and where they are sound; elsewhere those of before."""
     one, x, y, xx, xy, yy, v, vx, vy = sums.astype(np.float64)
     rows = [[xx + 1e-6, xy, x], [xy, yy + 1e-6, y], [x, y, one + 1e-9]]
@@ -86,7 +89,7 @@ def _plane_of(view: DepthMap) -> F32:
     return np.stack([*parts, 1 / depth], axis=-1).astype(np.float32)
 
 
-def _with_planes(view: DepthMap, plane: F32, found: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> DepthMap:
+def _with_planes(view: DepthMap, plane: F32, found: Bool) -> DepthMap:
     """The view with these planes in inverse depth."""
     camera, turn = view.camera, view.camera.world_from_camera[:3, :3]
     _, directions = rays(camera)

@@ -131,7 +131,7 @@ def test_cameras_of_nothing_are_refused(job: Path) -> None:
     (job.parent / "away.csv").write_text(CAMERAS.replace("4,0,0,0,60", "4,0,90,0,60"), encoding="utf-8")
     with pytest.raises(InputError, match=r"none\.csv|proxy\.cameras"):
         mirelight.load(job, ['proxy={path="splats",cameras="none.csv"}'])
-    with pytest.raises(InputError, match="see 0% of its surface; give the cameras of this capture"):
+    with pytest.raises(InputError, match="have 0% of it in their pictures; give the cameras of this capture"):
         mirelight.prepare(mirelight.load(job, ['proxy={path="splats",cameras="away.csv"}'])).mesh  # noqa: B018
     with pytest.raises(InputError, match=r'cameras of a mesh that is in a file.* they are for "splats"'):
         mirelight.load(job, ['proxy={path="ball.ply",cameras="away.csv"}'])

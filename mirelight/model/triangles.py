@@ -40,3 +40,13 @@ def barycentric(corners: NDArray[np.float64], points: NDArray[np.float64]) -> ND
     weights = np.maximum(np.stack([part(b, c), part(c, a), part(a, b)], axis=1), 0)
     total = weights.sum(axis=1, keepdims=True)
     return np.where(total > 0, weights / np.maximum(total, 1e-300), 1 / 3).astype(np.float32)
+
+
+def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(V, 3) unit means of the normals of the faces (F, 3) around vertices (V, 3), by area; length 0 where none are."""
+    own = crossed(vertices[faces])
+    sums = np.zeros_like(vertices)
+    for corner in range(3):
+        for k in range(3):
+            sums[:, k] += np.bincount(faces[:, corner], own[:, k], len(vertices))
+    return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), np.finfo(np.float64).tiny))

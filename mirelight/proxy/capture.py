@@ -17,6 +17,7 @@ from mirelight.proxy.types import Int
 FEWEST = 50  # splats that a surface takes
 SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08, captures 0.2-0.4)
 SMALLEST = 1e-12  # world units: squares of distances in what is smaller leave single precision (1e-10 is as 1)
+POINTS = 1e-4  # of the spacing: splats that are smaller leave no surface between them
 FLAT = 0.5  # smallest over middle axis, below which a splat has a normal of its own
 STRAY = 0.002  # share of the splats at either end of an axis that may be strays
 MARGIN = 0.25  # of the box that holds the rest: how far the capture reaches beyond it
@@ -58,6 +59,8 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     spacing = _spacing(kept.means.astype(np.float64))
     if not spacing > 0:
         raise InputError(source, "most splats lie in the same place as another", "check the file")
+    if np.median(np.sort(kept.scales, axis=1)[:, 1]) < POINTS * spacing:
+        raise InputError(source, "no surface: its splats are points, with nothing between them", "check their scales")
     return Capture(kept, middle, half, radius, spacing, surfels)
 
 

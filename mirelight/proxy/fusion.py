@@ -19,6 +19,7 @@ MOST_NODES = 160_000_000  # of the grid: more would take too much memory
 _CHUNK = 1 << 18  # nodes at once
 _SHEET = 3  # cells: what is thinner and seen from both sides is a sheet
 _OPPOSITE = -0.5  # cosine between normals of two sides of one sheet
+_FACING = 0.05  # cosine to the view, as a weight: what is seen more aslant counts as this
 _FEW = 0.02  # of the other side's normals: fewer do no harm
 
 
@@ -85,14 +86,14 @@ class _Planes:
     """What the nodes need of one view, in single precision: a plane for each pixel."""
 
     camera: Camera
-    rows: F32  # (H W, 6) depth, normal, offset of the plane from the origin, cosine at which it is seen
+    rows: F32  # (H W, 6) depth, normal, offset of the plane from the origin, weight
 
     @staticmethod
     def of(view: DepthMap) -> _Planes:
         origins, directions = rays(view.camera)
         spot = origins + directions * view.depth[..., None]
         long = np.maximum(np.linalg.norm(directions, axis=-1), 1e-30)
-        facing = -(view.normal * directions).sum(axis=-1) / long
+        facing = np.clip(-(view.normal * directions).sum(axis=-1) / long, _FACING, 1) * view.trust
         offset = (view.normal * spot).sum(axis=-1)
         rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
         return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))
@@ -115,7 +116,7 @@ class _Planes:
         # A node far behind is hidden; one little behind counts less the deeper: a thin part's far side stays whole.
         hidden = (ahead < -2 * far) | (plane <= -far)
         fading = np.clip((plane + far) * np.float32(2 / most), 0, 1)
-        weight = np.where(seen & ~hidden, np.clip(row[:, 5], np.float32(0.05), 1) * fading, np.float32(0))
+        weight = np.where(seen & ~hidden, row[:, 5] * fading, np.float32(0))
         return distance, weight
 
 

@@ -16,11 +16,10 @@ from mirelight.proxy.advice import advice_on
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
 from mirelight.proxy.types import ProxyQuality, ProxySettings, ViewQuality
-from mirelight.proxy.views import around, moved, rays
+from mirelight.proxy.views import LEAST_PIXELS, around, moved, rays
 
 VIEWS = 12  # looked from, without cameras
 PIXELS = 256  # along a view's longer side, at most
-LEAST_PIXELS = 160  # and at least: in coarser ones splats, never narrower than a pixel, stand out of their surface
 EMPTY = 0.1  # alpha below which a pixel shows no splats
 WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yellow
 _DEFAULT = ProxySettings()
@@ -53,6 +52,14 @@ def judge(
         mesh, vertices=(mesh.vertices.astype(np.float64) - capture.middle).astype(np.float32), normals=None, uvs=None
     )
     return judged(capture, DepthMaps(capture, settings), local, there, settings)
+
+
+def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
+    """Of a capture's cameras as many as a capture without is looked at from, evenly taken, as :func:`judge` takes them.
+
+    A room from around shows the backs of its walls.
+    """
+    return tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // VIEWS)])
 
 
 def judged(

@@ -13,20 +13,25 @@ from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
-from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
+from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, pixels_of
+from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.inside import HIDDEN, hidden_share, places
-from mirelight.proxy.judge import judged
+from mirelight.proxy.judge import judged, seen_by
+from mirelight.proxy.labels import flattened
 from mirelight.proxy.nets import surface_of
+from mirelight.proxy.openings import looked_through
+from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
 from mirelight.proxy.unseen import closing
-from mirelight.proxy.views import ORBIT, PIXELS, around, from_points, moved
+from mirelight.proxy.views import ORBIT, PIXELS, around, fewer, from_points, moved, turned
 
 PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
 FEWEST_PIXELS = 96  # along the longer side of a view
-CELL = 1.5  # footprints of a pixel at the middle of the capture
 LEAST_OPAQUE = 0.005  # share of the pixels around a capture; less is no surface
+LEAST_SEEN = 0.5  # of the splats, that the cameras of their own capture have in their pictures
 FOG = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
 _DEFAULT = ProxySettings()
 
@@ -42,9 +47,10 @@ def make(
     """A triangle mesh that stands for the surface of splats.
 
     Discs (fitted surfels) become cells: pieces of their planes, cut by their neighbours. Other captures are looked at
-    from around, and the depth maps are fused. Where the capture's cameras are known, what they did not see is closed
-    against light. The mesh is decided, to the bit, by the splats' means, rotations, scales and opacities, by the
-    cameras and by the settings other than `threads`.
+    through their cameras, or from around where those are not known, and the depth maps are smoothed, moved onto the
+    planes that they show, and fused. Where the capture's cameras are known, what they did not see is closed against
+    light. The mesh is decided, to the bit, by the splats (of their colours by what does not change with the view), by
+    the cameras and by the settings other than `threads`.
 
     Args:
         splats: the capture, in world space.
@@ -54,8 +60,8 @@ def make(
         source: whom to name in an error, usually the splats' file.
 
     Raises:
-        InputError: splats that have no surface: too few, transparent, fog, too far from the origin; cameras that do not
-            see it.
+        InputError: splats that have no surface: too few, transparent, fog, too far from the origin; cameras that are
+            another capture's.
         BackendError: the variant cannot run here.
         RenderError: not enough memory.
     """
@@ -64,21 +70,22 @@ def make(
     capture = look_at_capture(splats, source)
     maps = DepthMaps(capture, settings)
     method = _method(capture, settings)
+    there = [moved(camera, -capture.middle) for camera in cameras]
+    _refuse_strangers(capture, there, source)
     if method == "cells":
         soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
-        soup = _fused(capture, maps, settings, part(report, 0.05, 0.9), source)
+        soup = _fused(capture, maps, there, settings, part(report, 0.05, 0.9), source)
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     if settings.triangles is not None:
         report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
     report("judging the proxy", 0.9)
-    quality = judged(capture, maps, soup.mesh(), None, settings)
+    quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings)
     whole = soup
     if cameras:
-        there = [moved(camera, -capture.middle) for camera in cameras]
-        whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), source))
+        whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0)))
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
         method=method,
@@ -104,19 +111,66 @@ def _method(capture: Capture, settings: ProxySettings) -> Method:
     return settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
 
 
-def _fused(capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path) -> Soup:
-    """By depth maps."""
-    views = _seen_around(capture, maps, part(report, 0.0, 0.3), source)
-    footprint = float(np.median([np.linalg.norm(x.camera.position) / x.camera.fx for x in views]))
+def _fused(
+    capture: Capture,
+    maps: DepthMaps,
+    cameras: Sequence[Camera],
+    settings: ProxySettings,
+    report: Progress,
+    source: str | Path,
+) -> Soup:
+    """By depth maps: of the capture's own cameras, else of views from around and inside."""
+    if cameras:
+        views = [maps.of(camera) for camera in _counted(fewer(cameras), part(report, 0.0, 0.4))]
+        _refuse_depth(capture, views, source)
+    else:
+        views = _guessed(capture, maps, settings, part(report, 0.0, 0.4), source)
+    report("smoothing depth maps", 0.4)
+    views = [slanted(view, capture.spacing) for view in views]
+    report("finding planes", 0.6)
+    flats = flats_of(views, capture.spacing, capture.radius)
+    opened = looked_through(views, flats, capture.spacing, capture.radius)
+    if opened is not None:
+        views, flats = opened, flats_of(opened, capture.spacing, capture.radius)
+    views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing) for view in views]
+    cell = TUNING.cell * capture.spacing
+    grid = fuse(views, capture.half, cell, part(report, 0.8, 0.9))
+    report("finding the surface", 0.9)
+    return on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
+
+
+def _guessed(
+    capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path
+) -> list[DepthMap]:
+    """Views of a capture whose cameras are not known."""
+    views = _seen_around(capture, maps, part(report, 0.0, 0.6), source)
     hidden = hidden_share(capture, views)
     if settings.views == "inside" or (settings.views == "auto" and hidden > HIDDEN):
         inner = from_points(places(capture), _pixels(capture), 1e-3 * capture.radius)
-        more = views + [maps.of(camera) for camera in _counted(inner, part(report, 0.3, 0.5))]
+        more = views + [maps.of(camera) for camera in _counted(inner, part(report, 0.6, 1.0))]
         if settings.views == "inside" or hidden_share(capture, more) < 0.5 * hidden:  # else it is hidden in the solid
             views = more
-    grid = fuse(views, capture.half, CELL * footprint, part(report, 0.5, 0.9))
-    report("finding the surface", 0.9)
-    return closed(smoothed(without_crumbs(surface_of(grid))))
+    return views
+
+
+def _refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | Path) -> None:
+    """Raises InputError: cameras that are another capture's, as they have little of this one in their pictures.
+
+    How much of a proxy they see tells nothing: the far sides of a room's walls are none of theirs.
+    """
+    if not cameras:
+        return
+    shown = np.zeros(len(capture.splats), bool)
+    for camera in cameras:
+        own = turned(
+            capture.splats.means - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4")
+        )
+        shown |= pixels_of(camera, own) >= 0
+    weight = capture.splats.opacities.astype(np.float64)
+    seen = float(weight[shown].sum() / weight.sum())
+    if seen < LEAST_SEEN:
+        found = f"its {len(cameras):,} cameras have {seen:.0%} of it in their pictures"
+        raise InputError(source, found, "give the cameras of this capture, in its own axes; or none")
 
 
 def _seen_around(capture: Capture, maps: DepthMaps, report: Progress, source: str | Path) -> list[DepthMap]:
@@ -143,6 +197,6 @@ def _refuse_depth(capture: Capture, views: list[DepthMap], source: str | Path) -
     remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
     if opaque.mean() < LEAST_OPAQUE:
         raise InputError(source, f"no surface: {opaque.mean():.1%} of the pixels around it are opaque", remedy)
-    spread = float(np.median([view.spread for view in views])) / capture.radius
+    spread = float(np.median(np.concatenate([view.spread[view.alpha > OPAQUE] for view in views]))) / capture.radius
     if spread > FOG:
         raise InputError(source, f"no surface: splats blend over a depth of {spread:.0%} of its radius", remedy)

@@ -10,22 +10,16 @@ picture at all is left open, as the sky is such space; but large planes go on in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, triangles
-from mirelight.proxy.backs import DEEP, backs_of
+from mirelight.proxy.backs import backs_of
 from mirelight.proxy.beyond import SMALL, Look, beyond_pictures, box_of, cell_of
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
-from mirelight.proxy.sampling import spread
 from mirelight.proxy.types import Progress, ProxySettings, Soup
-
-LEAST_SEEN = 0.5  # of the surface, that a capture's cameras have seen
-_SAMPLE = 20_000
 
 
 def closing(
@@ -34,7 +28,6 @@ def closing(
     spacing: float,
     settings: ProxySettings,
     progress: Progress,
-    source: str | Path,
 ) -> Soup:
     """What closes a surface against light from where no camera saw: fronts face the space that was seen.
 
@@ -44,19 +37,10 @@ def closing(
         spacing: of the capture's splats.
         settings: the variant.
         progress: hears what is done.
-        source: whom to name in an error.
-
-    Raises:
-        InputError: the cameras do not see the surface.
     """
     progress("looking for what no camera saw", 0.0)
     sight = Sight(soup.mesh(), settings.variant, settings.threads)
     pictures = Pictures.of(soup, cameras, sight)
-    some = spread(soup.vertices, soup.faces, _SAMPLE).astype(np.float32)
-    seen = float(pictures.states(some, DEEP * spacing)[0].mean())
-    if seen < LEAST_SEEN:
-        found = f"its {len(cameras):,} cameras see {seen:.0%} of its surface"
-        raise InputError(source, found, "give the cameras of this capture, in its own axes; or none")
     progress("looking for what no camera saw", 0.3)
     low, high = box_of(soup, pictures.eyes)
     cell = cell_of(low, high, spacing)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,9 @@ YFOV = 40.0  # degrees, of views from around
 INSIDE_YFOV = 95.0  # degrees, of the six views from a point inside: a cube's faces with some overlap
 ORBIT = 33  # views from around
 PIXELS = 448  # along the longer side of a view
+MOST_VIEWS = 96  # of a capture's cameras that are looked through
+LEAST_PIXELS = 160  # along the longer side of one
+ALL_PIXELS = 5_000_000  # of their pictures: what a minute and a half goes over on two cores
 _BORDER = 0.02  # of the longer side, kept free around the splats' centres
 
 
@@ -55,6 +59,21 @@ def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
     return replace(
         camera, width=width, height=height, fx=focal, fy=focal, cx=float(-low[0] * focal), cy=float(high[1] * focal)
     )
+
+
+def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
+    """Of a capture's cameras at most `MOST_VIEWS`, evenly taken, in pictures of at most `ALL_PIXELS` together.
+
+    Tiny pictures are enlarged: splats are never narrower than a pixel, and stand out of their surface.
+    """
+    chosen = [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // MOST_VIEWS)]]
+    share = min((ALL_PIXELS / sum(x.width * x.height for x in chosen)) ** 0.5, 1.0)
+    return tuple(x.resized(max(round(x.width * share), 1), max(round(x.height * share), 1)) for x in chosen)
+
+
+def _enlarged(camera: Camera) -> Camera:
+    share = max(LEAST_PIXELS / max(camera.width, camera.height), 1.0)
+    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
 
 
 def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:

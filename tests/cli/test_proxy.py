@@ -66,7 +66,7 @@ def test_what_the_cameras_did_not_see_is_closed(run: Run, tmp_path: Path) -> Non
     (tmp_path / "other.csv").write_text(CAMERAS.format(y=0, z=9), encoding="utf-8")
     done = run("proxy", "ball.ply", "--cameras", "other.csv", "-o", "made.glb")
     assert done.returncode == 2
-    assert "ball.ply: its 1 cameras see 0% of its surface" in done.stderr
+    assert "ball.ply: its 1 cameras have 0% of it in their pictures" in done.stderr
     assert done.stderr.count("\n") == 1
     done = run("proxy", "ball.ply", "--cameras", "ball.csv", "--fit", "made.glb", "-o", "made.glb")
     assert done.returncode == 2

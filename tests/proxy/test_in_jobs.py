@@ -85,9 +85,7 @@ def test_it_is_found_from_any_folder(job: Path, cache: Path, capsys: pytest.Capt
     for name, plane in read_exr(one).channels.items():
         np.testing.assert_array_equal(plane, read_exr(two).channels[name])
     kept = (job.parent / "two" / ".mirelight" / "scene").glob("*.array")
-    assert (
-        sum("faces" in read_arrays(x).arrays for x in kept) == 1
-    )  # for those who share the folder alone
+    assert sum("faces" in read_arrays(x).arrays for x in kept) == 1  # for those who share the folder alone
     assert cli.main(["inspect", str(job), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["proxy_to_make"] is False
     shutil.rmtree(cache)
@@ -157,7 +155,7 @@ def test_cameras_of_nothing_are_refused(job: Path) -> None:
     (job.parent / "away.csv").write_text(CAMERAS.replace("4,0,0,0,60", "4,0,90,0,60"), encoding="utf-8")
     with pytest.raises(InputError, match=r"none\.csv|proxy\.cameras"):
         mirelight.load(job, ['proxy={path="splats",cameras="none.csv"}'])
-    with pytest.raises(InputError, match="see 0% of its surface; give the cameras of this capture"):
+    with pytest.raises(InputError, match="have 0% of it in their pictures; give the cameras of this capture"):
         mirelight.prepare(mirelight.load(job, ['proxy={path="splats",cameras="away.csv"}'])).mesh  # noqa: B018
 
 

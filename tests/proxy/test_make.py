@@ -39,9 +39,9 @@ def test_a_ball_of_splats_becomes_a_ball() -> None:
 
 def test_a_ball_is_covered_without_gaps_and_leaks() -> None:
     quality = made_ball().quality
-    assert quality.uncovered < 0.05
+    assert quality.uncovered < 0.06  # discs stand out of the ball's outline by a part of their size, the mesh does not
     assert quality.leaks < 0.01
-    assert quality.gap_median < 0.01 * quality.size
+    assert quality.gap_median < 0.002 * quality.size
     assert quality.fits
 
 

@@ -269,7 +269,7 @@ def test_a_second_sheet_is_coarse_behind_round_things_too() -> None:
 
 def test_cameras_of_something_else_are_refused() -> None:
     away = [Camera.look_at((0, 0, 30), (0, 0, 60), 64, 48, yfov=40, name="away")]
-    with pytest.raises(InputError, match="its 1 cameras see 0% of its surface"):
+    with pytest.raises(InputError, match="its 1 cameras have 0% of it in their pictures"):
         make(room(), cameras=away)
 
 

@@ -1,0 +1,252 @@
+"""Large planes of a surface that depth maps show, and where on them it is: random samples, then votes of the pictures.
+
+Splats of a wall lie off it to both sides by more than its roughness, and its surface would wave. Where a plane explains
+what is seen (Fischler and Bolles, 1981; greedy, the largest first) it is kept flat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import F64, triangles
+from mirelight.proxy.depth import DepthMap, pixels_of, points_of
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import Int, Soup
+from mirelight.proxy.views import rays, turned
+
+Bool = NDArray[np.bool_]
+
+_SEEDS = 200  # points whose own planes are tried, for each plane that is found
+_SAMPLE = 6_000  # points that planes are tried on
+FEWEST = 200  # points, of which planes are made
+_STEP = 3  # every third pixel of a map, both ways, is a point
+_VOXEL = 0.7  # spacings: points in one voxel become one
+_ROUNDS = 6  # of fitting a plane to what lies on it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Points of a surface."""
+
+    at: F64  # (N, 3)
+    normal: F64  # (N, 3) unit, to the side that was seen
+    weight: F64  # (N,) 0..1: trust in those that were joined, and how far their normals agree
+
+    @staticmethod
+    def of(views: Sequence[DepthMap], spacing: float, radius: float) -> Points:
+        """What views see within the radius, one point a voxel."""
+        at, normal, weight = [], [], []
+        for view in views:
+            here, facing = points_of(view, _STEP)
+            seen = view.depth[::_STEP, ::_STEP] > 0
+            at.append(here)
+            normal.append(facing)
+            weight.append(view.trust[::_STEP, ::_STEP][seen].astype(np.float64) + 1e-3)
+        points, normals, weights = np.concatenate(at), np.concatenate(normal), np.concatenate(weight)
+        near = (points * points).sum(axis=1) < radius * radius
+        points, normals, weights = points[near], normals[near], weights[near]
+        i = np.floor(points / (_VOXEL * spacing)).astype(np.int64) + (1 << 20)
+        _, index, count = np.unique(
+            (i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2], return_inverse=True, return_counts=True
+        )
+        total = np.bincount(index, weights)
+
+        def mean(rows: F64) -> F64:
+            return np.stack([np.bincount(index, rows[:, k] * weights) for k in range(3)], axis=1) / total[:, None]
+
+        turned_to = mean(normals)
+        agreed = np.linalg.norm(turned_to, axis=1)
+        return Points(
+            mean(points),
+            turned_to / np.maximum(agreed, 1e-12)[:, None],
+            agreed * np.minimum(count / _STEP, 1) * total / count,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flat:
+    """A plane, and cells of it where the surface is."""
+
+    normal: F64  # (3,) unit
+    offset: float
+    axes: F64  # (2, 3) unit, along which cells are counted
+    cell: float  # their side
+    low: Int  # (2,) the first
+    there: Bool  # (I, J)
+
+    def inside(self, points: F64) -> Bool:
+        """(...,) whether points (..., 3) lie over such cells."""
+        i = np.floor(np.einsum("...i,ki->...k", points, self.axes) / self.cell)
+        i = np.where(np.isfinite(i), i, -1e9).astype(np.int64) - self.low
+        inner = np.asarray(((i >= 0) & (i < self.there.shape)).all(axis=-1))
+        i = np.where(inner[..., None], i, 0)
+        return np.asarray(inner & self.there[i[..., 0], i[..., 1]])
+
+    @property
+    def middles(self) -> F64:
+        """(I J, 3) of the cells."""
+        i = np.stack(np.meshgrid(*(np.arange(n) for n in self.there.shape), indexing="ij"), axis=-1).reshape(-1, 2)
+        places = (i + self.low + 0.5) * self.cell
+        return np.asarray(places[:, :1] * self.axes[0] + places[:, 1:] * self.axes[1] + self.normal * self.offset)
+
+    def off(self, points: F64) -> F64:
+        """(...,) distances of points (..., 3), signed."""
+        return np.asarray(np.einsum("...i,i->...", points, self.normal) - self.offset)
+
+
+def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:
+    """The large planes of what views see within the radius, largest first."""
+    points = Points.of(views, spacing, radius)
+    if len(points.at) < FEWEST:
+        return []
+    low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
+    tolerance = TUNING.plane_tolerance * spacing
+    found = _planes(points, tolerance)
+    return [
+        _confirmed(_seen(normal, offset, points, rows, spacing, low, high), views, tolerance)
+        for normal, offset, rows in found
+    ]
+
+
+def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
+    """Normal, offset and the points of each plane."""
+    rng = np.random.default_rng(0)
+    left, out = np.arange(len(points.at)), list[tuple[F64, float, Int]]()
+    least = TUNING.plane_least * float(points.weight.sum())
+    for _ in range(2 * TUNING.plane_most):
+        if len(out) == TUNING.plane_most or len(left) <= FEWEST:
+            break
+        some = left[rng.permutation(len(left))[:_SAMPLE]]
+        at, normals, weight = points.at[some], points.normal[some], points.weight[some]
+        best, held = 0, -1.0
+        for seed in rng.choice(len(some), _SEEDS, p=weight / weight.sum()):
+            n = normals[seed]
+            on = np.abs(((at - at[seed]) * n).sum(axis=1)) < tolerance
+            on &= np.abs((normals * n).sum(axis=1)) > TUNING.plane_cosine
+            if weight[on].sum() > held:
+                best, held = int(seed), float(weight[on].sum())
+        normal, offset = _fitted(points, left, normals[best], float((at[best] * normals[best]).sum()), tolerance)
+        off = np.abs((points.at[left] * normal).sum(axis=1) - offset)
+        cosine = np.abs((points.normal[left] * normal).sum(axis=1))
+        on = (off < tolerance) & (cosine > TUNING.plane_cosine)
+        if points.weight[left[on]].sum() < least:
+            break
+        if _turn(points, left[on], normal) > TUNING.plane_turn:
+            left = left[~on]
+            continue
+        out.append((normal, offset, left[on]))
+        left = left[~((off < TUNING.plane_band * tolerance) & (cosine > 0.6))]
+    return out
+
+
+def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> tuple[F64, float]:
+    """The plane of least squares through what lies on a plane."""
+    for k in range(_ROUNDS):
+        wide = tolerance * (1.5 if k < _ROUNDS // 2 else 1.0)
+        off = (points.at[rows] * normal).sum(axis=1) - offset
+        on = (np.abs(off) < wide) & (np.abs((points.normal[rows] * normal).sum(axis=1)) > TUNING.plane_cosine)
+        if on.sum() < 30:
+            break
+        at, weight = points.at[rows[on]], points.weight[rows[on]] * (1 - (off[on] / wide) ** 2) ** 2
+        middle = (at * weight[:, None]).sum(axis=0) / weight.sum()
+        step = at - middle
+        spread = np.array([[(step[:, i] * step[:, j] * weight).sum() for j in range(3)] for i in range(3)])
+        thin = np.linalg.eigh(spread)[1][:, 0]
+        normal = thin * np.sign((thin * normal).sum())
+        offset = float((middle * normal).sum())
+    return normal, offset
+
+
+def _turn(points: Points, rows: Int, normal: F64) -> float:
+    """By how much, in radians, normals turn from the middle of these points outwards: 0 of a plane, rough or not.
+
+    The turn is regressed on the place in the plane: a slope is the curvature.
+    """
+    axes = _axes(normal)
+    weight = points.weight[rows] / points.weight[rows].sum()
+    place, turn = turned_to(points.at[rows], axes), turned_to(points.normal[rows], axes)
+    turn = turn * np.sign((points.normal[rows] * normal).sum(axis=1))[:, None]
+    place = place - (place * weight[:, None]).sum(axis=0)
+    turn = turn - (turn * weight[:, None]).sum(axis=0)
+    spread = [[(place[:, i] * place[:, j] * weight).sum() for j in range(2)] for i in range(2)]
+    along = [[(place[:, i] * turn[:, j] * weight).sum() for j in range(2)] for i in range(2)]
+    curvature = np.linalg.solve(np.array(spread) + 1e-12 * np.eye(2) * np.trace(spread), np.array(along))
+    return float(np.abs(curvature).max() * np.sqrt(np.trace(spread)))
+
+
+def _axes(normal: F64) -> F64:
+    """(2, 3) unit vectors across it."""
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first)])
+
+
+def _seen(normal: F64, offset: float, points: Points, rows: Int, spacing: float, low: F64, high: F64) -> Flat:
+    """Cells over the box that hold points of the plane, small gaps closed."""
+    from scipy.ndimage import binary_closing, binary_dilation, label
+
+    axes, cell = _axes(normal), TUNING.plane_cell * spacing
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    reach = turned_to(corners, axes) / cell
+    own = np.floor(turned_to(points.at[rows], axes) / cell).astype(np.int64)
+    start = np.minimum(np.floor(reach.min(axis=0)).astype(np.int64), own.min(axis=0)) - 1
+    size = np.maximum(np.ceil(reach.max(axis=0)).astype(np.int64), own.max(axis=0)) + 2 - start
+    total = np.zeros(tuple(size))
+    np.add.at(total, tuple((own - start).T), points.weight[rows])
+    there = binary_closing(np.pad(total > 0.15 * np.median(total[total > 0]), 8), iterations=6)[8:-8, 8:-8]
+    part, _ = label(there)
+    count = np.bincount(part.ravel())
+    count[0] = 0
+    kept = count >= max(6, 0.02 * count.max())
+    return Flat(normal, offset, axes, cell, start, binary_dilation(kept[part], iterations=1))
+
+
+def turned_to(points: F64, axes: F64) -> F64:
+    """(N, 2) places of points (N, 3) along two axes."""
+    return np.asarray(np.einsum("ni,ki->nk", points, axes))
+
+
+def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
+    """With the cells that views see on the plane, or that they do not look through where it goes on around them."""
+    from scipy.ndimage import binary_closing, binary_fill_holes, label
+
+    at = flat.middles
+    on, through = np.zeros(len(at)), np.zeros(len(at))
+    for view in views:
+        own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
+        pixel = pixels_of(view.camera, own.astype(np.float32))
+        rows = np.flatnonzero((pixel >= 0) & (view.depth.ravel()[np.maximum(pixel, 0)] > 0))
+        pixel = pixel[rows]
+        _, directions = rays(view.camera)
+        ray = directions.reshape(-1, 3)[pixel]
+        aslant = np.abs((ray * flat.normal).sum(axis=1)) / np.linalg.norm(ray, axis=1)
+        trust = view.trust.ravel()[pixel]
+        off = (view.depth.ravel()[pixel] + own[rows, 2]) * aslant
+        near = tolerance + 0.5 * view.spread.ravel()[pixel] * aslant
+        on[rows] += trust * (np.abs(off) < near)
+        through[rows] += trust * (off > 2.5 * near)
+    held, open_ = on.reshape(flat.there.shape), through.reshape(flat.there.shape)
+    sure = flat.there & (held > 0.5 * open_)
+    free = (open_ > 2 * held) & (open_ > 0.3)
+    whole = (binary_closing(np.pad(sure, 20), iterations=12)[20:-20, 20:-20] | binary_fill_holes(sure)) & ~free | sure
+    part, _ = label(whole)
+    own_parts = np.unique(part[sure])
+    return Flat(flat.normal, flat.offset, flat.axes, flat.cell, flat.low, np.isin(part, own_parts[own_parts > 0]))
+
+
+def on_flats(soup: Soup, flats: Sequence[Flat], reach: float) -> Soup:
+    """The surface with its vertices moved onto planes that they lie on, all but so far, and face."""
+    vertices = soup.vertices.copy()
+    normals = triangles.vertex_normals(soup.vertices, soup.faces)
+    nearest = np.full(len(vertices), reach)
+    for flat in flats:
+        off = flat.off(soup.vertices)
+        on = (np.abs(off) < nearest) & (np.abs((normals * flat.normal).sum(axis=1)) > 0.7)
+        on &= flat.inside(soup.vertices)
+        vertices[on] = soup.vertices[on] - off[on, None] * flat.normal
+        nearest[on] = np.abs(off[on])
+    return Soup(vertices, soup.faces)

@@ -1,0 +1,88 @@
+"""Which pixels of a depth map lie on which plane: costs smoothed by the picture's colours, the least one wins.
+
+(Rhemann et al., "Fast cost-volume filtering", 2011, with adaptive support weights.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mirelight.model import F32, F64
+from mirelight.proxy.depth import OPAQUE, DepthMap
+from mirelight.proxy.flats import Flat
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import Int
+from mirelight.proxy.views import rays
+
+_OUT = 1.6  # cost of a plane where it has no cell
+_TURNED = 0.3  # 1 - cosine between a pixel's normal and the plane's that costs in full
+_FACING = 0.03  # cosine to the ray below which a plane is not seen
+
+
+def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> DepthMap:
+    """The view with the pixels that lie on planes moved onto them; they count in full."""
+    from scipy.ndimage import binary_fill_holes
+
+    if not flats:
+        return view
+    _, directions = rays(view.camera)
+    depths = [_depth(view, flat, directions) for flat in flats]
+    label = _labels(view, flats, depths, tolerance)
+    solid = binary_fill_holes(view.alpha > OPAQUE)  # what is black needs no splats before black
+    depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
+    for k, flat in enumerate(flats):
+        on = (label == k) & (depths[k] > 0) & solid
+        depth[on] = depths[k][on]
+        side = -np.sign((directions[on] * flat.normal).sum(axis=-1))
+        normal[on] = side[:, None] * flat.normal
+        trust[on] = 1
+    return replace(view, depth=depth, normal=normal, trust=trust)
+
+
+def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
+    """(H, W) depth of a plane where it has cells, else 0."""
+    origins, _ = rays(view.camera)
+    facing = (directions * flat.normal).sum(axis=-1)
+    seen = np.abs(facing) > _FACING * np.linalg.norm(directions, axis=-1)
+    depth = np.where(seen, (flat.offset - (origins * flat.normal).sum(axis=-1)) / np.where(seen, facing, 1), 0)
+    there = (depth > view.camera.near) & flat.inside(origins + directions * depth[..., None])
+    return np.where(there, depth, 0).astype(np.float32)
+
+
+def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float) -> Int:
+    """(H, W) the plane that each pixel lies on; the number of planes: none."""
+    _, directions = rays(view.camera)
+    there, trust = view.depth > 0, view.trust
+    reach = np.float32(2 * tolerance) + view.spread
+    costs = []
+    for flat, depth in zip(flats, depths, strict=True):
+        aslant = np.abs((directions * flat.normal).sum(axis=-1)).astype(np.float32)
+        off = np.abs(depth - view.depth) * aslant
+        turned = (1 - np.abs((view.normal * flat.normal.astype(np.float32)).sum(axis=-1))) / np.float32(_TURNED)
+        cost = np.minimum((off / reach) ** 2, 1) + np.float32(0.6) * np.minimum(turned, 1)
+        unsure = np.float32(0.15) + np.float32(0.5) * np.minimum(cost, 1)
+        cost = np.where(there, trust * cost + (1 - trust) * unsure, np.float32(0.5))
+        costs.append(np.where(depth > 0, cost, np.float32(_OUT)))
+    free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)
+    volume = np.stack([*costs, free], axis=0).astype(np.float32)
+    return np.asarray(np.argmin(_smoothed(volume, view.color), axis=0))
+
+
+def _smoothed(volume: F32, color: F32) -> F32:
+    """Costs (K, H, W), each the mean over pixels around that look alike."""
+    radius, step = TUNING.label_window, TUNING.label_step
+    height, width = color.shape[:2]
+    costs = np.pad(volume, ((0, 0), (radius, radius), (radius, radius)), mode="edge")
+    colors = np.pad(color, ((radius, radius), (radius, radius), (0, 0)), mode="edge")
+    out, total = np.zeros_like(volume), np.zeros((height, width), np.float32)
+    for y in range(-radius, radius + 1, step):
+        for x in range(-radius, radius + 1, step):
+            window = (slice(radius + y, radius + y + height), slice(radius + x, radius + x + width))
+            other = np.abs(colors[window] - color).sum(axis=-1) / np.float32(TUNING.label_color)
+            weight = np.exp(-other - np.float32((x * x + y * y) / (0.5 * radius * radius)))
+            out += weight * costs[(slice(None), *window)]
+            total += weight
+    return out / total

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import rays, turned
 
 OPAQUE = 0.5  # alpha from which a pixel shows a surface
+SHARPER = 3  # layers of a splat that stand for it, where fog is told from surfaces
 THINNER = 0.1  # of a splat's optical depth: what is left of it, so that splats in front hide none behind them
 ROUNDS = 3  # of telling what lies behind the surface; each knows it better
 REACH = 3.0  # middle axes of a splat, and 2 of the median one: how far from the surface it may lie and be part of it
@@ -56,6 +58,7 @@ class DepthMaps:
 
     def __init__(self, capture: Capture, settings: ProxySettings) -> None:
         splats = capture.splats
+        self._splats, self._settings = splats, settings
         self._shown = Compositor(splats, variant=settings.variant, threads=settings.threads)
         thinned = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** THINNER
         self._thinned = Compositor(
@@ -107,6 +110,29 @@ class DepthMaps:
             np.where(sound[..., None], normal, 0).astype(np.float32),
             spread.astype(np.float32),
             (1 / (1 + (spread / self._noise) ** 2)).astype(np.float32),
+        )
+
+    def blended_over(self, camera: Camera) -> F32:
+        """(P,) standard deviations of the distances that opaque pixels blend, world units: of a fog they are large.
+
+        A surface lets a few percent through, and with it its far side: so splats are as opaque as `SHARPER` of them.
+        """
+        away = np.linalg.norm(self._means - camera.position.astype(np.float32), axis=1)
+        away = (away - np.linalg.norm(camera.position)).astype(np.float32)
+        layer, sums = self._sharp.composite_with(camera, np.stack([away, away * away], axis=1), depth=False)
+        alpha = 1 - layer.transmittance
+        opaque = alpha > OPAQUE
+        mean, square = (sums[..., k][opaque] / alpha[opaque] for k in (0, 1))
+        return np.sqrt(np.maximum(square - mean * mean, 0)).astype(np.float32)
+
+    @cached_property
+    def _sharp(self) -> Compositor:
+        splats = self._splats
+        opacities = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** SHARPER
+        return Compositor(
+            replace(splats, opacities=opacities.astype(np.float32)),
+            variant=self._settings.variant,
+            threads=self._settings.threads,
         )
 
     def _planes(self, camera: Camera) -> F32:

@@ -33,6 +33,7 @@ FEWEST_PIXELS = 96  # along the longer side of a view
 LEAST_OPAQUE = 0.005  # share of the pixels around a capture; less is no surface
 LEAST_SEEN = 0.5  # of the splats, that the cameras of their own capture have in their pictures
 FOG = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
+FOG_VIEWS = 8  # that are asked for that
 _DEFAULT = ProxySettings()
 
 
@@ -122,7 +123,7 @@ def _fused(
     """By depth maps: of the capture's own cameras, else of views from around and inside."""
     if cameras:
         views = [maps.of(camera) for camera in _counted(fewer(cameras), part(report, 0.0, 0.4))]
-        _refuse_depth(capture, views, source)
+        _refuse_depth(capture, maps, views, source)
     else:
         views = _guessed(capture, maps, settings, part(report, 0.0, 0.4), source)
     report("smoothing depth maps", 0.4)
@@ -177,7 +178,7 @@ def _seen_around(capture: Capture, maps: DepthMaps, report: Progress, source: st
     """Views from around. Raises InputError: they show no surface."""
     cameras = around(capture.splats.means, capture.radius, ORBIT, _pixels(capture))
     views = [maps.of(camera) for camera in _counted(cameras, report)]
-    _refuse_depth(capture, views, source)
+    _refuse_depth(capture, maps, views, source)
     return views
 
 
@@ -192,11 +193,13 @@ def _counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
         yield camera
 
 
-def _refuse_depth(capture: Capture, views: list[DepthMap], source: str | Path) -> None:
+def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], source: str | Path) -> None:
     opaque = np.array([float((view.alpha > OPAQUE).mean()) for view in views])
     remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
     if opaque.mean() < LEAST_OPAQUE:
         raise InputError(source, f"no surface: {opaque.mean():.1%} of the pixels around it are opaque", remedy)
-    spread = float(np.median(np.concatenate([view.spread[view.alpha > OPAQUE] for view in views]))) / capture.radius
+    few = views[:: -(-len(views) // FOG_VIEWS)]
+    spread = float(np.median([np.median(x) for view in few if len(x := maps.blended_over(view.camera))]))
+    spread /= capture.radius
     if spread > FOG:
         raise InputError(source, f"no surface: splats blend over a depth of {spread:.0%} of its radius", remedy)

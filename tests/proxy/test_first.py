@@ -262,7 +262,7 @@ def test_fog_is_refused_by_the_line_of_the_proxys_maker(tmp_path: Path) -> None:
         make(splats.read(path), source=path)
     with pytest.raises(InputError) as found:
         job_for(path, tmp_path)
-    assert made.value.found.startswith("no surface: splats blend over a depth of 14% of its radius")
+    assert made.value.found.startswith("no surface: splats blend over a depth of 13% of its radius")
     assert str(found.value) == f"{made.value}; put a mesh beside it: proxy.glb"
     splats.write(fog(0.5), path)
     assert make(splats.read(path)).mesh.faces.size

@@ -123,7 +123,7 @@ class DepthMaps:
         alpha = 1 - layer.transmittance
         opaque = alpha > OPAQUE
         mean, square = (sums[..., k][opaque] / alpha[opaque] for k in (0, 1))
-        return np.sqrt(np.maximum(square - mean * mean, 0)).astype(np.float32)
+        return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0)), np.float32)
 
     @cached_property
     def _sharp(self) -> Compositor:

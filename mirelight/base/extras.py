@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 from mirelight.base.errors import BackendError
 
-Name: TypeAlias = Literal["compare", "dask", "denoise", "film", "formats", "scenes"]
+Name: TypeAlias = Literal["compare", "dask", "denoise", "film", "formats", "ocio", "scenes", "usd"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,10 +61,23 @@ EXTRAS: tuple[Extra, ...] = (
         instead="export without it (gltfpack without -c, gltf-transform without meshopt)",
     ),
     Extra(
+        name="ocio",
+        packages=(("PyOpenColorIO", "opencolorio"),),
+        unlocks="[display] view (OpenColorIO)",
+        what="a view of OpenColorIO",
+        instead="leave view out of [display]",
+    ),
+    Extra(
         name="scenes",
         packages=(("numba", "numba"), ("pyfqmr", "pyfqmr"), ("skimage", "scikit-image"), ("pyoidn", "pyoidn")),
         unlocks="scripts/make_scenes.py, which makes the shipped scenes again",
         what="making the scenes",
+    ),
+    Extra(
+        name="usd",
+        packages=(("pxr", "usd-core"),),
+        unlocks="OpenUSD stages (.usd, .usda, .usdc, .usdz)",
+        what="reading or writing OpenUSD",
     ),
 )
 _BY_NAME = {extra.name: extra for extra in EXTRAS}

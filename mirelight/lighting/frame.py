@@ -58,12 +58,13 @@ class FrameInProgress:
 
         from mirelight.lighting.kernel.film import Film
         from mirelight.lighting.kernel.lights import LightSet
+        from mirelight.lighting.kernel.paths import World
         from mirelight.lighting.kernel.rays import CameraRays, SomePixels
         from mirelight.lighting.kernel.samples import Tiles
 
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
-        self._surface, self._sky, self._view = surface, sky, view or CameraRays(camera)
+        self._view = view or CameraRays(camera)
         self._film = Film(
             len(self.samples),
             layers,
@@ -71,11 +72,10 @@ class FrameInProgress:
             parts=settings.denoise,
             doubt=cells is not None and cells.doubtful,
         )
-        self._cells, self._irradiance = cells, irradiance
+        self._irradiance = irradiance
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
-        self._lights = LightSet(
-            table.pack(lighting.lights), table.seeds(lighting.lights), lists, layers.of_light, shares
-        )
+        packed, seeds = table.pack(lighting.lights), table.seeds(lighting.lights)
+        self._world = World(surface, LightSet(packed, seeds, lists, layers.of_light, shares), sky, cells)
         self._sun = bool(shares.any())
         self._emission = emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
@@ -106,7 +106,7 @@ class FrameInProgress:
             before = integers(self.samples[some] // self._batch)
             with uninterrupted():  # samples in the film that are not counted would be light twice
                 self._film.open(len(some), batches)
-                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
+                trace_pass(self._world, self._view, self._film, job)
                 self._film.close(job.pixels, before, len(some), batches)
                 self.samples[some] += count
             yield int(self.samples.sum())
@@ -126,7 +126,7 @@ class FrameInProgress:
                 some = chosen[first:end]
                 job = self._job(some, np.full(len(some), done), count, seed)
                 self._film.open(len(some), batches, counted=False)
-                trace_pass(self._surface, self._view, self._lights, self._sky, self._film, job, self._cells)
+                trace_pass(self._world, self._view, self._film, job)
                 self._film.keep(first, len(some), batches, len(chosen))
             done += count
 

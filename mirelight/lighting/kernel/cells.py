@@ -8,13 +8,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mirelight.lighting.kernel.film import Film
+from mirelight.lighting.kernel.film import Film, PathSums
 from mirelight.lighting.kernel.memory import floats, in_fours, integers, rgb
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, pair
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.lighting.kernel.vertex import Vertex
 from mirelight.lighting.kernel.windows import Spread
 from mirelight.model import F32, F64, SurfaceCells
 
@@ -120,55 +121,31 @@ class DeviceCells:
             tries += 1
         return cell, found & active
 
-    def add_whole(
-        self,
-        film: Film,
-        sums: tuple[Vector3f, Vector3f],
-        place: UInt32,
-        pixel: UInt32,
-        cell: UInt32,
-        scale: Vector3f,
-        read: Bool,
-    ) -> tuple[Vector3f, Vector3f]:
+    def add_whole(self, film: Film, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool) -> PathSums:
         """All light of a later hit's cell, to every layer."""
-        return self._add_layers(self.whole, film, sums, place, pixel, cell, scale, read)
+        return self._add_layers(self.whole, film, sums, vertex, cell, read)
 
-    def add_rest(
-        self,
-        film: Film,
-        sums: tuple[Vector3f, Vector3f],
-        place: UInt32,
-        pixel: UInt32,
-        cell: UInt32,
-        scale: Vector3f,
-        read: Bool,
-    ) -> tuple[Vector3f, Vector3f]:
+    def add_rest(self, film: Film, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool) -> PathSums:
         """The indirect light of a first hit's cell, to every layer, and what its reflected ray would have met."""
-        sums = self._add_layers(self.indirect, film, sums, place, pixel, cell, scale, read)
+        sums = self._add_layers(self.indirect, film, sums, vertex, cell, read)
+        scale, direct = vertex.throughput * vertex.albedo, mi.Bool(False)
         sky = scale * rgb(self.met, cell, read)
-        sums = film.add_light(sums, place, film.sky_layer, mi.Bool(False), sky, read)
+        sums = film.add_light(sums, vertex.place, film.sky_layer, direct, sky, read)
         glow = scale * rgb(self.met, self.count + cell, read)
-        return film.add_light(sums, place, film.glow_layer, mi.Bool(False), glow, read)
+        return film.add_light(sums, vertex.place, film.glow_layer, direct, glow, read)
 
     @dr.syntax
     def _add_layers(
-        self,
-        held: Float,
-        film: Film,
-        sums: tuple[Vector3f, Vector3f],
-        place: UInt32,
-        pixel: UInt32,
-        cell: UInt32,
-        scale: Vector3f,
-        read: Bool,
-    ) -> tuple[Vector3f, Vector3f]:
+        self, held: Float, film: Film, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool
+    ) -> PathSums:
         """What a cell holds of every layer, as indirect light, and the doubt about it."""
-        layer = mi.UInt32(0)
+        layer, scale = mi.UInt32(0), vertex.throughput * vertex.albedo
         while read & (layer < self.layers):
             value = scale * rgb(held, layer * self.count + cell, read)
-            sums = film.add_light(sums, place, layer, mi.Bool(True), value, read)
+            sums = film.add_light(sums, vertex.place, layer, mi.Bool(True), value, read)
             if dr.hint(self.doubtful, mode="scalar"):
-                film.add_doubt(pixel, layer, scale * rgb(self.doubt, layer * self.count + cell, read), read)
+                doubt = scale * rgb(self.doubt, layer * self.count + cell, read)
+                film.add_doubt(vertex.pixel, layer, doubt, read)
             layer += 1
         return sums
 

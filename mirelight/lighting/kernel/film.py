@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import drjit as dr
 import mitsuba as mi
 
@@ -10,6 +12,8 @@ from mirelight.lighting.kernel.proxy import Point
 from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector2f, Vector3f, Vector4f
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32
+
+PathSums: TypeAlias = tuple[Vector3f, Vector3f]  # direct and indirect light of one path, where layers are together
 
 
 class Film:
@@ -75,13 +79,13 @@ class Film:
 
     def add_light(
         self,
-        sums: tuple[Vector3f, Vector3f],
+        sums: PathSums,
         place: UInt32,
         layer: UInt32,
         indirect: Bool,
         value: Vector3f,
         active: Bool,
-    ) -> tuple[Vector3f, Vector3f]:
+    ) -> PathSums:
         """Radiance that one source brings, Vector3f; `place` is batch times the launch's pixels plus pixel.
 
         Where layers are not separate the film is left for `add_sums`: returned are the path's (direct, indirect).
@@ -92,7 +96,7 @@ class Film:
         self._add_row(place, layer, indirect, value, active)
         return sums
 
-    def add_sums(self, sums: tuple[Vector3f, Vector3f], place: UInt32, active: Bool) -> None:
+    def add_sums(self, sums: PathSums, place: UInt32, active: Bool) -> None:
         """What `add_light` has kept of a path that has ended."""
         if not self.separate:
             self._add_row(place, mi.UInt32(0), mi.Bool(False), sums[0], active)

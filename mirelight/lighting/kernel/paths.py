@@ -3,20 +3,21 @@
 Two-sided diffuse surfaces. At every hit the table's lights are sampled, at the first one all of them; the environment
 is sampled once by its map and once by the reflected ray, joined by multiple importance sampling with the balance
 heuristic (Veach 1997). What a vertex adds goes to its own light's layer at once.
+
+`trace_pass` is the loop; each step of a bounce is a method of `_Steps`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, cast
+from typing import NamedTuple, TypeAlias, cast
 
 import drjit as dr
 import mitsuba as mi
 
-from mirelight.lighting.grid import FIRST_WEIGHED, LATER_WEIGHED
-from mirelight.lighting.kernel import lights as punctual
 from mirelight.lighting.kernel.cell_points import CellPoints
 from mirelight.lighting.kernel.cells import DeviceCells
-from mirelight.lighting.kernel.film import Film
+from mirelight.lighting.kernel.film import Film, PathSums
+from mirelight.lighting.kernel.lamps import add_lamps
 from mirelight.lighting.kernel.lights import SHADOW_END, LightSet
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
@@ -24,6 +25,7 @@ from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix, number, pair, stratified
 from mirelight.lighting.kernel.sky import Sky, sky_irradiance
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
+from mirelight.lighting.kernel.vertex import Arrival, Vertex
 
 ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs noise, later gains nothing
 
@@ -49,12 +51,220 @@ class Pass(NamedTuple):
     irradiance: bool = False  # the first hit counts as white and dark: its irradiance / pi instead of its radiance
 
 
-class Path(NamedTuple):
-    """One path at one hit."""
+class World(NamedTuple):
+    """What paths meet, and what is known of its light."""
 
-    sample: UInt32
-    place: UInt32  # in the film's launch
-    salt: UInt32  # of this hit's random numbers
+    surface: DeviceProxy
+    lights: LightSet
+    sky: Sky
+    cells: DeviceCells | None = None  # light is read from them
+
+
+View: TypeAlias = CameraRays | PointRays | CellPoints | SomePixels
+
+
+@dr.syntax
+def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
+    """Trace one pass and add it to the film."""
+    steps = _Steps(world, film, job)
+    pixel, place, sample, stream = _samples(view, film, job)
+    covered, face, uv, d = view.first_hit(world.surface, pixel, sample, stream)
+    active = mi.Bool(covered)
+    seen = world.surface.at(face, uv, d, active)
+    film.add_surface(pixel, seen, view.depth(seen.p), active)
+
+    depth = mi.UInt32(0)
+    sums = mi.Vector3f(0), mi.Vector3f(0)
+    roulette = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
+    throughput = mi.Vector3f(1)
+    sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
+    came = Arrival(face, uv, d, mi.Float(0), mi.Float(0))
+    while active:
+        salt = mix(stream, depth + 1)
+        at = world.surface.at(came.face, came.uv, came.d, active)
+        albedo = steps.albedo(at, depth)
+        weight = throughput * albedo * dr.inv_pi
+        vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight)
+
+        sums, active = steps.add_glow_met(sums, vertex, came, active)
+        sums, active = steps.add_later_cell(sums, vertex, came, active)
+        cell, read = steps.first_cell(vertex, active)
+        sums, sunlit = steps.add_lamps(sums, sunlit, vertex, active)
+        sums = steps.add_sky_sampled(sums, vertex, cell, read, active)
+        sums = steps.add_glow_sampled(sums, vertex, active)
+        sums = steps.add_first_cell(sums, vertex, cell, read)
+
+        depth += 1
+        throughput *= albedo
+        go_on = active & ~read & steps.may_meet_light(depth) & (dr.max(throughput) > 0)
+        survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
+        go_on &= roulette < survival
+        roulette = roulette / survival
+        throughput = throughput / survival
+        if dr.hint(film.aovs, mode="scalar"):
+            go_on |= active & (depth == 1)
+        came, hit = steps.reflect(vertex, go_on)
+        if dr.hint(film.aovs, mode="scalar"):
+            near = hit & (came.distance < job.ao_distance)
+            unoccluded = dr.select(active & (depth == 1), dr.select(near, 0, 1), unoccluded)
+        sums = steps.add_sky_met(sums, place, depth, throughput, came, go_on & ~hit & ~read)
+        active = hit & ~read & ((depth < job.max_depth) | job.emission)
+
+    film.add_sums(sums, place, covered)
+    if dr.hint(film.aovs, mode="scalar"):
+        film.add_openness(pixel, sunlit, unoccluded, covered)
+
+
+@dr.syntax
+def _samples(view: View, film: Film, job: Pass) -> tuple[UInt32, UInt32, UInt32, UInt32]:
+    """(the film's pixel, place in its launch, number in its sequence, random stream) of each lane's sample."""
+    lane = dr.arange(mi.UInt32, job.lanes)
+    of_launch = lane >> job.log2_samples
+    within = lane & ((mi.UInt32(1) << job.log2_samples) - 1)
+    place = (within >> job.log2_batch) * job.count + of_launch  # of this sample's batch in the film's launch
+    pixel = dr.gather(mi.UInt32, job.pixels, of_launch)
+    of_pixel = dr.gather(mi.UInt32, job.first_samples, of_launch) + within
+    sample, stream = view.sequence(pixel, of_pixel, job.tiles, job.seed)
+    if dr.hint(film.in_parts, mode="scalar"):  # every fourth batch owes the others nothing
+        stream = dr.select(((of_pixel >> job.log2_batch) & 3) == 3, mix(stream, 0x5BD1E995), stream)
+    return pixel, place, sample, stream
+
+
+class _Steps:
+    """The steps of a bounce. Those that add light take and give the path's sums; what a launch lacks compiles to
+    nothing."""
+
+    def __init__(self, world: World, film: Film, job: Pass) -> None:
+        self.surface, self.lights, self.sky = world.surface, world.lights, world.sky
+        self.cells = cast(DeviceCells, world.cells)  # asked only where there are some
+        self.film, self.job = film, job
+        self._reads = world.cells is not None
+        self._reads_first = world.cells is not None and world.cells.first
+
+    def albedo(self, at: Point, depth: UInt32) -> Vector3f:
+        """Of a hit; a first one whose irradiance is asked for counts as white."""
+        return dr.select(depth == 0, 1, at.albedo) if self.job.irradiance else at.albedo
+
+    def may_meet_light(self, depth: UInt32) -> Bool:
+        """Whether a ray that leaves the last hit of so many can bring something."""
+        return (depth < self.job.max_depth) | self.sky.present | self.job.emission
+
+    def reflect(self, vertex: Vertex, go_on: Bool) -> tuple[Arrival, Bool]:
+        """(the ray that a vertex reflects, drawn by the cosine, and where it goes; whether it hits the surface)."""
+        at = vertex.at
+        u = pair(vertex.sample, mix(vertex.salt, 3))
+        d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(u))
+        found = self.surface.nearest(mi.Ray3f(at.start, d), go_on)
+        pdf = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
+        came = Arrival(mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), d, mi.Float(found.t), pdf)
+        return came, go_on & found.is_valid()
+
+    # --- light that a ray meets ---
+
+    def add_glow_met(self, sums: PathSums, vertex: Vertex, came: Arrival, active: Bool) -> tuple[PathSums, Bool]:
+        """What glows at a vertex, weighted against its being sampled; and whether the path has another bounce."""
+        film, job = self.film, self.job
+        if not job.emission:
+            return sums, active
+        cosine = abs(dr.dot(vertex.at.geometric_normal, came.d))
+        sampled = self.surface.glow_pdf(came.face, came.distance, cosine, active)
+        share = dr.select(vertex.indirect & (sampled > 0), came.pdf / (came.pdf + sampled), 1)
+        layer = film.glow_layer
+        if job.irradiance:
+            share = dr.select(vertex.indirect, share, 0)
+            layer = dr.select(vertex.depth == 1, film.met_glow_layer, film.glow_layer)
+        value = dr.select(active, vertex.throughput * vertex.at.emission * share, 0)
+        sums = film.add_light(sums, vertex.place, layer, vertex.depth > 1, value, active)
+        return sums, active & (vertex.depth < job.max_depth)
+
+    @dr.syntax
+    def add_sky_met(
+        self, sums: PathSums, place: UInt32, depth: UInt32, throughput: Vector3f, came: Arrival, escaped: Bool
+    ) -> PathSums:
+        """The environment where a ray that reflected `depth` times leaves, weighted against its being sampled."""
+        film, sky = self.film, self.sky
+        escaped &= sky.present
+        value = mi.Vector3f(0)
+        if escaped:
+            sampled = sky.pdf(came.d, escaped)
+            share = dr.select(sampled > 0, came.pdf / (came.pdf + sampled), 1)
+            value = throughput * sky.radiance(came.d, escaped) * share
+        layer = film.sky_layer
+        if dr.hint(self.job.irradiance, mode="scalar"):
+            layer = dr.select(depth == 1, film.met_sky_layer, film.sky_layer)
+        return film.add_light(sums, place, layer, depth > 1, value, escaped)
+
+    # --- light that is sampled towards its source ---
+
+    def add_lamps(self, sums: PathSums, sunlit: Float, vertex: Vertex, active: Bool) -> tuple[PathSums, Float]:
+        """The lights of the table; and the share of the suns' light that the first hit sees."""
+        first_rays = self.job.first_rays if self._reads_first else None
+        return add_lamps(self.surface, self.lights, self.film, vertex, sums, sunlit, first_rays, active)
+
+    @dr.syntax
+    def add_sky_sampled(self, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool, active: Bool) -> PathSums:
+        """The environment by samples of its map, where a first hit is read spread as its cell has found it."""
+        lit = active & self.sky.sampled
+        value, ray, rays = mi.Vector3f(0), mi.UInt32(0), self._rays(vertex)
+        while lit & (ray < rays):
+            index = vertex.sample * rays + ray
+            choice, inside = stratified(index, mix(vertex.salt, 1)), pair(index, mix(vertex.salt, 2))
+            times = mi.Float(1)
+            if dr.hint(self._reads_first, mode="scalar"):
+                choice, times = self.cells.spread.choice(cell, choice, read)
+            value += times * sky_irradiance(self.surface, self.sky, vertex.at, choice, inside, lit)
+            ray += 1
+        value *= vertex.weight / mi.Float(rays)
+        return self.film.add_light(sums, vertex.place, self.film.sky_layer, vertex.indirect, value, lit)
+
+    @dr.syntax
+    def add_glow_sampled(self, sums: PathSums, vertex: Vertex, active: Bool) -> PathSums:
+        """What glows elsewhere by samples of its faces."""
+        if dr.hint(self.job.emission, mode="scalar"):
+            value, ray, rays = mi.Vector3f(0), mi.UInt32(0), self._rays(vertex)
+            while active & (ray < rays):
+                index = vertex.sample * rays + ray
+                choice, inside = number(index, mix(vertex.salt, 5)), pair(index, mix(vertex.salt, 6))
+                glow, lit = _glow_irradiance(self.surface, vertex.at, choice, inside, active)
+                value += dr.select(lit, glow, 0)
+                ray += 1
+            value *= vertex.weight / mi.Float(rays)
+            sums = self.film.add_light(sums, vertex.place, self.film.glow_layer, vertex.indirect, value, active)
+        return sums
+
+    def _rays(self, vertex: Vertex) -> UInt32:
+        """Samples of each source that needs many."""
+        return dr.select(vertex.indirect, mi.UInt32(1), self.job.first_rays) if self._reads_first else mi.UInt32(1)
+
+    # --- light that is read ---
+
+    @dr.syntax
+    def add_later_cell(self, sums: PathSums, vertex: Vertex, came: Arrival, active: Bool) -> tuple[PathSums, Bool]:
+        """All light of a later hit from its cell, unless that is too near; and whether the path goes on here."""
+        if dr.hint(self._reads, mode="scalar"):
+            read, far = mi.Bool(False), active & vertex.indirect & (came.distance > self.cells.nearest)
+            if far:
+                cell, read = self.cells.find(self.surface, vertex.at, self._jitter(vertex), far)
+                sums = self.cells.add_whole(self.film, sums, vertex, cell, read)
+            active &= ~read
+        return sums, active
+
+    @dr.syntax
+    def first_cell(self, vertex: Vertex, active: Bool) -> tuple[UInt32, Bool]:
+        """(the cell of a first hit, whether there is one that is read)."""
+        cell, read = mi.UInt32(0), mi.Bool(False)
+        if dr.hint(self._reads_first, mode="scalar"):
+            first = active & ~vertex.indirect
+            if first:
+                cell, read = self.cells.find(self.surface, vertex.at, self._jitter(vertex), first)
+        return cell, read
+
+    def add_first_cell(self, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool) -> PathSums:
+        """What a first hit's cell holds of all light that is not sampled there."""
+        return self.cells.add_rest(self.film, sums, vertex, cell, read) if self._reads_first else sums
+
+    def _jitter(self, vertex: Vertex) -> Point2f:
+        return pair(vertex.sample, mix(vertex.salt, 7))
 
 
 def _glow_irradiance(
@@ -66,247 +276,3 @@ def _glow_irradiance(
     lit = active & (cosine > 0) & (drawn > 0)
     lit &= ~surface.blocked(bounded_ray(at.start, d, length * SHADOW_END), lit)
     return glow * (cosine / (drawn + cosine * dr.inv_pi)), lit
-
-
-@dr.syntax
-def _add_lamps(
-    surface: DeviceProxy,
-    lights: LightSet,
-    film: Film,
-    path: Path,
-    at: Point,
-    weight: Vector3f,
-    depth: UInt32,
-    sums: tuple[Vector3f, Vector3f],
-    sunlit: Float,
-    first_rays: UInt32,
-    active: Bool,
-    *,
-    several: bool,
-) -> tuple[tuple[Vector3f, Vector3f], Float]:
-    """The lights of the table that reach a point, in as many runs as picks: (sums, share of the suns' light).
-
-    Of a long list the brightest are weighed and some drawn from the rest. Where `several`, a light with an extent that
-    has a run of its own is sampled by `first_rays` at a first hit.
-    """
-    indirect = depth > 0
-    start, listed = lights.list_at(at.p, active)
-    weighed = dr.select(indirect, mi.UInt32(LATER_WEIGHED), mi.UInt32(FIRST_WEIGHED))
-    near = dr.select(listed > weighed, weighed // 2, listed)
-    count = dr.minimum(listed, weighed)
-    stretch = mi.Float(listed - near) / mi.Float(weighed - weighed // 2)  # lights that one drawn beyond stands for
-    picks = dr.minimum(count, lights.picks(depth))
-    pick, entry = mi.UInt32(0), mi.UInt32(0)
-    while active & (pick < picks):
-        last = mi.UInt32(mi.Float((pick + 1) * count) / mi.Float(picks))
-        own_light, rays = mi.UInt32(0), mi.UInt32(1)
-        if dr.hint(several, mode="scalar"):
-            own_light = dr.gather(mi.UInt32, lights.items, start + entry, active)
-            own_run = (entry + 1 == last) & (listed <= weighed) & lights.extended(own_light)
-            rays = dr.select(own_run & ~indirect, first_rays, 1)
-        chosen, chosen_weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
-        wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
-        while entry < last:  # a weighted reservoir of one over the run
-            own = mix(path.salt, entry + 16)
-            beyond = entry >= near
-            index = mi.UInt32(entry)
-            if beyond:
-                index = mi.UInt32((mi.Float(entry - near) + number(path.sample, mix(own, 1))) * stretch)
-                index = near + dr.minimum(index, listed - near - 1)
-            light = dr.gather(mi.UInt32, lights.items, start + index)
-            seed = mix(path.salt, dr.gather(mi.UInt32, lights.seeds, light))
-            w_wi, w_length, w_irradiance = punctual.sample(
-                lights.table, light, at.p, at.normal, path.sample * rays, seed
-            )
-            w = (w_irradiance.x + w_irradiance.y + w_irradiance.z) / 3
-            share = dr.select(beyond, w * stretch, w)
-            total += share
-            take = number(path.sample, own) * total < share
-            chosen = dr.select(take, light, chosen)
-            chosen_weight = dr.select(take, w, chosen_weight)
-            wi = dr.select(take, w_wi, wi)
-            length = dr.select(take, w_length, length)
-            irradiance = dr.select(take, w_irradiance, irradiance)
-            entry += 1
-        lit = active & (chosen_weight > 0)
-        lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit, coherent=~indirect)
-        arrived = dr.select(lit, weight * irradiance * (total / chosen_weight), 0)
-        seen = dr.select(lit, total / chosen_weight, 0)
-        if dr.hint(several, mode="scalar"):
-            seed, k = mix(path.salt, dr.gather(mi.UInt32, lights.seeds, own_light)), mi.UInt32(1)
-            while k < rays:
-                ray = path.sample * rays + k
-                wi, length, irradiance = punctual.sample(lights.table, own_light, at.p, at.normal, ray, seed)
-                lit = active & (dr.max(irradiance) > 0)
-                lit &= ~surface.blocked(bounded_ray(at.start, wi, length), lit, coherent=True)
-                arrived += dr.select(lit, weight * irradiance, 0)
-                seen += dr.select(lit, 1, 0)
-                k += 1
-            chosen = dr.select(rays > 1, own_light, chosen)
-            arrived, seen = arrived / mi.Float(rays), seen / mi.Float(rays)
-        lit = seen > 0
-        layer = dr.gather(mi.UInt32, lights.layer_of_light, chosen, lit)
-        sums = film.add_light(sums, path.place, layer, indirect, arrived, lit)
-        if dr.hint(film.aovs, mode="scalar"):
-            sun = dr.gather(mi.Float, lights.sun_shares, chosen, lit)
-            sunlit += dr.select(lit & ~indirect, sun * seen, 0)
-        pick += 1
-    return sums, sunlit
-
-
-@dr.syntax
-def trace_pass(
-    surface: DeviceProxy,
-    view: CameraRays | PointRays | CellPoints | SomePixels,
-    lights: LightSet,
-    sky: Sky,
-    film: Film,
-    job: Pass,
-    cells: DeviceCells | None = None,
-) -> None:
-    """Trace one pass and add it to the film; light is read from `cells` where there are some."""
-    reads, reads_first = cells is not None, cells is not None and cells.first
-    kept = cast(DeviceCells, cells)
-    lane = dr.arange(mi.UInt32, job.lanes)
-    of_launch = lane >> job.log2_samples
-    within = lane & ((mi.UInt32(1) << job.log2_samples) - 1)
-    place = (within >> job.log2_batch) * job.count + of_launch  # of this sample's batch in the film's launch
-    pixel = dr.gather(mi.UInt32, job.pixels, of_launch)
-    of_pixel = dr.gather(mi.UInt32, job.first_samples, of_launch) + within
-    sample, stream = view.sequence(pixel, of_pixel, job.tiles, job.seed)
-    if dr.hint(film.in_parts, mode="scalar"):  # every fourth batch owes the others nothing
-        stream = dr.select(((of_pixel >> job.log2_batch) & 3) == 3, mix(stream, 0x5BD1E995), stream)
-
-    covered, face, uv, d = view.first_hit(surface, pixel, sample, stream)
-    active = mi.Bool(covered)
-    seen = surface.at(face, uv, d, active)
-    film.add_surface(pixel, seen, view.depth(seen.p), active)
-
-    depth = mi.UInt32(0)
-    sums = mi.Vector3f(0), mi.Vector3f(0)  # direct and indirect light, where layers are not kept apart
-    roulette = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
-    throughput = mi.Vector3f(1)  # β, the albedo of every hit so far
-    sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
-    distance: Float = mi.Float(0)  # of the ray that came here: its length
-    reflected: Float = mi.Float(0)  # and its density
-    sky_on, sky_sampled, max_depth = sky.present, sky.sampled, job.max_depth
-
-    while active:
-        salt = mix(stream, depth + 1)
-        path = Path(sample, place, salt)
-        at = surface.at(face, uv, d, active)
-        albedo = at.albedo
-        if dr.hint(job.irradiance, mode="scalar"):
-            albedo = dr.select(depth == 0, 1, at.albedo)
-        weight = throughput * albedo * dr.inv_pi
-        indirect = depth > 0
-
-        # what glows here, seen directly or met by the reflected ray
-        if dr.hint(job.emission, mode="scalar"):
-            drawn = surface.glow_pdf(face, distance, abs(dr.dot(at.geometric_normal, d)), active)
-            share = dr.select(indirect & (drawn > 0), reflected / (reflected + drawn), 1)
-            glow_layer = film.glow_layer
-            if dr.hint(job.irradiance, mode="scalar"):
-                share = dr.select(indirect, share, 0)
-                glow_layer = dr.select(depth == 1, film.met_glow_layer, film.glow_layer)
-            value = dr.select(active, throughput * at.emission * share, 0)
-            sums = film.add_light(sums, place, glow_layer, depth > 1, value, active)
-            active &= depth < max_depth
-
-        # a later hit's light, read whole
-        read = mi.Bool(False)
-        if dr.hint(reads, mode="scalar"):
-            near_by = active & indirect & (distance > kept.nearest)
-            if near_by:
-                cell, read = kept.find(surface, at, pair(sample, mix(salt, 7)), near_by)
-                sums = kept.add_whole(film, sums, place, pixel, cell, throughput * at.albedo, read)
-            active &= ~read
-
-        # what is known of a first hit's piece of the surface
-        read, cell = mi.Bool(False), mi.UInt32(0)
-        if dr.hint(reads_first, mode="scalar"):
-            first = active & ~indirect
-            if first:
-                cell, read = kept.find(surface, at, pair(sample, mix(salt, 7)), first)
-
-        # light that is sampled towards its source: lamps, the environment's map, what glows elsewhere
-        sums, sunlit = _add_lamps(
-            surface,
-            lights,
-            film,
-            path,
-            at,
-            weight,
-            depth,
-            sums,
-            sunlit,
-            job.first_rays,
-            active,
-            several=reads_first,
-        )
-        lit = active & sky_sampled
-        value, ray, rays = mi.Vector3f(0), mi.UInt32(0), mi.UInt32(1)
-        if dr.hint(reads_first, mode="scalar"):
-            rays = dr.select(indirect, mi.UInt32(1), job.first_rays)
-        while lit & (ray < rays):
-            number_of = sample * rays + ray
-            choice, inside = stratified(number_of, mix(salt, 1)), pair(number_of, mix(salt, 2))
-            times = mi.Float(1)
-            if dr.hint(reads_first, mode="scalar"):
-                choice, times = kept.spread.choice(cell, choice, read)
-            value += times * sky_irradiance(surface, sky, at, choice, inside, lit)
-            ray += 1
-        value *= weight / mi.Float(rays)
-        sums = film.add_light(sums, place, film.sky_layer, indirect, value, lit)
-        if dr.hint(job.emission, mode="scalar"):
-            value, ray = mi.Vector3f(0), mi.UInt32(0)
-            while active & (ray < rays):
-                number_of = sample * rays + ray
-                choice, inside = number(number_of, mix(salt, 5)), pair(number_of, mix(salt, 6))
-                glow, lit = _glow_irradiance(surface, at, choice, inside, active)
-                value += dr.select(lit, glow, 0)
-                ray += 1
-            value *= weight / mi.Float(rays)
-            sums = film.add_light(sums, place, film.glow_layer, indirect, value, active)
-
-        # all else that falls on a first hit, read
-        if dr.hint(reads_first, mode="scalar"):
-            sums = kept.add_rest(film, sums, place, pixel, cell, throughput * albedo, read)
-
-        # the reflected ray
-        depth += 1
-        throughput *= albedo
-        go_on = active & ~read & ((depth < max_depth) | sky_on | job.emission) & (dr.max(throughput) > 0)
-        survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
-        go_on &= roulette < survival
-        roulette = roulette / survival
-        throughput = throughput / survival
-        d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(sample, mix(salt, 3))))
-        reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
-        if dr.hint(film.aovs, mode="scalar"):
-            go_on |= active & (depth == 1)
-        found = surface.nearest(mi.Ray3f(at.start, d), go_on)
-        hit = go_on & found.is_valid()
-        if dr.hint(film.aovs, mode="scalar"):
-            unoccluded = dr.select(
-                active & (depth == 1), dr.select(hit & (found.t < job.ao_distance), 0, 1), unoccluded
-            )
-
-        # the environment, met by the reflected ray
-        escaped = go_on & ~hit & sky_on & ~read
-        value = mi.Vector3f(0)
-        if escaped:
-            mapped = sky.pdf(d, escaped)
-            share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
-            value = throughput * sky.radiance(d, escaped) * share
-        sky_layer = film.sky_layer
-        if dr.hint(job.irradiance, mode="scalar"):
-            sky_layer = dr.select(depth == 1, film.met_sky_layer, film.sky_layer)
-        sums = film.add_light(sums, place, sky_layer, depth > 1, value, escaped)
-
-        face, uv, distance = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), mi.Float(found.t)
-        active = hit & ~read & ((depth < max_depth) | job.emission)
-
-    film.add_sums(sums, place, covered)
-    if dr.hint(film.aovs, mode="scalar"):
-        film.add_openness(pixel, sunlit, unoccluded, covered)

@@ -1,0 +1,166 @@
+"""The lights of the table at a vertex: which are looked at, and what they bring.
+
+The list of a point is cut into runs of neighbours, one for each shadow ray, and of each run one light is drawn by what
+it would bring if nothing stood between (resampled importance sampling with a weighted reservoir; Talbot et al. 2005).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from mirelight.lighting.grid import FIRST_WEIGHED, LATER_WEIGHED
+from mirelight.lighting.kernel import lights as punctual
+from mirelight.lighting.kernel.film import Film, PathSums
+from mirelight.lighting.kernel.lights import LightSet
+from mirelight.lighting.kernel.proxy import DeviceProxy
+from mirelight.lighting.kernel.rays import bounded_ray
+from mirelight.lighting.kernel.samples import mix, number
+from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector3f
+from mirelight.lighting.kernel.vertex import Vertex
+
+
+class _Candidates(NamedTuple):
+    """The lights that reach a point: the brightest are all weighed, of the others some that are drawn."""
+
+    start: UInt32  # of the point's list in the set's
+    listed: UInt32  # lights in it
+    near: UInt32  # of those, how many are surely weighed: the first, which are the brightest
+    count: UInt32  # how many are weighed in all
+    stretch: Float  # lights that one drawn from the others stands for
+
+
+class _Chosen(NamedTuple):
+    """The light that was drawn from a run."""
+
+    light: UInt32
+    weight: Float  # its brightness here, unshadowed; 0: none was drawn
+    total: Float  # that of its run
+    wi: Vector3f  # the way to it
+    length: Float  # of the shadow ray
+    irradiance: Vector3f
+
+
+@dr.syntax
+def add_lamps(
+    surface: DeviceProxy,
+    lights: LightSet,
+    film: Film,
+    vertex: Vertex,
+    sums: PathSums,
+    sunlit: Float,
+    first_rays: UInt32 | None,
+    active: Bool,
+) -> tuple[PathSums, Float]:
+    """Next event estimation: the lights that reach a vertex, in as many runs as picks.
+
+    Args:
+        first_rays: to a light with an extent that has a run of its own, at a first hit; None: one.
+
+    Returns:
+        the path's sums; the share of the suns' light that its first hit sees.
+    """
+    several = first_rays is not None
+    candidates = _candidates(lights, vertex, active)
+    picks = dr.minimum(candidates.count, lights.picks(vertex.depth))
+    pick, entry = mi.UInt32(0), mi.UInt32(0)
+    while active & (pick < picks):
+        last = mi.UInt32(mi.Float((pick + 1) * candidates.count) / mi.Float(picks))
+        own_light, rays = mi.UInt32(0), mi.UInt32(1)
+        if dr.hint(several, mode="scalar"):
+            own_light = dr.gather(mi.UInt32, lights.items, candidates.start + entry, active)
+            own_run = (entry + 1 == last) & (candidates.listed <= _weighed(vertex)) & lights.extended(own_light)
+            rays = dr.select(own_run & ~vertex.indirect, first_rays, 1)
+        chosen, entry = _draw(lights, candidates, vertex, entry, last, rays)
+        lit = active & (chosen.weight > 0)
+        lit &= ~surface.blocked(bounded_ray(vertex.at.start, chosen.wi, chosen.length), lit, coherent=~vertex.indirect)
+        light = chosen.light
+        arrived = dr.select(lit, vertex.weight * chosen.irradiance * (chosen.total / chosen.weight), 0)
+        seen = dr.select(lit, chosen.total / chosen.weight, 0)
+        if dr.hint(several, mode="scalar"):
+            arrived, seen = _sample_again(surface, lights, vertex, own_light, rays, arrived, seen, active)
+            light = dr.select(rays > 1, own_light, light)
+            arrived, seen = arrived / mi.Float(rays), seen / mi.Float(rays)
+        lit = seen > 0
+        layer = dr.gather(mi.UInt32, lights.layer_of_light, light, lit)
+        sums = film.add_light(sums, vertex.place, layer, vertex.indirect, arrived, lit)
+        if dr.hint(film.aovs, mode="scalar"):
+            sun = dr.gather(mi.Float, lights.sun_shares, light, lit)
+            sunlit += dr.select(lit & ~vertex.indirect, sun * seen, 0)
+        pick += 1
+    return sums, sunlit
+
+
+def _weighed(vertex: Vertex) -> UInt32:
+    """How many lights of a list are weighed at most."""
+    return dr.select(vertex.indirect, mi.UInt32(LATER_WEIGHED), mi.UInt32(FIRST_WEIGHED))
+
+
+def _candidates(lights: LightSet, vertex: Vertex, active: Bool) -> _Candidates:
+    start, listed = lights.list_at(vertex.at.p, active)
+    weighed = _weighed(vertex)
+    near = dr.select(listed > weighed, weighed // 2, listed)
+    stretch = mi.Float(listed - near) / mi.Float(weighed - weighed // 2)
+    return _Candidates(start, listed, near, dr.minimum(listed, weighed), stretch)
+
+
+@dr.syntax
+def _draw(
+    lights: LightSet, candidates: _Candidates, vertex: Vertex, entry: UInt32, last: UInt32, rays: UInt32
+) -> tuple[_Chosen, UInt32]:
+    """(one light of the run from `entry` to `last`, drawn by a weighted reservoir of one; the end of the run).
+
+    `rays`: how many samples of the light its numbers must leave room for.
+    """
+    light, weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
+    wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
+    while entry < last:
+        own = mix(vertex.salt, entry + 16)
+        beyond = entry >= candidates.near
+        index = mi.UInt32(entry)
+        if beyond:
+            drawn = number(vertex.sample, mix(own, 1))
+            index = mi.UInt32((mi.Float(entry - candidates.near) + drawn) * candidates.stretch)
+            index = candidates.near + dr.minimum(index, candidates.listed - candidates.near - 1)
+        this = dr.gather(mi.UInt32, lights.items, candidates.start + index)
+        seed = mix(vertex.salt, dr.gather(mi.UInt32, lights.seeds, this))
+        this_wi, this_length, this_irradiance = punctual.sample(
+            lights.table, this, vertex.at.p, vertex.at.normal, vertex.sample * rays, seed
+        )
+        w = (this_irradiance.x + this_irradiance.y + this_irradiance.z) / 3
+        share = dr.select(beyond, w * candidates.stretch, w)
+        total += share
+        take = number(vertex.sample, own) * total < share
+        light = dr.select(take, this, light)
+        weight = dr.select(take, w, weight)
+        wi = dr.select(take, this_wi, wi)
+        length = dr.select(take, this_length, length)
+        irradiance = dr.select(take, this_irradiance, irradiance)
+        entry += 1
+    return _Chosen(light, weight, total, wi, length, irradiance), entry
+
+
+@dr.syntax
+def _sample_again(
+    surface: DeviceProxy,
+    lights: LightSet,
+    vertex: Vertex,
+    light: UInt32,
+    rays: UInt32,
+    arrived: Vector3f,
+    seen: Float,
+    active: Bool,
+) -> tuple[Vector3f, Float]:
+    """(what a light brings, how many samples see it) with its samples after the first added."""
+    seed, k = mix(vertex.salt, dr.gather(mi.UInt32, lights.seeds, light)), mi.UInt32(1)
+    while k < rays:
+        ray = vertex.sample * rays + k
+        wi, length, irradiance = punctual.sample(lights.table, light, vertex.at.p, vertex.at.normal, ray, seed)
+        lit = active & (dr.max(irradiance) > 0)
+        lit &= ~surface.blocked(bounded_ray(vertex.at.start, wi, length), lit, coherent=True)
+        arrived += dr.select(lit, vertex.weight * irradiance, 0)
+        seen += dr.select(lit, 1, 0)
+        k += 1
+    return arrived, seen

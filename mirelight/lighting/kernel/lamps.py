@@ -51,7 +51,7 @@ def add_lamps(
     vertex: Vertex,
     sums: PathSums,
     sunlit: Float,
-    first_rays: UInt32 | None,
+    first_rays: UInt32,
     active: Bool,
 ) -> tuple[PathSums, Float]:
     """Next event estimation: the lights that reach a vertex, in as many runs as picks.

@@ -78,10 +78,11 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     roulette = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
     throughput = mi.Vector3f(1)
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
-    came = Arrival(face, uv, d, mi.Float(0), mi.Float(0))
+    distance, pdf = mi.Float(0), mi.Float(0)  # of the ray that came here
     while active:
+        came = Arrival(face, uv, d, distance, pdf)
         salt = mix(stream, depth + 1)
-        at = world.surface.at(came.face, came.uv, came.d, active)
+        at = world.surface.at(face, uv, d, active)
         albedo = steps.albedo(at, depth)
         weight = throughput * albedo * dr.inv_pi
         vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight)
@@ -108,6 +109,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
             near = hit & (came.distance < job.ao_distance)
             unoccluded = dr.select(active & (depth == 1), dr.select(near, 0, 1), unoccluded)
         sums = steps.add_sky_met(sums, place, depth, throughput, came, go_on & ~hit & ~read)
+        face, uv, d, distance, pdf = came
         active = hit & ~read & ((depth < job.max_depth) | job.emission)
 
     film.add_sums(sums, place, covered)

@@ -25,6 +25,7 @@ from PIL import Image
 from mirelight.base.colour import srgb_encode
 from mirelight.lighting import Tracer
 from mirelight.lighting.fill import fill
+from mirelight.lighting.frame import LitProxy
 from mirelight.lighting.kernel.sky import Sky
 from mirelight.lighting.sunsky import plain
 from mirelight.model import (
@@ -109,8 +110,8 @@ def timed(make: Callable[[], T]) -> tuple[T, float]:
 def by_generations(tracer: Tracer, cells: SurfaceCells, lighting: Lighting, samples: int, seed: int) -> CellLight:
     """The sky's light by a fill of its own, which shares no ray with any other."""
     settings, sky = replace(tracer.settings, seed=seed), Sky(plain(lighting).environment)
-    surface = tracer._on_device()
-    made = fill(surface, sky, cells, lighting, settings, samples, emission=False, progress=lambda done, total: None)
+    lit = LitProxy(tracer._on_device(), sky, lighting, emission=False)
+    made = fill(lit, cells, settings, samples, lambda done, total: None)
     return made.lights[0]
 
 

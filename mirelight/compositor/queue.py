@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from functools import lru_cache, partial
-from typing import Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,91 +101,94 @@ def for_each_tile(
     order = dr.gather(UInt32, order, dr.compress(dr.gather(types.Bool, lists.filled, order)))
     scalars = [dr.opaque(UInt32, v) for v in (len(order), band.columns, band.first_row)]
     lanes = dr.zeros(UInt32, device.persistent_lanes)
-    return _loop(device, source, program, room)(lanes, order, lists.ranks, lists.start, lists.end, *scalars, *data)
+    return _loop(device, source, program, room)(lanes, [order, lists.ranks, lists.start, lists.end, *scalars], data)
 
 
 @lru_cache(maxsize=64)
 def _loop(device: Device, source: SplatSource, program: PixelProgram, room: int) -> Callable[..., Array]:
     """The loop of `for_each_tile`, ready to run."""
-    return device.frozen(partial(_trace, device, source, program, room))
+    return device.frozen(_Loop(device, source, program, room).run)
 
 
-def _trace(
-    device: Device,
-    source: SplatSource,
-    program: PixelProgram,
-    room: int,
-    zeros: Array,
-    order: Array,
-    ranks: Array,
-    starts: Array,
-    ends: Array,
-    tiles: Array,
-    columns: Array,
-    first_row: Array,
-    *data: Array,
-) -> Array:
-    """One lane for each of `zeros` fetches tiles until `order` is used up."""
-    dr, types = device.dr, device.types
-    Float, UInt32, Bool = types.Float, types.UInt32, types.Bool
-    pixels = device.tile_width * device.tile_height
-    packets = pixels * program.results // PACKET  # one large packet costs far less than several small ones
-    out = dr.empty(Float, room * packets * PACKET)
-    queue = dr.zeros(UInt32, 1)
+class _Loop:
+    """Blends tiles: each lane fetches one when the one before is finished."""
 
-    def switch(
-        tile: Array, position: Array, end: Array, x: Array, y: Array, state: Pixels
-    ) -> tuple[Array, Array, Array, Array, Array, Pixels]:
-        flat = [slot for pixel in state for slot in pixel[: program.results]]
-        for i in range(packets):
+    def __init__(self, device: Device, source: SplatSource, program: PixelProgram, room: int) -> None:
+        self.device, self.source, self.program, self.room = device, source, program, room
+        self.pixels = device.tile_width * device.tile_height
+        self.packets = self.pixels * program.results // PACKET  # one large packet costs far less than several small
+
+    def run(self, zeros: Array, lists: list[Array], data: list[Array]) -> Array:
+        """One lane for each of `zeros` fetches tiles until they are used up.
+
+        Args:
+            zeros: as many as lanes.
+            lists: the tiles' order, splats' ranks, starts and ends of tiles' lists; tiles, columns, first row.
+            data: of the source.
+        """
+        dr, types = self.device.dr, self.device.types
+        out = dr.empty(types.Float, self.room * self.packets * PACKET)
+        queue = dr.zeros(types.UInt32, 1)
+        columns = lists[5]
+        zero = _on_aligned_stack(self.device, types.Float(zeros), columns)
+        one = zero + 1
+        start = (
+            zeros == 0,
+            zeros + NO_TILE,
+            zeros + UNROLL,  # position and end of a list that is done
+            zeros,
+            zero,
+            zero,
+            [[zero] * self.source.slots for _ in range(UNROLL)],
+            [[one if v else zero for v in self.program.fresh()] for _ in range(self.pixels)],
+        )
+        step = partial(self._step, partial(self._next_tile, out, queue, lists), lists[1], data)
+        dr.while_loop(start, lambda running, *_: running, step)
+        dr.eval(out)
+        return out
+
+    def _next_tile(self, out: Array, queue: Array, lists: list[Array], *at: Any) -> tuple[Any, ...]:
+        """Write a tile's pixels, and go to the next in the queue: (tile, position, end, x, y, state), then and now."""
+        dr, types, (tile, *_, state) = self.device.dr, self.device.types, at
+        order, _, starts, ends, tiles, columns, first_row = lists
+        flat = [slot for pixel in state for slot in pixel[: self.program.results]]
+        for i in range(self.packets):
             packet = types.ArrayXf(flat[i * PACKET : (i + 1) * PACKET])
-            dr.scatter(out, packet, tile * packets + i, tile != NO_TILE)
-        ticket = dr.scatter_inc(queue, UInt32(0), Bool(True))
+            dr.scatter(out, packet, tile * self.packets + i, tile != NO_TILE)
+        ticket = dr.scatter_inc(queue, types.UInt32(0), types.Bool(True))
         more = ticket < tiles
-        tile = dr.gather(UInt32, order, ticket, more)
-        position, end = dr.gather(UInt32, starts, tile, more), dr.gather(UInt32, ends, tile, more)
-        row = row_of(device, tile, columns)
-        x = Float((tile - row * columns) * device.tile_width) + 0.5
-        y = Float((row + first_row) * device.tile_height) + 0.5
-        fresh = [[Float(v) for v in program.fresh()] for _ in range(pixels)]
+        tile = dr.gather(types.UInt32, order, ticket, more)
+        position, end = dr.gather(types.UInt32, starts, tile, more), dr.gather(types.UInt32, ends, tile, more)
+        row = row_of(self.device, tile, columns)
+        x = types.Float((tile - row * columns) * self.device.tile_width) + 0.5
+        y = types.Float((row + first_row) * self.device.tile_height) + 0.5
+        fresh = [[types.Float(v) for v in self.program.fresh()] for _ in range(self.pixels)]
         return dr.select(more, tile, NO_TILE), position, end, x, y, fresh
 
-    def step(
-        running: Array, tile: Array, position: Array, end: Array, x: Array, y: Array, held: list[Splat], state: Pixels
-    ) -> tuple[Array, Array, Array, Array, Array, Array, list[Splat], Pixels]:
+    def _step(
+        self, next_tile: Callable[..., tuple[Any, ...]], ranks: Array, data: list[Array], *at: Any
+    ) -> tuple[Any, ...]:
+        """Blend the splats that are held, and load the next: (running, tile, position, end, x, y, held, state)."""
+        dr, program = self.device.dr, self.program
+        _, tile, position, end, x, y, held, state = at
         done = program.finished(state) | (position >= end + UNROLL)  # `held` lies before `position`
-        tile, position, end, x, y, state = dr.if_stmt(
-            (tile, position, end, x, y, state), done, switch, lambda *same: same
-        )
+        here = (tile, position, end, x, y, state)
+        tile, position, end, x, y, state = dr.if_stmt(here, done, next_tile, lambda *same: same)
         coming = []
         for i in range(UNROLL):
             ok = position + i < end
-            coming.append(source.load(list(data), dr.gather(UInt32, ranks, position + i, ok), ok))
-        device.later()  # else Dr.Jit would emit the loads after the blend
-        shown = [source.hidden(splat, done) for splat in held]  # those of the tile before are not for this one
-        exponents = [source.exponents(splat, x, y) for splat in shown]
+            coming.append(
+                self.source.load(list(data), dr.gather(self.device.types.UInt32, ranks, position + i, ok), ok)
+            )
+        self.device.later()  # else Dr.Jit would emit the loads after the blend
+        shown = [self.source.hidden(splat, done) for splat in held]  # those of the tile before are not for this one
+        exponents = [self.source.exponents(splat, x, y) for splat in shown]
         blended = []
         for pixel in state:  # pixel by pixel, so that its state stays in registers from splat to splat
             for splat, of_pixel in zip(shown, exponents, strict=True):
                 pixel = program.fragment(splat, next(of_pixel), pixel)
             blended.append(pixel)
         return tile != NO_TILE, tile, position + UNROLL, end, x, y, coming, blended
-
-    zero = _on_aligned_stack(device, Float(zeros), columns)
-    one = zero + 1
-    start = (
-        zeros == 0,
-        zeros + NO_TILE,
-        zeros + UNROLL,  # position and end of a list that is done
-        zeros,
-        zero,
-        zero,
-        [[zero] * source.slots for _ in range(UNROLL)],
-        [[one if v else zero for v in program.fresh()] for _ in range(pixels)],
-    )
-    dr.while_loop(start, lambda running, *_: running, step)
-    dr.eval(out)
-    return out
 
 
 def _on_aligned_stack(device: Device, values: Array, place: Array) -> Array:

@@ -16,14 +16,12 @@ import numpy as np
 
 from mirelight.lighting import windows
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many
-from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, Camera, CellLight, Lighting, RenderSettings, SurfaceCache, SurfaceCells
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.cells import DeviceCells
-    from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.sky import Sky
 
 WARM = 6  # generations before what is kept: the first traces whole paths, each one after adds a bounce
 TOO_NEAR = 2.0  # cells: hits nearer than this to the one before are traced on, as a cell is too coarse for them
@@ -47,30 +45,25 @@ class _Light:
 
 
 def fill(
-    surface: DeviceProxy,
-    sky: Sky,
+    lit: LitProxy,
     cells: SurfaceCells,
-    lighting: Lighting,
     settings: RenderSettings,
     samples: int,
-    *,
-    emission: bool,
     progress: Callable[[int, int], None],
 ) -> SurfaceCache:
     """Light of a lighting on every cell.
 
     Args:
-        surface, sky: the proxy and the lighting's environment on the device.
+        lit: the proxy under the lighting; cells that it reads are not looked at.
         cells: of that proxy.
-        lighting: with its sky model resolved.
         settings: seed and variant count.
         samples: of each cell, in two independent halves.
-        emission: False: surfaces that glow do not.
         progress: called with samples done and in all.
 
     Raises:
         RenderError: the light of so many cells does not fit in memory.
     """
+    lighting, emission = lit.lighting, lit.emission
     names = Layers.of(lighting, emissive=emission).names
     layers = _with_met(lighting, emission)
     if not names or not len(cells):
@@ -82,9 +75,9 @@ def fill(
     refuse_if_too_large(row, layers, most=settings.max_memory)
     read: DeviceCells | None = None
     halves: list[_Light] = []
-    spread = windows.found(surface, sky, cells, settings.seed)[0] if sky.is_sampled else None
+    spread = windows.found(lit.surface, lit.sky, cells, settings.seed)[0] if lit.sky.is_sampled else None
     for generation, count in enumerate(rounds):
-        frame = _frame(surface, sky, cells, lighting, row, layers, settings, emission, read, generation)
+        frame = _frame(replace(lit, cells=read), cells, row, layers, settings, generation)
         for done in _passes(frame, count):
             progress(sum(rounds[:generation]) * len(cells) + done, sum(rounds) * len(cells))
         light = _light(frame, layers)
@@ -187,35 +180,14 @@ def _with_met(lighting: Lighting, emission: bool) -> Layers:
 
 
 def _frame(
-    surface: DeviceProxy,
-    sky: Sky,
-    cells: SurfaceCells,
-    lighting: Lighting,
-    row: Camera,
-    layers: Layers,
-    settings: RenderSettings,
-    emission: bool,
-    read: DeviceCells | None,
-    generation: int,
+    lit: LitProxy, cells: SurfaceCells, row: Camera, layers: Layers, settings: RenderSettings, generation: int
 ) -> FrameInProgress:
     """One generation, to be sampled; the first has nothing to read and traces paths as frames do."""
     from mirelight.lighting.kernel.cell_points import CellPoints
 
     seed = (settings.seed + 0x9E3779B9 * (generation + 1)) & 0xFFFFFFFF
     own = replace(settings, spp=PASS, noise=None, denoise=False, seed=seed)
-    return FrameInProgress(
-        surface,
-        sky,
-        lighting,
-        row,
-        layers,
-        own,
-        aovs=False,
-        emission=emission,
-        view=CellPoints(cells),
-        cells=read,
-        irradiance=True,
-    )
+    return FrameInProgress(lit, row, layers, own, aovs=False, view=CellPoints(cells), irradiance=True)
 
 
 def _passes(frame: FrameInProgress, samples: int) -> Iterator[int]:

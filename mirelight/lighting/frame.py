@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,22 +36,29 @@ INDEX_BITS = 32 - 3  # of a sample's number in its sequence, times those rays
 AGAIN = 0x6A09E667  # between the seeds of first and second samples
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LitProxy:
+    """A proxy under a lighting, on the device."""
+
+    surface: DeviceProxy
+    sky: Sky  # of the lighting's environment
+    lighting: Lighting  # with its sky model resolved
+    emission: bool  # surfaces that glow do
+    cells: DeviceCells | None = None  # light that is read in place of being traced
+
+
 class FrameInProgress:
     """Samples are added pass by pass, of all pixels or some; `develop` ends it."""
 
     def __init__(
         self,
-        surface: DeviceProxy,
-        sky: Sky,
-        lighting: Lighting,
+        lit: LitProxy,
         camera: Camera,
         layers: Layers,
         settings: RenderSettings,
         *,
         aovs: bool,
-        emission: bool = True,  # False: surfaces that glow do not
         view: CameraRays | PointRays | CellPoints | SomePixels | None = None,  # None: the camera's
-        cells: DeviceCells | None = None,  # light that is read in place of being traced
         irradiance: bool = False,  # of first hits, over pi, instead of their radiance
     ) -> None:
         import drjit as dr
@@ -62,6 +70,7 @@ class FrameInProgress:
         from mirelight.lighting.kernel.rays import CameraRays, SomePixels
         from mirelight.lighting.kernel.samples import Tiles
 
+        surface, lighting, cells = lit.surface, lit.lighting, lit.cells
         self.camera, self.layers = camera, layers
         self.samples = np.zeros(camera.width * camera.height, np.int64)
         self._view = view or CameraRays(camera)
@@ -75,9 +84,9 @@ class FrameInProgress:
         self._irradiance = irradiance
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
         packed, seeds = table.pack(lighting.lights), table.seeds(lighting.lights)
-        self._world = World(surface, LightSet(packed, seeds, lists, layers.of_light, shares), sky, cells)
+        self._world = World(surface, LightSet(packed, seeds, lists, layers.of_light, shares), lit.sky, cells)
         self._sun = bool(shares.any())
-        self._emission = emission and surface.emissive
+        self._emission = lit.emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
         self._seed_number = settings.seed & 0xFFFFFFFF
         self._seed = dr.opaque(mi.UInt32, self._seed_number)

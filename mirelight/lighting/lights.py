@@ -6,7 +6,7 @@ Formulas of directional, point and spot lights: KHR_lights_punctual, "Range Prop
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import assert_never
 
@@ -17,6 +17,7 @@ from mirelight.model import (
     F32,
     AreaLight,
     DirectionalLight,
+    IesProfile,
     Light,
     PointLight,
     SpotLight,
@@ -45,33 +46,31 @@ class Kind(IntEnum):
     DISK = 6
 
 
-def _row(
-    kind: Kind,
-    *,
-    position: NDArray[np.float64],
-    strength: NDArray[np.float64],
-    axis: NDArray[np.float64] | None = None,
-    radius: float = 0.0,
-    reach: float = float("inf"),
-    cone: tuple[float, float, float] = (0.0, 1.0, 0.0),
-    x: tuple[NDArray[np.float64], float] | None = None,
-    y: tuple[NDArray[np.float64], float] | None = None,
-) -> NDArray[np.float64]:
-    """One light: position, kind | axis, radius | strength, 1 / range | x axis, half width | y axis, half height | cone.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Row:
+    """One light, in the order in which it is packed, and what stands where it has nothing of a kind."""
 
-    `position` is the way to the light for lights at infinity; `cone` is that of `spot_cone`, and (0, 1, 0) is no cone;
-    `radius` of a sun is the sine of its angular radius.
-    """
-    zero = (np.zeros(3), 0.0)
-    groups = [
-        (position, float(kind)),
-        (np.zeros(3) if axis is None else axis, radius),
-        (strength, min(1.0 / reach, _NEAREST)),
-        x or zero,
-        y or zero,
-        (np.array(cone), 0.0),
-    ]
-    return np.concatenate([np.append(vector, number) for vector, number in groups])
+    kind: Kind
+    position: NDArray[np.float64]  # the way to the light, for lights at infinity
+    axis: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    radius: float = 0.0  # of a sun: the sine of its angular radius
+    strength: NDArray[np.float64]
+    reach: float = float("inf")
+    x: tuple[NDArray[np.float64], float] = field(default_factory=lambda: (np.zeros(3), 0.0))  # axis, half width
+    y: tuple[NDArray[np.float64], float] = field(default_factory=lambda: (np.zeros(3), 0.0))  # axis, half height
+    cone: tuple[float, float, float] = (0.0, 1.0, 0.0)  # that of `spot_cone`; this one is none
+
+    def packed(self) -> NDArray[np.float64]:
+        """(ROW,) position, kind | axis, radius | strength, 1 / range | x | y | cone, and where a profile begins."""
+        groups = [
+            (self.position, float(self.kind)),
+            (self.axis, self.radius),
+            (self.strength, min(1.0 / self.reach, _NEAREST)),
+            self.x,
+            self.y,
+            (np.array(self.cone), 0.0),
+        ]
+        return np.concatenate([np.append(vector, number) for vector, number in groups])
 
 
 def spot_cone(light: SpotLight) -> tuple[float, float, float]:
@@ -80,53 +79,51 @@ def spot_cone(light: SpotLight) -> tuple[float, float, float]:
     return scale, offset, float(light.cone == "playcanvas")
 
 
-def _pack(light: Light) -> NDArray[np.float64]:
+def _row(light: Light) -> _Row:
+    strength = light.color * light.intensity
     match light:
         case DirectionalLight():
-            return _row(Kind.DIRECTIONAL, position=-light.direction, strength=light.color * light.intensity)
+            return _Row(kind=Kind.DIRECTIONAL, position=-light.direction, strength=strength)
         case SunLight():
             sine = float(np.sin(np.radians(light.angular_diameter) / 2))
             kind = Kind.SUN if sine > 0 else Kind.DIRECTIONAL
-            return _row(kind, position=-light.direction, strength=light.color * light.intensity, radius=sine)
+            return _Row(kind=kind, position=-light.direction, strength=strength, radius=sine)
         case PointLight():
             kind = Kind.SPHERE if light.radius > 0 else Kind.POINT
-            return _row(
-                kind,
-                position=light.position,
-                strength=light.color * light.intensity,
-                axis=None if light.profile is None else light.profile.nadir,
-                radius=light.radius,
-                reach=light.range,
-                x=None if light.profile is None else (light.profile.zero, 0.0),
-                y=None if light.profile is None else (light.profile.quarter, 0.0),
+            row = _Row(kind=kind, position=light.position, strength=strength, radius=light.radius, reach=light.range)
+            return (
+                row if light.profile is None else _with_profile(replace(row, axis=light.profile.nadir), light.profile)
             )
         case SpotLight():
-            return _row(
-                Kind.SPHERE if light.radius > 0 else Kind.SPOT,
+            row = _Row(
+                kind=Kind.SPHERE if light.radius > 0 else Kind.SPOT,
                 position=light.position,
-                strength=light.color * light.intensity,
+                strength=strength,
                 axis=light.direction,
                 radius=light.radius,
                 reach=light.range,
                 cone=spot_cone(light),
-                x=None if light.profile is None else (light.profile.zero, 0.0),
-                y=None if light.profile is None else (light.profile.quarter, 0.0),
             )
+            return row if light.profile is None else _with_profile(row, light.profile)
         case AreaLight():
-            return _pack_area(light)
+            return _area_row(light)
         case _:
             assert_never(light)
 
 
-def _pack_area(light: AreaLight) -> NDArray[np.float64]:
+def _with_profile(row: _Row, profile: IesProfile) -> _Row:
+    return replace(row, x=(profile.zero, 0.0), y=(profile.quarter, 0.0))
+
+
+def _area_row(light: AreaLight) -> _Row:
     m = light.world_from_light
     half_width, half_height = light.size[0] / 2, light.size[1] / 2
     radiance = light.color * light.intensity
     if light.shape == "sphere":  # candela of a glowing ball: radiance times its silhouette
         strength = radiance * np.pi * half_width**2
-        return _row(Kind.SPHERE, position=m[:3, 3], strength=strength, radius=half_width)
-    return _row(
-        Kind.RECTANGLE if light.shape == "rectangle" else Kind.DISK,
+        return _Row(kind=Kind.SPHERE, position=m[:3, 3], strength=strength, radius=half_width)
+    return _Row(
+        kind=Kind.RECTANGLE if light.shape == "rectangle" else Kind.DISK,
         position=m[:3, 3],
         strength=radiance,
         axis=-m[:3, 2],
@@ -142,9 +139,10 @@ def pack(lights: tuple[Light, ...]) -> F32:
     At least two rows, because Dr.Jit treats a single one as a constant and would compile it in. Behind them stand the
     profiles of lights that have one, each once; the last float of a light's row is where its own begins, 0 for none.
     """
-    rows = [_pack(light) for light in lights]
+    rows = [_row(light).packed() for light in lights]
     while len(rows) < 2:
-        rows.append(_row(Kind.DIRECTIONAL, position=np.array([0.0, 1.0, 0.0]), strength=np.zeros(3)))
+        dark = _Row(kind=Kind.DIRECTIONAL, position=np.array([0.0, 1.0, 0.0]), strength=np.zeros(3))
+        rows.append(dark.packed())
     places: dict[str, int] = {}
     profiles: list[NDArray[np.float64]] = []
     for row, light in zip(rows, lights, strict=False):

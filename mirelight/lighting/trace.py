@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from mirelight.base import backend
 from mirelight.base.errors import BackendError
 from mirelight.lighting.develop import dark, refuse_if_too_large
-from mirelight.lighting.frame import FrameInProgress
+from mirelight.lighting.frame import FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
 from mirelight.lighting.sampling import Progress, sample_all, with_pilot
@@ -128,12 +128,10 @@ class Tracer:
             from mirelight.lighting.scalar import trace_scalar
 
             return trace_scalar(self._proxy, lighting, camera, self.settings, layers, emission=emission)
-        settings, sky = with_pilot(self.settings), self._sky_of(lighting.environment)
-        cells = self._cells(cache, lighting, layers, emission)
-        frame = FrameInProgress(
-            self._surface, sky, lighting, camera, layers, settings, aovs=self._aovs, emission=emission, cells=cells
-        )
-        rays = min((x.rays for x in cache.lights), default=0) if cache is not None and cells is not None else 0
+        settings, lit = with_pilot(self.settings), self._lit(lighting, layers, emission, cache)
+        frame = FrameInProgress(lit, camera, layers, settings, aovs=self._aovs)
+        read = cache is not None and lit.cells is not None
+        rays = min((x.rays for x in cache.lights), default=0) if cache is not None and read else 0
         try:
             sample_all(frame, settings, _looking(frame, progress or _ignore, look))
         except KeyboardInterrupt:
@@ -210,15 +208,18 @@ class Tracer:
             BackendError, RenderError: the variant `scalar_rgb`; the light of so many cells does not fit in memory.
         """
         from mirelight.lighting.fill import fill
-        from mirelight.lighting.transport import lit
+        from mirelight.lighting.transport import gather
 
-        surface, lighting = self._on_device(), plain(lighting)
-        sky = self._sky_of(lighting.environment)
-        glow = emission and self.emissive
+        lighting, glow, report = plain(lighting), emission and self.emissive, progress or _ignore
+        lit = LitProxy(self._on_device(), self._sky_of(lighting.environment), lighting, glow)
         if not glow:
-            transport = transport or self.transport(cells, samples)
-            return lit(surface, sky, cells, transport, lighting, self.settings, progress or _ignore)
-        return fill(surface, sky, cells, lighting, self.settings, samples, emission=glow, progress=progress or _ignore)
+            return gather(lit, cells, transport or self.transport(cells, samples), self.settings, report)
+        return fill(lit, cells, self.settings, samples, report)
+
+    def _lit(self, lighting: Lighting, layers: Layers, emission: bool, cache: SurfaceCache | None) -> LitProxy:
+        """The proxy under a lighting without a sky model, whose light is read from a cache."""
+        cells = self._cells(cache, lighting, layers, emission)
+        return LitProxy(self._on_device(), self._sky_of(lighting.environment), lighting, emission, cells)
 
     def _cells(
         self, cache: SurfaceCache | None, lighting: Lighting, layers: Layers, emission: bool
@@ -241,15 +242,13 @@ class Tracer:
         """
         from mirelight.lighting.budget import looked_at
 
-        surface, lighting, emission = self._on_device(), plain(lighting), emission and self.emissive
-        layers, sky = Layers.of(lighting, emissive=emission, separate=self._layers), self._sky_of(lighting.environment)
-        cells = self._cells(cache, lighting, layers, emission)
+        lighting, emission = plain(lighting), emission and self.emissive
+        layers = Layers.of(lighting, emissive=emission, separate=self._layers)
+        lit = self._lit(lighting, layers, emission, cache)
         own = replace(self.settings, noise=1.0, denoise=False, seed=(self.settings.seed + LOOK) & 0xFFFFFFFF)
 
         def frame(view: SomePixels, row: Camera) -> FrameInProgress:
-            return FrameInProgress(
-                surface, sky, lighting, row, layers, own, aovs=False, emission=emission, view=view, cells=cells
-            )
+            return FrameInProgress(lit, row, layers, own, aovs=False, view=view)
 
         return looked_at(cameras, frame)
 
@@ -283,27 +282,14 @@ class Tracer:
         """
         from mirelight.lighting.points import gathered
 
-        surface, lighting = self._on_device(), plain(lighting)
-        glow, sky = emission and self.emissive, self._sky_of(lighting.environment)
+        lighting, glow = plain(lighting), emission and self.emissive
         layers = Layers.of(lighting, emissive=glow, separate=self._layers)
         settings = replace(self.settings, spp=spp, noise=None, denoise=False)
-        cells = self._cells(cache, lighting, layers, glow)
+        lit = self._lit(lighting, layers, glow, cache)
 
         def frame(view: PointRays, row: Camera, seed: int) -> FrameInProgress:
             own = replace(settings, seed=seed)
-            return FrameInProgress(
-                surface,
-                sky,
-                lighting,
-                row,
-                layers,
-                own,
-                aovs=False,
-                emission=glow,
-                view=view,
-                cells=cells,
-                irradiance=True,
-            )
+            return FrameInProgress(lit, row, layers, own, aovs=False, view=view, irradiance=True)
 
         def sample(opened: FrameInProgress, before: int) -> None:
             report = progress or _ignore

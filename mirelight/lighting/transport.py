@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mirelight.lighting import windows
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
 from mirelight.lighting.fill import on_device
-from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
 from mirelight.model import (
     F32,
@@ -40,7 +40,6 @@ from mirelight.model.surface_cache import LOST, NOTHING
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.cell_points import Pieces
     from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.types import Float
 
 MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
@@ -152,22 +151,19 @@ def _stood_in(ends: Words, face: Words, where: F32, of_half: int, nodes: int) ->
     return out, places
 
 
-def lit(
-    surface: DeviceProxy,
-    sky: Sky,
+def gather(
+    lit: LitProxy,
     cells: SurfaceCells,
     transport: SurfaceTransport,
-    lighting: Lighting,
     settings: RenderSettings,
     progress: Progress,
 ) -> SurfaceCache:
     """Light of a lighting on every cell; surfaces do not glow.
 
     Args:
-        surface, sky: the proxy and the lighting's environment on the device.
+        lit: the proxy under the lighting.
         cells: of that proxy.
         transport: between those cells.
-        lighting: with its sky model resolved.
         settings: seed counts.
         progress: called with samples done and in all.
 
@@ -178,6 +174,7 @@ def lit(
     from mirelight.lighting.kernel.sky import Sky
     from mirelight.lighting.kernel.transport import DeviceLinks, bounced
 
+    surface, sky, lighting = lit.surface, lit.sky, lit.lighting
     layers = Layers.of(lighting, emissive=False)
     count, around = len(layers.names), layers.environment
     if not count or not len(cells):
@@ -186,13 +183,13 @@ def lit(
     refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
     places = len(transport.faces)
     # the environment apart, so that a lamp has the same bits with and without it
-    lamps = [(replace(lighting, environment=None), Sky(None))] if lighting.lights else []
-    outside = [(replace(lighting, lights=()), sky)] if lighting.environment is not None else []
+    lamps = [replace(lit, lighting=replace(lighting, environment=None), sky=Sky(None))] if lighting.lights else []
+    outside = [replace(lit, lighting=replace(lighting, lights=()))] if lighting.environment is not None else []
     total = 2 * DIRECT * len(cells) if lamps else 0
 
     def own(of: Pieces, samples: int, number: int, done: int) -> tuple[list[F32], F32]:
         say, sources = partial(_say, progress, done, total), lamps if of is cells else [*lamps, *outside]
-        made = [_own(surface, around_it, of, x, settings, samples, number, say) for x, around_it in sources]
+        made = [_own(x, of, settings, samples, number, say) for x in sources]
         return [x[0] for x in made], made[-1][1] if made else np.zeros((0, 3), np.float32)
 
     direct = np.zeros((2, count, len(cells), 3), np.float32)
@@ -262,10 +259,8 @@ def _in_the_end(first: F32, middle: F32, last: F32) -> F32:
 
 
 def _own(
-    surface: DeviceProxy,
-    sky: Sky,
+    lit: LitProxy,
     of: Pieces,
-    lighting: Lighting,
     settings: RenderSettings,
     samples: int,
     number: int,
@@ -275,7 +270,7 @@ def _own(
     of the sky."""
     from mirelight.lighting.kernel.cell_points import CellPoints
 
-    layers = Layers.of(lighting, emissive=False)
+    layers = Layers.of(lit.lighting, emissive=False)
     count = len(layers.names)
     layers = replace(layers, names=(*layers.names, "met", "nothing"), met=(count, count + 1))
     row = Camera.perspective(np.eye(4), len(of.faces), 1, yfov=45, name="cells")
@@ -283,9 +278,7 @@ def _own(
     seed = (settings.seed + 0x9E3779B9 * (number + 1)) & 0xFFFFFFFF
     alone = replace(settings, spp=samples, noise=None, denoise=False, seed=seed, max_depth=1)
     view = CellPoints(of)
-    frame = FrameInProgress(
-        surface, sky, lighting, row, layers, alone, aovs=False, emission=False, view=view, irradiance=True
-    )
+    frame = FrameInProgress(lit, row, layers, alone, aovs=False, view=view, irradiance=True)
     for _ in range(max(samples // PASS, 1)):
         for done in frame.add_pass(min(samples, PASS)):
             progress(done)

@@ -16,7 +16,7 @@ import numpy as np
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.lighting.layers import MAX_LAYERS
-from mirelight.model import F32, F64, Lighting
+from mirelight.model import F32, F64, Job, Lighting
 from mirelight.model.lights import position_of
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSets, Unit, terms
 from mirelight.pipeline import requirements
@@ -108,34 +108,11 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     mode = relighting.mode_of(job.relight)
     floor = mode.leaves_floor and compares
     extra = [EMISSION] * scene.glows + [BASE] * floor
-    if len(names) + len(extra) > MOST_LAYERS:
-        raise InputError(
-            job.source,
-            f"{len(names) + len(extra)} layers of light",
-            f"give lights a group, or choose lightings: the page holds {MOST_LAYERS}",
-            field="lights",
-        )
-    captured = (job.captured,) if compares and job.captured is not None else ()
-    if captured and len(list(terms(captured[0]))) > MAX_LAYERS:
-        raise InputError(
-            job.source,
-            f"more than {MAX_LAYERS} lights in the captured lighting",
-            "give them a group",
-            field="captured",
-        )
-    sets = LightSets((*plain, *captured), ALIKE)
+    captured = job.captured if compares else None
+    _refuse_too_many(job, len(names) + len(extra), captured)
     splats = SplatLight(scene, spp, progress)
     values = np.zeros((len(names) + len(extra), len(scene.splats), 3), np.float32)
-    old = np.zeros((len(scene.splats), 3), np.float64)
-    every = {s.digest: s for x in (*plain, *captured) for s in sets.mixture(x).sets}
-    taken = {t.unit.digest: t.weight for x in captured for t in terms(x)}
-    for number, one in enumerate(every.values()):
-        light = splats.light(one, f"set {number + 1} of {len(every)}")
-        for k, unit in enumerate(one.units):
-            if unit.digest in index:
-                values[index[unit.digest]] = light[k]
-            if unit.digest in taken:
-                old += light[k] * taken[unit.digest]
+    old = _light_units(splats, plain, captured, index, values)
     if scene.glows:
         glow = splats.light(GLOW, "surfaces that glow")[0]
         values[len(names)] = glow
@@ -166,6 +143,39 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         units=tuple(units.values()),
         layer_of=layer_of,
     )
+
+
+def _refuse_too_many(job: Job, layers: int, captured: Lighting | None) -> None:
+    """What the page cannot hold, and what cannot be traced apart."""
+    if layers > MOST_LAYERS:
+        remedy = f"give lights a group, or choose lightings: the page holds {MOST_LAYERS}"
+        raise InputError(job.source, f"{layers} layers of light", remedy, field="lights")
+    if captured is not None and len(list(terms(captured))) > MAX_LAYERS:
+        found = f"more than {MAX_LAYERS} lights in the captured lighting"
+        raise InputError(job.source, found, "give them a group", field="captured")
+
+
+def _light_units(
+    splats: SplatLight, plain: tuple[Lighting, ...], captured: Lighting | None, index: dict[str, int], values: F32
+) -> F64:
+    """Put every unit light's irradiance / pi on the splats into its row of `values` (L, N, 3), by the unit's digest.
+
+    Returns:
+        (N, 3) the captured light's, without what glows.
+    """
+    old = np.zeros(values.shape[1:], np.float64)
+    lightings = (*plain, captured) if captured is not None else plain
+    sets = LightSets(lightings, ALIKE)
+    every = {s.digest: s for x in lightings for s in sets.mixture(x).sets}
+    taken = {} if captured is None else {t.unit.digest: t.weight for t in terms(captured)}
+    for number, one in enumerate(every.values()):
+        light = splats.light(one, f"set {number + 1} of {len(every)}")
+        for k, unit in enumerate(one.units):
+            if unit.digest in index:
+                values[index[unit.digest]] = light[k]
+            if unit.digest in taken:
+                old += light[k] * taken[unit.digest]
+    return old
 
 
 def _mixed(lighting: Lighting, index: dict[str, int]) -> Mixed:

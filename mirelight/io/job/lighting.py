@@ -177,33 +177,9 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 angular_diameter=table.angular_diameter,
             )
         case PointTable():
-            candela, profile = _strength(table, table.direction or (0, -1, 0), files)
-            return PointLight(
-                name=name,
-                group=table.group,
-                color=color,
-                intensity=candela,
-                position=np.asarray(table.position),
-                range=table.range or math.inf,
-                radius=table.radius,
-                profile=profile,
-            )
+            return _point_light(table, name, files)
         case SpotTable():
-            candela, profile = _strength(table, _direction(table), files)
-            return SpotLight(
-                name=name,
-                group=table.group,
-                color=color,
-                intensity=candela,
-                profile=profile,
-                position=np.asarray(table.position),
-                direction=_direction(table),
-                range=table.range or math.inf,
-                inner_cone_angle=table.angles[0],
-                outer_cone_angle=table.angles[1],
-                cone=table.law,
-                radius=table.radius,
-            )
+            return _spot_light(table, name, files)
         case AreaTable():
             pose = conventions.compose(table.position)
             if table.shape != "sphere":
@@ -219,6 +195,38 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 world_from_light=pose,
                 size=(width, height),
             )
+
+
+def _point_light(table: PointTable, name: str, files: LightFiles) -> PointLight:
+    candela, profile = _strength(table, table.direction or (0, -1, 0), files)
+    return PointLight(
+        name=name,
+        group=table.group,
+        color=table.rgb,
+        intensity=candela,
+        position=np.asarray(table.position),
+        range=table.range or math.inf,
+        radius=table.radius,
+        profile=profile,
+    )
+
+
+def _spot_light(table: SpotTable, name: str, files: LightFiles) -> SpotLight:
+    candela, profile = _strength(table, _direction(table), files)
+    return SpotLight(
+        name=name,
+        group=table.group,
+        color=table.rgb,
+        intensity=candela,
+        profile=profile,
+        position=np.asarray(table.position),
+        direction=_direction(table),
+        range=table.range or math.inf,
+        inner_cone_angle=table.angles[0],
+        outer_cone_angle=table.angles[1],
+        cone=table.law,
+        radius=table.radius,
+    )
 
 
 def _strength(table: PointTable | SpotTable, axis: ArrayLike, files: LightFiles) -> tuple[float, IesProfile | None]:

@@ -90,7 +90,7 @@ def estimate(
     halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
     pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
-    suns = [_searched(half, rng) for half in halves]
+    suns = [_searched(half, p, rng) for half, p in zip(halves, pairs, strict=True)]
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns)
     found = [_fitted(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
@@ -156,9 +156,15 @@ def _albedos(color: F64, light: F64) -> tuple[float, float, float]:
     return low, middle, high
 
 
-def _searched(half: Places, rng: np.random.Generator) -> Sun | None:
+def _searched(half: Places, pairs: Pairs, rng: np.random.Generator) -> Sun | None:
+    """Of the suns that may have shone the one with which light explains the half best; None where there is none.
+
+    The search asks with a steady sky and one albedo for all; where a proxy is bumpy the whole fit alone tells suns
+    apart.
+    """
     some = half.taken(_thinned(half))
-    return sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
+    suns = sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
+    return min(suns, key=lambda one: _each(half, pairs, one).light.loss, default=None)
 
 
 def _named(found: _Found, places: Places) -> F64:
@@ -301,6 +307,8 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found,
         return _fitted(places, pairs, None), gain
     firm = _firm(places, moved)
     found, dark = (_fitted(places, pairs, one, firm=firm) for one in (moved, None))
+    if dark.light.loss - found.light.loss < LEAST_GAIN:  # away from shadows' edges nothing tells of it: they do
+        return _each(places, pairs, moved), gain
     return found, dark.light.loss - found.light.loss
 
 

@@ -18,6 +18,7 @@ from mirelight.model import F64
 DIRECTIONS = 5000  # over the whole sphere: 3 degrees apart
 TRIED = 1000  # of these, those of most promise
 STARTS = 5  # of these, that are refined
+PROMISING = 8  # more of them, by their promise alone: what a proxy gets wrong hides a sun from all but the whole fit
 ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
 SHARES = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)  # of the sun in the direct light that are tried
 LEAST_LIT = 0.01  # share of the places that a sun must reach
@@ -25,7 +26,6 @@ RADII = (0.0, 0.5, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
 _NEAR = 3  # radii to either side of the one that a sun was found with, that are compared closely
 _BLOCKS = 5  # halvings of the places, to blocks whose losses are taken for independent of each other
 _SURELY = 2.0  # standard errors, beyond which a radius explains less in truth
-_THINNED = 2  # of so many places one is asked what promise directions have
 _AT_ONCE = 500  # directions
 _WIDE = 1.0  # of the logarithm of albedo: differences that count in full before light is found
 _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
@@ -86,12 +86,12 @@ class Search:
         n = len(light)
         return np.asarray(np.bincount(pairs.a, pull, n) - np.bincount(pairs.b, pull, n))
 
-    def promise(self, seen: F64, rows: slice = slice(None)) -> F64:
-        """(D,) how well the change that lights (D, n) bring, each as bright as all that there is, is what is wanted; of
-        the places in `rows` alone. Next to a lamp more light counts no more than twice the light that there is."""
-        changed = seen / self.even()[rows]
+    def promise(self, seen: F64) -> F64:
+        """(D,) how well the change that lights (D, N) bring, each as bright as all that there is, is what is wanted.
+        Next to a lamp more light counts no more than twice the light that there is."""
+        changed = seen / self.even()
         changed = np.log1p(changed / np.maximum(changed.mean(axis=1, keepdims=True), 1e-12))
-        return np.asarray(changed @ self.wanted()[rows] / np.maximum(changed.std(axis=1), 1e-12))
+        return np.asarray(changed @ self.wanted() / np.maximum(changed.std(axis=1), 1e-12))
 
     def rough(self, seen: F64) -> float:
         """The least loss of a few of :meth:`losses`."""
@@ -124,29 +124,27 @@ class Sun:
     radii: tuple[float, float] = (0.0, RADII[-1])  # degrees: none of these surely explains less, as far as was asked
 
 
-def search(of: Search) -> Sun | None:
-    """The best of all directions, the best few refined, then the disc's radius; None where no sun reaches places.
+def search(of: Search) -> tuple[Sun, ...]:
+    """Suns that may have shone: the best of all directions, refined, and those of most promise, each with the disc
+    that suits it; none where no sun reaches places.
 
     Through windows, and through the leaks of a proxy, a sun a few degrees off lights the wrong places, so directions
     are close; those are tried whose light lies where a little more of it would make albedos more alike.
     """
     directions = sphere(DIRECTIONS)
-    rows = slice(None, None, _THINNED)
-    few = of.places.taken(np.arange(len(of.places))[rows])
     promise = np.full(DIRECTIONS, -np.inf)
     for first in range(0, DIRECTIONS, _AT_ONCE):
-        seen = few.facing(directions[first : first + _AT_ONCE])
+        seen = of.places.facing(directions[first : first + _AT_ONCE])
         enough = (seen > 0).mean(axis=1) >= LEAST_LIT
-        promise[first : first + len(seen)] = np.where(enough, of.promise(seen, rows), -np.inf)
+        promise[first : first + len(seen)] = np.where(enough, of.promise(seen), -np.inf)
     tried = np.argsort(-promise, kind="stable")[:TRIED]
     tried = tried[np.isfinite(promise[tried])]
     if not len(tried):
-        return None
-    directions = directions[tried]
-    losses = np.array([of.rough(one) for one in of.places.facing(directions)])
-    best = [_refined(of, directions[k]) for k in _apart(directions, losses)]
-    way, _ = min(best, key=lambda found: found[1])
-    return _with_disc(of, way)
+        return ()
+    losses = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
+    ways = [_refined(of, directions[tried[k]])[0] for k in _apart(directions[tried], losses)]
+    ways += [directions[k] for k in _apart(directions, -promise, PROMISING)]
+    return tuple(_with_disc(of, way) for way in ways)
 
 
 def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:

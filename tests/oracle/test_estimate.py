@@ -197,9 +197,31 @@ def test_a_proxy_that_lets_light_in_where_there_was_a_wall_does_not_hide_the_sun
     places = transport.places_of(splats, leaky, SETTINGS)
     places = places.taken(np.arange(0, len(places), 3))
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
-    found = sun.search(sun.Search.of(places, pairs))
+    found = solve._searched(places, pairs, np.random.default_rng(1))
     assert found is not None
     assert apart(found.to_sun, -ROOMS_SUN.direction) < 2
+
+
+def test_the_whole_fit_chooses_between_suns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search, which knows one albedo and an even sky, may like another sun better."""
+    places = transport.places_of(painted(yard(), LIGHT, 2400), yard(), SETTINGS)
+    pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
+    wrong, right = (sun.Sun(way, 0.0, np.zeros(0), loss, (0.35, 0.45)) for way, loss in ((-TO_SUN, 0.0), (TO_SUN, 0.1)))
+    monkeypatch.setattr(sun, "search", lambda of: (wrong, right))
+    assert solve._searched(places, pairs, np.random.default_rng(0)) is right
+    monkeypatch.setattr(sun, "search", lambda of: ())
+    assert solve._searched(places, pairs, np.random.default_rng(0)) is None
+
+
+def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As through a trellis: no place is in the sun that is not at a shadow's edge, too."""
+    places = transport.places_of(painted(yard(), LIGHT, 2400), yard(), SETTINGS)
+    pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
+    given = sun.Sun(TO_SUN, 0.0, np.zeros(0), 0.0, (0.35, 0.45))
+    monkeypatch.setattr(sun, "firm", lambda places, found: sun.disc(places, found.to_sun, 0.0) == 0)
+    best, gain = solve._best(places, pairs, [given, None])
+    assert gain > solve.LEAST_GAIN
+    assert 0.7 < float(np.pi * best.light.beams[0].mean() / (2.5 * np.mean([1, 0.9, 0.8]))) < 1.4
 
 
 def test_what_shows_white_is_a_lower_bound() -> None:

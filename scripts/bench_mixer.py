@@ -61,7 +61,7 @@ def main() -> None:
     store = Store(job)
     store.open()
     try:
-        scene = prepare(job, store)
+        scene = prepare(job, store.artefacts)
         assert scene.splats is not None
         names, units = [], []
         for term in (t for x in job.lightings for t in terms(x)):

@@ -63,7 +63,7 @@ def made(job: Job, like: Scene | None = None) -> tuple[Frame, Scene]:
     """The job's only frame."""
     store = Store(job)
     store.open()
-    scene = prepare(job, store)
+    scene = prepare(job, store.artefacts)
     if like is not None:
         scene.take_over(like)
     return stages.frame(scene, job.cameras[0], job.lightings[0]), scene

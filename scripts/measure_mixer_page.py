@@ -83,7 +83,7 @@ def _driven(folder: Path, spp: int) -> tuple[dict[str, bytes], dict[str, F32]]:
     store = Store(job)
     store.open()
     try:
-        scene = prepare(job, store)
+        scene = prepare(job, store.artefacts)
         made = export(scene, folder / "page", spp=spp)
     finally:
         store.close()

@@ -124,7 +124,7 @@ def run(
     heard = progress or Silent()
     store.hear(heard.note)
     heard.started(plan.tasks)
-    scene = scene or prepare(plan.job, store, heard.note)
+    scene = scene or prepare(plan.job, store.artefacts, heard.note)
     said = Said(heard)
     left, done = unfinished(plan, store, heard)
     if left:
@@ -188,7 +188,7 @@ def keep_index(plan: Plan, store: Store) -> None:
 def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
     """Keep the maps and suns of the job's environments and skies beside the layers, unless they are there."""
     if plan.job.output.store != "frames":
-        layer_records.keep_around(plan, store, scene.resolved)
+        layer_records.keep_around(plan, store.artefacts, scene.resolved)
 
 
 def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -> None:

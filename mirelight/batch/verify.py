@@ -23,6 +23,7 @@ from mirelight.io.safety import open_file
 from mirelight.model import DisplaySettings, Frame, Job, Lighting, LightingBuffer
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import mix
+from mirelight.pipeline.codecs import light_of
 from mirelight.pipeline.keys import Keys
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
@@ -264,7 +265,7 @@ class _Look:
             return None
         seen = relighting.lighting_camera(frame.camera, self._job.relight)
         mixture = self._keys.mixture(lighting)
-        found = {s.digest: self.folder.light.light(self._keys.light(s, seen), seen) for s in mixture.sets}
+        found = {s.digest: self.folder.light.get(self._keys.light(s, seen), light_of(seen)) for s in mixture.sets}
         kept = {digest: buffer for digest, buffer in found.items() if buffer is not None}
         if len(kept) < len(found):
             return None

@@ -39,7 +39,7 @@ class Bench:
         self.store.hear(progress.note)
         self.store.open()
         self.store.index()
-        self._scene = prepare(job, self.store, progress.note)
+        self._scene = prepare(job, self.store.artefacts, progress.note)
         self._scene.read()
         executor.keep_around(plan, self._scene, self.store)
 

@@ -57,7 +57,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
-    from mirelight.pipeline.kept import KeptNowhere
+    from mirelight.pipeline.artefact_cache import NullCache
     from mirelight.pipeline.scene import Scene
 
     out = outputs.named(args.out, "light is", ".toml", *GLTF)
@@ -73,7 +73,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     if out.suffix.lower() in GLTF:
         for light in lights:
             check_light(out, light)
-    scene = Scene(work, KeptNowhere(), None if args.quiet else say.remark)  # unchecked: nothing is rendered of it
+    scene = Scene(work, NullCache(), None if args.quiet else say.remark)  # unchecked: nothing is rendered of it
     splats, mesh = scene.splats, scene.mesh
     assert splats is not None and mesh is not None
     found = estimate(splats, mesh, work.render, args.exposure, lights, scene.views)

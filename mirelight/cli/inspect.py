@@ -68,13 +68,14 @@ def _supply(work: Job) -> None:
     if work.made_proxy is None:
         return
     from mirelight.pipeline.cache import UserCache
+    from mirelight.pipeline.codecs import MESH
     from mirelight.pipeline.keys import Keys
     from mirelight.store import Store
 
     key = Keys(work).made_proxy
-    kept = Store(work).mesh(key)
+    kept = Store(work).artefacts.get(key, MESH)
     if kept is None:
-        kept = UserCache().mesh(key)
+        kept = UserCache().get(key, MESH)
     if kept is not None:
         work.made_proxy.mesh.supply(kept)
 

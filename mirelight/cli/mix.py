@@ -92,7 +92,7 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
     store.open()
     store.hear(say.remark)
     try:
-        scene = prepare(work, store)
+        scene = prepare(work, store.artefacts)
         made = mixing.export(
             scene,
             args.out,

@@ -29,6 +29,7 @@ from mirelight.model import (
     SplatLayer,
     SunLight,
 )
+from mirelight.pipeline.codecs import ARRAY, composite_of, light_of
 from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
@@ -216,8 +217,8 @@ class DataSet:
         return tuple(Sun(row[:3], row[3:6] * strength, float(row[6])) for row in wide)
 
     def _kept_array(self, key: str) -> F32:
-        found = self._scene.array(key)
-        if found is None and self._scene.has_array(key):
+        found = self._scene.get(key, ARRAY)
+        if found is None and self._scene.has(key, ARRAY):
             raise InputError(self.folder, "a kept map, sun or level is damaged", _REMEDY)
         if found is None:
             raise InputError(self.folder, "a map or sun was not kept", "render the job again: nothing else is made")
@@ -313,7 +314,7 @@ class DataSet:
             beauty = own.frame(self._weights(index.captured))
             captured = relighting.Lit(beauty=beauty, coverage=surface.coverage, albedo=surface.albedo)
         level = None  # there is none where the machine that rendered could not tell it
-        if index.captured_level is not None and self._scene.has_array(index.captured_level):
+        if index.captured_level is not None and self._scene.has(index.captured_level, ARRAY):
             level = self._kept_array(index.captured_level)
         surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
 
@@ -330,7 +331,7 @@ class DataSet:
         return camera if (columns, rows) == (camera.width, camera.height) else camera.resized(columns, rows)
 
     def _buffer(self, key: str, seen: Camera) -> LightingBuffer:
-        found = self._kept.light(key, seen)
+        found = self._kept.get(key, light_of(seen))
         if found is None:
             raise InputError(self.folder, f"the light of {seen.name!r} is damaged", _REMEDY)
         return found
@@ -339,7 +340,7 @@ class DataSet:
         if view.composite is None:
             return None
         profile = cast(Profile, self._index.profile)
-        found = self._kept.composite(view.composite, view.camera, profile, self._index.linear)
+        found = self._kept.get(view.composite, composite_of(view.camera, profile, self._index.linear))
         if found is None:
             name = view.camera.name
             raise InputError(self.folder, f"the composite of {name!r} is damaged", _REMEDY)

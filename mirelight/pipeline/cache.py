@@ -12,10 +12,12 @@ import hashlib
 import os
 import platform
 import zipfile
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +26,16 @@ from mirelight.base.errors import OutputError
 from mirelight.io import owner
 from mirelight.io.atomic import atomic_path, owner_of
 from mirelight.io.safety import open_file
-from mirelight.model import F32, ProxyMesh
+from mirelight.pipeline.codecs import Codec, Packed
 
 VARIABLE = "MIRELIGHT_CACHE_DIR"
 MOST = 2**30  # bytes; what was not used for longest goes
 _SUFFIX = ".kept"
 _MAGIC = b"mirelight kept 1 "
-_BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+_BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 Arrays = dict[str, NDArray[np.generic]]
+T = TypeVar("T")
 
 
 def folder() -> Path | None:
@@ -66,7 +69,7 @@ class _Entry:
 
 
 class UserCache:
-    """Arrays and meshes by key.
+    """Artefacts of scenes by key.
 
     Args:
         where: the folder; None: the user's own.
@@ -76,25 +79,17 @@ class UserCache:
     def __init__(self, where: Path | None = None, most: int = MOST) -> None:
         self.folder, self.most = where or folder(), most
 
-    def array(self, key: str) -> F32 | None:
-        """A kept array; None where there is none, or it is damaged."""
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        """A kept artefact; None where there is none, or it is damaged."""
         found = self._read(key)
-        return None if found is None or "values" not in found else np.asarray(found["values"], np.float32)
-
-    def keep_array(self, key: str, values: F32) -> None:
-        """Keep an array, where that can be."""
-        self._keep(key, {"values": values})
-
-    def mesh(self, key: str) -> ProxyMesh | None:
-        """A kept mesh, vertices and faces alone; None where there is none, or it is damaged."""
-        found = self._read(key)
-        if found is None or found.keys() != {"vertices", "faces"}:
+        try:
+            return None if found is None else codec.unpack(Packed(found))
+        except _BROKEN:
             return None
-        return ProxyMesh(vertices=np.asarray(found["vertices"], np.float32), faces=np.asarray(found["faces"], np.int32))
 
-    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
-        """Keep the vertices and faces of a mesh, where that can be."""
-        self._keep(key, {"vertices": mesh.vertices, "faces": mesh.faces})
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keep an artefact, where that can be. It is told in arrays alone."""
+        self._keep(key, codec.pack(value).arrays)
 
     def held(self) -> tuple[int, int]:
         """How many things it holds, and their bytes."""
@@ -127,7 +122,7 @@ class UserCache:
             os.utime(path)  # used now
         return arrays
 
-    def _keep(self, key: str, arrays: Arrays) -> None:
+    def _keep(self, key: str, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         path = self._path(key)
         if path is None:
             return

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -33,9 +33,10 @@ from mirelight.model import (
 )
 from mirelight.model.unit_lights import LightSet, Mixture
 from mirelight.pipeline import frame_diagnostics, keys, requirements
+from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
 from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.codecs import ARRAY, MESH, Codec
 from mirelight.pipeline.completeness import check
-from mirelight.pipeline.kept import Kept, KeptNowhere
 from mirelight.pipeline.splat_light import SplatLight
 from mirelight.pipeline.surface_light import SurfaceLight
 from mirelight.pipeline.view_light import ViewLight
@@ -46,9 +47,11 @@ if TYPE_CHECKING:
     from mirelight.lighting import EngineTracer, Tracer
     from mirelight.lighting.mattes import Mattes
 
+T = TypeVar("T")
+
 
 def prepare(
-    job: Job, kept: Kept | None = None, report: Callable[[str], None] | None = None, like: Scene | None = None
+    job: Job, kept: ArtefactCache | None = None, report: Callable[[str], None] | None = None, like: Scene | None = None
 ) -> Scene:
     """The job made ready for its frames. Returns at once: files are read, and artefacts made, when they are needed.
 
@@ -64,7 +67,7 @@ def prepare(
     if not isinstance(job, Job):
         raise TypeError(f"prepare() takes a job as mirelight.load gives it, not {type(job).__name__}")
     check(job)
-    made = Scene(job, kept or KeptNowhere(), report)
+    made = Scene(job, kept or NullCache(), report)
     if like is not None:
         made.take_over(like)
     return made
@@ -77,7 +80,7 @@ def _digest(part: Deferred[Any] | None) -> str:
 class Scene:
     """What all frames of a job share. Made by :func:`prepare`; not to be sent to another process (send the job)."""
 
-    def __init__(self, job: Job, kept: Kept, report: Callable[[str], None] | None = None) -> None:
+    def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
@@ -162,19 +165,14 @@ class Scene:
         from mirelight.proxy.recipe import made_by
 
         key = self.keys.made_proxy
-        found = self.kept.mesh(key)
-        if found is None:
-            found = self._of_user.mesh(key)
-            if found is not None:
-                self.kept.keep_mesh(key, found)
+        found = self._shared(key, MESH)
         if found is not None:
             job.made_proxy.mesh.supply(found)
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
             made = made_by(job.made_proxy)
-            self.kept.keep_mesh(key, made)
-            self._of_user.keep_mesh(key, made)
+            self._share(key, made, MESH)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return job.proxy.value
 
@@ -202,14 +200,14 @@ class Scene:
             return mesh
         from mirelight.lighting import albedo
 
-        colors = self.kept.array(self.keys.proxy)
+        colors = self.kept.get(self.keys.proxy, ARRAY)
         if colors is None:
             found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render, self.views)
             finding = frame_diagnostics.of_colors(found.met, found.lit)
             if finding is not None:
                 self._tell(str(finding))
             colors = found.values
-            self.kept.keep_array(self.keys.proxy, colors)
+            self.kept.put(self.keys.proxy, colors, ARRAY)
         return albedo.with_vertex_colors(mesh, colors)
 
     @cached_property
@@ -230,11 +228,11 @@ class Scene:
             return None
         from mirelight.lighting.level import captured_level
 
-        found = self.kept.array(self.keys.captured_level)
+        found = self.kept.get(self.keys.captured_level, ARRAY)
         if found is None:
             level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render, self.views)
             found = np.array([level], np.float64)
-            self.kept.keep_array(self.keys.captured_level, found)
+            self.kept.put(self.keys.captured_level, found, ARRAY)
         return float(found[0])
 
     def resolved(self, lighting: Lighting) -> Lighting:
@@ -258,11 +256,7 @@ class Scene:
         key = self.keys.estimate(sky)
         known = self._estimates.get(key)
         if known is None:
-            packed = self.kept.array(key)
-            if packed is None:
-                packed = self._of_user.array(key)
-                if packed is not None:
-                    self.kept.keep_array(key, packed)
+            packed = self._shared(key, ARRAY)
             if packed is None:
                 splats, mesh = self.splats, self.mesh
                 assert splats is not None and mesh is not None
@@ -276,9 +270,22 @@ class Scene:
     def keep_estimate(self, sky: EstimatedSky, found: Estimate) -> F32:
         """Keep what was found for every job that asks for the same; says what is kept."""
         key, packed = self.keys.estimate(sky), found.packed().astype(np.float32)
-        self.kept.keep_array(key, packed)
-        self._of_user.keep_array(key, packed)
+        self._share(key, packed, ARRAY)
         return packed
+
+    def _shared(self, key: str, codec: Codec[T]) -> T | None:
+        """What is kept for this job, or else for all of the user's; from then on for this job, too."""
+        found = self.kept.get(key, codec)
+        if found is None:
+            found = self._of_user.get(key, codec)
+            if found is not None:
+                self.kept.put(key, found, codec)
+        return found
+
+    def _share(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keep what takes long for this job, and for all of the user's."""
+        self.kept.put(key, value, codec)
+        self._of_user.put(key, value, codec)
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made of sets of unit lights."""

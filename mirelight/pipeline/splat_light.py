@@ -29,7 +29,8 @@ from mirelight.model import (
 )
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.kept import Kept, made_once
+from mirelight.pipeline.artefact_cache import ArtefactCache, made_once
+from mirelight.pipeline.codecs import array_of
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
@@ -48,7 +49,7 @@ class Lightable(Protocol):
 
     job: Job
     keys: keys.Keys
-    kept: Kept
+    kept: ArtefactCache
 
     @property
     def splats(self) -> SplatCloud | None:
@@ -162,18 +163,7 @@ class SplatLight:
 
     def _made_once(self, key: str, shape: Sequence[int], make: Callable[[], F32]) -> F32:
         """A kept array, or one made now; one process makes it, and others wait."""
-        kept = self._scene.kept
-
-        def find() -> F32 | None:
-            found = kept.array(key)
-            return found if found is not None and found.shape == tuple(shape) else None
-
-        def keep() -> F32:
-            made = make()
-            kept.keep_array(key, made)
-            return made
-
-        return made_once(kept, f"splats {key[:24]}", find, keep)
+        return made_once(self._scene.kept, f"splats {key[:24]}", key, array_of(shape), make)
 
     @cached_property
     def tracer(self) -> Tracer:

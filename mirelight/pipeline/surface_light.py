@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.kept import WAIT, Kept, made_once
+from mirelight.pipeline.artefact_cache import WAIT, ArtefactCache, made_once
+from mirelight.pipeline.codecs import CELLS, lights_on, transport_between
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
@@ -28,7 +29,7 @@ class Lightable(Protocol):
 
     job: Job
     keys: keys.Keys
-    kept: Kept
+    kept: ArtefactCache
 
     def lighting_of(self, light_set: LightSet) -> Lighting:
         """What to trace for a set."""
@@ -57,11 +58,9 @@ class SurfaceLight:
         key = self._keys.surface_cells
 
         def make() -> SurfaceCells:
-            made = self._tracer.cells(requirements.lighting_cameras(self._job))
-            self._kept.keep_cells(key, made)
-            return made
+            return self._tracer.cells(requirements.lighting_cameras(self._job))
 
-        return made_once(self._kept, _claim(key), lambda: self._kept.cells(key), make)
+        return made_once(self._kept, _claim(key), key, CELLS, make)
 
     @cached_property
     def transport(self) -> SurfaceTransport:
@@ -74,11 +73,9 @@ class SurfaceLight:
 
         def make() -> SurfaceTransport:
             self._tell(f"finding how light goes between {len(self.cells):,} pieces of the surface, for any light")
-            made = self._tracer.transport(self.cells)
-            self._kept.keep_transport(key, made)
-            return made
+            return self._tracer.transport(self.cells)
 
-        return made_once(self._kept, _claim(key), lambda: self._kept.transport(key, len(self.cells)), make)
+        return made_once(self._kept, _claim(key), key, transport_between(len(self.cells)), make)
 
     def cache(self, light_set: LightSet, progress: Progress | None = None) -> SurfaceCache:
         """A set's light, its layers named as the set's are.
@@ -114,7 +111,7 @@ class SurfaceLight:
     def _find(self, key: str) -> bool:
         """Whether a part is in memory, where it is brought to if it is kept."""
         if key not in self._lights:
-            found = self._kept.cell_lights(key, len(self.cells))
+            found = self._kept.get(key, lights_on(len(self.cells)))
             if found is None:
                 return False
             self._lights[key] = found
@@ -139,7 +136,7 @@ class SurfaceLight:
         by_name = {light.name: light for light in made.lights}
         for i, key in enumerate(parts):
             self._lights[key] = (by_name[str(i)],) if units else made.lights
-            self._kept.keep_cell_lights(key, self._lights[key], len(self.cells))
+            self._kept.put(key, self._lights[key], lights_on(len(self.cells)))
 
     def _enough(self, first: SurfaceCache, lighting: Lighting, emission: bool, target: float) -> SurfaceCache:
         """As many fills, averaged, as bring the job's pictures to their noise target at least cost."""

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 from mirelight.model import Camera, DirectionalLight, Job, Lighting, LightingBuffer, SunLight, SurfaceCache
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.kept import Kept
+from mirelight.pipeline.artefact_cache import ArtefactCache
+from mirelight.pipeline.codecs import light_of
 from mirelight.pipeline.mix import Wanted, mix
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class LitScene(Protocol):
 
     job: Job
     keys: keys.Keys
-    kept: Kept
+    kept: ArtefactCache
 
     @property
     def tracer(self) -> Tracer | EngineTracer:
@@ -83,7 +84,7 @@ class ViewLight:
         for one in {s.digest: s for x in lightings for s in self._sets(self._scene.mixture(x))}.values():
             if one.digest in self._there:
                 continue
-            found = self._scene.kept.light(self._scene.keys.light(one, self._seen), self._seen)
+            found = self._scene.kept.get(self._scene.keys.light(one, self._seen), light_of(self._seen))
             if found is not None:
                 self._there[one.digest] = found
             else:
@@ -151,7 +152,7 @@ class ViewLight:
                 self._there[one.digest] = stopped.buffer
             self.is_broken = True
             raise ViewStopped from None
-        scene.kept.keep_light(scene.keys.light(one, self._seen), buffer)
+        scene.kept.put(scene.keys.light(one, self._seen), buffer, light_of(self._seen))
         return buffer
 
     def _buffer(self, one: LightSet, report: Progress | None, look: Look | None) -> LightingBuffer:

@@ -17,31 +17,16 @@ from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mirelight.base.errors import OutputError
 from mirelight.io import image
 from mirelight.io.atomic import clear, output_error
 from mirelight.io.folders import NewFolders
 from mirelight.io.safety import read_file
-from mirelight.model import (
-    F32,
-    Camera,
-    CellLight,
-    DisplaySettings,
-    Frame,
-    Job,
-    LightingBuffer,
-    OutputSettings,
-    ProxyMesh,
-    SplatLayer,
-    SurfaceCells,
-    SurfaceTransport,
-)
+from mirelight.model import DisplaySettings, Frame, Job, OutputSettings, SplatLayer
 from mirelight.pipeline import keys
+from mirelight.pipeline.codecs import composite_of
 from mirelight.pipeline.plan import FrameTask
-from mirelight.store.artefacts import Artefacts
+from mirelight.store.artefacts import Artefacts, StoredArtefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
 from mirelight.store.folder import ASIDE
@@ -54,7 +39,7 @@ __all__ = ["Index", "Row", "Store", "write"]
 
 
 class Store:
-    """The output folder of a job; a `mirelight.pipeline.kept.Kept`.
+    """The output folder of a job: its frames; `artefacts` is what they are made from.
 
     Args:
         job: its output folder and the settings of its files are used.
@@ -71,6 +56,7 @@ class Store:
         self._job = str(job.source.absolute())
         maker = hashlib.sha256(self._job.encode(errors="surrogateescape")).hexdigest()[:16]
         self._light, self._scene = (Artefacts(self._aside[name], maker) for name in ("light", "scene"))
+        self.artefacts = StoredArtefacts(self._scene, self._light, job.output.store, self.claim)
         self._opened = 0.0  # by the folder's own clock
         self.planned = PlannedRuns(self._aside["plans"])
         self._index: Index | None = None
@@ -232,81 +218,14 @@ class Store:
 
     # --- what frames are made from ---
 
-    def array(self, key: str) -> F32 | None:
-        """See `mirelight.pipeline.kept.Kept`."""
-        return self._scene.array(key)
-
-    def has_array(self, key: str) -> bool:
-        """See `mirelight.pipeline.kept.Kept`."""
-        return self._scene.has_array(key)
-
-    def keep_array(self, key: str, values: NDArray[np.generic]) -> None:
-        """See `mirelight.pipeline.kept.Kept`. Where there is no room, frames go on without."""
-        with suppress(OutputError):
-            self._scene.keep_array(key, values)
-
-    def mesh(self, key: str) -> ProxyMesh | None:
-        """See `mirelight.pipeline.scene.Kept`."""
-        return self._scene.mesh(key)
-
-    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
-        """See `mirelight.pipeline.scene.Kept`. Where there is no room, it is made again the next time."""
-        with suppress(OutputError):
-            self._scene.keep_mesh(key, mesh)
-
-    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
-        """See `mirelight.pipeline.kept.Kept`."""
-        return self._light.light(key, camera)
-
-    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """See `mirelight.pipeline.kept.Kept`. Where frames are kept, too, and there is no room, they go on without."""
-        if self._output.store == "layers":
-            self._light.keep_light(key, buffer)
-        elif self._output.store == "both":
-            with suppress(OutputError):
-                self._light.keep_light(key, buffer)
-
-    def cells(self, key: str) -> SurfaceCells | None:
-        """See `mirelight.pipeline.kept.Kept`."""
-        return self._light.cells(key)
-
-    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
-        """See `mirelight.pipeline.kept.Kept`. Where there is no room, they are found again the next time."""
-        with suppress(OutputError):
-            self._light.keep_cells(key, cells)
-
-    def transport(self, key: str, count: int) -> SurfaceTransport | None:
-        """See `mirelight.pipeline.kept.Kept`."""
-        return self._light.transport(key, count)
-
-    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
-        """See `mirelight.pipeline.kept.Kept`. Where there is no room, it is found again the next time."""
-        with suppress(OutputError):
-            self._light.keep_transport(key, transport)
-
-    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
-        """See `mirelight.pipeline.kept.Kept`."""
-        return self._light.cell_lights(key, count)
-
-    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
-        """See `mirelight.pipeline.kept.Kept`. Where there is no room, it is gathered again the next time."""
-        with suppress(OutputError):
-            self._light.keep_cell_lights(key, lights, count)
-
     def keep_composite(self, key: str, splats: SplatLayer) -> None:
-        """Keep a composite under its key, where frames are to be mixed from layers. Where they are kept beside frames,
-        and there is no room, frames go on without.
+        """Keep a composite under its key, where frames are to be mixed from layers and it is not there.
 
         Raises:
             OutputError: layers alone are wanted, and it cannot be written.
         """
-        if self._output.store == "frames" or self._light.is_whole(key):
-            return
-        if self._output.store == "layers":
-            self._light.keep_composite(key, splats)
-            return
-        with suppress(OutputError):
-            self._light.keep_composite(key, splats)
+        if self._output.store != "frames" and not self._light.is_whole(key):
+            self.artefacts.put(key, splats, composite_of(splats.camera, splats.profile, splats.linear))
 
     def has_layers(self, wanted: Collection[str]) -> bool:
         """Whether all of these composites and traced buffers are there."""

@@ -15,7 +15,6 @@ import mmap
 import re
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import open_file
+from mirelight.pipeline.codecs import Packed
 
 _ALIGN = 64
 _LARGEST = 1e30
@@ -32,14 +32,6 @@ _LONGEST_HEAD = 1 << 24  # bytes
 _MAGIC = b"mirelight arrays 2\n"
 _MAGIC_1 = b"mirelight arrays 1\n"
 _PLAIN = re.compile(r"[<|][biuf][1248]")  # types
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Arrays:
-    """The content of a file."""
-
-    arrays: Mapping[str, NDArray[Any]]  # read-only
-    about: Mapping[str, Any]  # JSON values
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], maker: str = "") -> None:
@@ -71,7 +63,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], about: Mapping[
                 file.write(part)
 
 
-def read_arrays(path: Path) -> Arrays:
+def read_arrays(path: Path) -> Packed:
     """Map a file.
 
     Raises:
@@ -90,7 +82,7 @@ def read_arrays(path: Path) -> Arrays:
     }
     if not all(map(is_sound, arrays.values())):
         raise ValueError("not finite")
-    return Arrays(arrays, said["about"])
+    return Packed(arrays, said["about"])
 
 
 def maker_of(path: Path) -> str:

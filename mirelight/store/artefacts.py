@@ -7,33 +7,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection
-from contextlib import suppress
-from dataclasses import fields
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mirelight.model import (
-    F32,
-    Camera,
-    CellLight,
-    LightingBuffer,
-    LightLayer,
-    Profile,
-    ProxyMesh,
-    SplatLayer,
-    SurfaceCells,
-    SurfaceTransport,
-)
-from mirelight.store.arrays import Arrays, maker_of, read_arrays, write_arrays
+from mirelight.base.errors import OutputError
+from mirelight.pipeline.codecs import Codec, Packed
+from mirelight.store.arrays import maker_of, read_arrays, write_arrays
 
 T = TypeVar("T")
+Keeps: TypeAlias = Literal["frames", "layers", "both"]  # `output.store` of a job
 
 _MOST_UNUSED = 2 * 2**30  # bytes of what the job does not use now, kept in case it does again
 _BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError)
-_KINDS = ("lights", "environment", "emission")  # of `CellLight`
 _LIGHT = ".light"  # suffix of buffers, composites and light on the surface
 _ARRAY = ".array"  # suffix of arrays and meshes
 
@@ -50,126 +36,32 @@ class Artefacts:
         self._folder, self._maker = folder, maker
         self.tell: Callable[[str], None] = lambda line: None  # hears of files that are damaged
 
-    def array(self, key: str) -> F32 | None:
-        """A kept array; None where there is none, or it is damaged."""
-        self._touch(key)
-        return self._read(key, _ARRAY, lambda file: file.arrays["values"])
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        """A kept artefact; None where there is none, or it is damaged."""
+        self._touch(key, codec)
+        return self._read(self._path(key, _suffix(codec)), codec.unpack)
 
-    def has_array(self, key: str) -> bool:
-        """Whether there is such an array."""
-        self._touch(key)
-        return self._path(key, _ARRAY).is_file()
-
-    def keep_array(self, key: str, values: NDArray[Any]) -> None:
-        """Keep an array.
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keep an artefact.
 
         Raises:
             OutputError: it cannot be written.
         """
-        self._write(key, _ARRAY, {"values": values})
+        packed = codec.pack(value)
+        write_arrays(self._path(key, _suffix(codec)), packed.arrays, packed.about, self._maker)
 
-    def mesh(self, key: str) -> ProxyMesh | None:
-        """A kept mesh, vertices and faces alone; None where there is none, or it is damaged."""
-        self._touch(key)
-
-        def made(file: Arrays) -> ProxyMesh:
-            return ProxyMesh(vertices=file.arrays["vertices"], faces=file.arrays["faces"])
-
-        return self._read(key, _ARRAY, made)
-
-    def keep_mesh(self, key: str, mesh: ProxyMesh) -> None:
-        """Keep the vertices and faces of a mesh.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
-        self._write(key, _ARRAY, {"vertices": mesh.vertices, "faces": mesh.faces})
-
-    def light(self, key: str, camera: Camera) -> LightingBuffer | None:
-        """A kept buffer, of the view of `camera`; None where there is none, or it is damaged."""
-        return self._read(key, _LIGHT, lambda file: _buffer(file, camera))
-
-    def keep_light(self, key: str, buffer: LightingBuffer) -> None:
-        """Keep a buffer.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        about = {
-            "spp": buffer.spp,
-            "rays": buffer.cell_rays,
-            "layers": [x.name for x in buffer.layers],
-            "noisy": [x.name for x in buffer.noisy],
-        }
-        self._write(key, _LIGHT, _arrays(buffer), about)
-
-    def composite(self, key: str, camera: Camera, profile: Profile, linear: bool) -> SplatLayer | None:
-        """A kept composite of a camera; None where there is none, or it is damaged."""
-
-        def layer(file: Arrays) -> SplatLayer:
-            return SplatLayer(camera=camera, profile=profile, linear=linear, **file.arrays)
-
-        return self._read(key, _LIGHT, layer)
-
-    def keep_composite(self, key: str, splats: SplatLayer) -> None:
-        """Keep a composite.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        self._write(key, _LIGHT, _own_arrays(splats))
+    def has(self, key: str, codec: Codec[T]) -> bool:
+        """Whether there is one, damaged or not."""
+        self._touch(key, codec)
+        return self._path(key, _suffix(codec)).is_file()
 
     def is_whole(self, key: str) -> bool:
         """Whether such a composite or buffer is there, its bytes those that were written."""
-        return self._read(key, _LIGHT, lambda file: True) or False
+        return self._read(self.path(key), lambda packed: True) or False
 
     def path(self, key: str) -> Path:
         """The file of a composite or buffer."""
         return self._path(key, _LIGHT)
-
-    def cells(self, key: str) -> SurfaceCells | None:
-        """Kept cells of a surface; None where there are none, or they are damaged."""
-        return self._read(key, _LIGHT, lambda file: SurfaceCells(size=float(file.about["size"]), **file.arrays))
-
-    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
-        """Keep cells.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
-        self._write(key, _LIGHT, _own_arrays(cells), {"size": cells.size})
-
-    def transport(self, key: str, count: int) -> SurfaceTransport | None:
-        """Kept transport between `count` cells; None where there is none, or it is damaged."""
-        made = self._read(key, _LIGHT, lambda x: SurfaceTransport(seed=int(x.about["seed"]), **x.arrays))
-        return made if made is not None and made.cells == count else None
-
-    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
-        """Keep transport.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        self._write(key, _LIGHT, _own_arrays(transport), {"seed": transport.seed})
-
-    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
-        """Kept light on `count` cells; None where there is none, or it is damaged."""
-
-        def lights(file: Arrays) -> tuple[CellLight, ...]:
-            return tuple(_cell_light(file, i, count) for i in range(len(file.about["names"])))
-
-        return self._read(key, _LIGHT, lights)
-
-    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
-        """Keep light on `count` cells.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        arrays = {f"{i}.{name}": x for i, light in enumerate(lights) for name, x in _own_arrays(light).items()}
-        arrays["cells"] = np.array([count], np.int64)
-        about = {"names": [x.name for x in lights], "kinds": [x.kind for x in lights], "rays": [x.rays for x in lights]}
-        self._write(key, _LIGHT, arrays, about)
 
     def there(self) -> frozenset[str]:
         """Keys of the composites and buffers that are kept."""
@@ -214,14 +106,13 @@ class Artefacts:
     def _path(self, key: str, suffix: str) -> Path:
         return self._folder / f"{key}{suffix}"
 
-    def _touch(self, key: str) -> None:
-        """Note that an array is in use."""
-        if self._maker:
+    def _touch(self, key: str, codec: Codec[T]) -> None:
+        """Note that what a scene needs is in use."""
+        if self._maker and codec.place == "scene":
             with suppress(OSError):
                 os.utime(self._path(key, _ARRAY))
 
-    def _read(self, key: str, suffix: str, made: Callable[[Arrays], T]) -> T | None:
-        path = self._path(key, suffix)
+    def _read(self, path: Path, made: Callable[[Packed], T]) -> T | None:
         try:
             return made(read_arrays(path))
         except FileNotFoundError:
@@ -230,52 +121,49 @@ class Artefacts:
             self.tell(f"{path} is damaged; what it held is made again")
             return None
 
-    def _write(
-        self, key: str, suffix: str, arrays: dict[str, NDArray[Any]], about: dict[str, Any] | None = None
+
+class StoredArtefacts:
+    """An output folder's artefacts as a `mirelight.pipeline.artefact_cache.ArtefactCache`.
+
+    Args:
+        scene: the folder of what scenes need.
+        light: that of light and composites.
+        views: what is kept of views: none where frames alone are, and it must be written where layers alone are.
+        claim: see `mirelight.store.claims.Claims.claim`.
+    """
+
+    def __init__(
+        self, scene: Artefacts, light: Artefacts, views: Keeps, claim: Callable[[str], AbstractContextManager[bool]]
     ) -> None:
-        write_arrays(self._path(key, suffix), arrays, about or {}, self._maker)
+        self._scene, self._light, self._views, self._claim = scene, light, views, claim
+
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        """A kept artefact; None where there is none, or it is damaged."""
+        return self._home(codec).get(key, codec)
+
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keep an artefact; where there is no room, frames go on without, and it is made again the next time.
+
+        Raises:
+            OutputError: layers alone are kept, and one cannot be written.
+        """
+        if codec.place == "view" and self._views == "layers":
+            self._light.put(key, value, codec)
+        elif codec.place != "view" or self._views == "both":
+            with suppress(OutputError):
+                self._home(codec).put(key, value, codec)
+
+    def has(self, key: str, codec: Codec[T]) -> bool:
+        """Whether there is one, damaged or not."""
+        return self._home(codec).has(key, codec)
+
+    def claim(self, name: str) -> AbstractContextManager[bool]:
+        """Whether work of that name is this process's own until the block ends."""
+        return self._claim(name)
+
+    def _home(self, codec: Codec[T]) -> Artefacts:
+        return self._scene if codec.place == "scene" else self._light
 
 
-def _arrays(buffer: LightingBuffer) -> dict[str, NDArray[Any]]:
-    """Every array of a buffer by its name: "depth", "layers.0.direct"."""
-    out = _own_arrays(buffer)
-    for group, layers in (("layers", buffer.layers), ("noisy", buffer.noisy)):
-        for i, layer in enumerate(layers):
-            values = {f.name: getattr(layer, f.name) for f in fields(layer)}
-            out |= {f"{group}.{i}.{name}": x for name, x in values.items() if isinstance(x, np.ndarray)}
-    return out
-
-
-def _own_arrays(
-    of: LightingBuffer | SplatLayer | SurfaceCells | SurfaceTransport | CellLight,
-) -> dict[str, NDArray[Any]]:
-    return {f.name: x for f in fields(of) if isinstance(x := getattr(of, f.name), np.ndarray)}
-
-
-def _buffer(file: Arrays, camera: Camera) -> LightingBuffer:
-    there = file.arrays
-
-    def layer(group: str, index: int, name: str) -> LightLayer:
-        names = [f.name for f in fields(LightLayer) if f"{group}.{index}.{f.name}" in there]
-        return LightLayer(name=name, **{n: there[f"{group}.{index}.{n}"] for n in names})
-
-    def layers(group: str) -> tuple[LightLayer, ...]:
-        return tuple(layer(group, i, name) for i, name in enumerate(file.about[group]))
-
-    arrays: dict[str, Any] = {f.name: there[f.name] for f in fields(LightingBuffer) if f.name in there}
-    spp, rays = int(file.about["spp"]), int(file.about["rays"])
-    return LightingBuffer(
-        camera=camera, spp=spp, cell_rays=rays, layers=layers("layers"), noisy=layers("noisy"), **arrays
-    )
-
-
-def _cell_light(file: Arrays, index: int, count: int) -> CellLight:
-    kind = file.about["kinds"][index]
-    if kind not in _KINDS:
-        raise ValueError(f"light of kind {kind}")
-    names = [f.name for f in fields(CellLight) if f"{index}.{f.name}" in file.arrays]
-    arrays: dict[str, Any] = {"met": None} | {name: file.arrays[f"{index}.{name}"] for name in names}
-    made = CellLight(name=file.about["names"][index], kind=kind, rays=int(file.about["rays"][index]), **arrays)
-    if made.direct.shape[1] != count or made.indirect.shape != made.direct.shape:
-        raise ValueError("light on other cells")
-    return made
+def _suffix(codec: Codec[T]) -> str:
+    return _ARRAY if codec.place == "scene" else _LIGHT

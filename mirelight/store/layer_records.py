@@ -14,7 +14,8 @@ from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import keys, requirements
 from mirelight.pipeline import plan as planning
-from mirelight.pipeline.kept import Kept
+from mirelight.pipeline.artefact_cache import ArtefactCache
+from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.plan import Plan
 from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
 from mirelight.store.small_maps import shrunk
@@ -120,7 +121,7 @@ def _kind(unit: Unit) -> str:
 _Source = Environment | tuple[SkyModel | EstimatedSky, str]  # a picture, or the sun or the sky of a model
 
 
-def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]) -> None:
+def keep_around(plan: Plan, kept: ArtefactCache, resolved: Callable[[Lighting], Lighting]) -> None:
     """Keep the maps and suns that the index names and that are not there yet.
 
     Args:
@@ -134,8 +135,8 @@ def keep_around(plan: Plan, kept: Kept, resolved: Callable[[Lighting], Lighting]
         whole = mixture.sets[0].whole
         for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:
             for around, source in _around(of, plan.keys):
-                if not kept.has_array(around.key):
-                    kept.keep_array(around.key, _values(source, resolved))
+                if not kept.has(around.key, ARRAY):
+                    kept.put(around.key, _values(source, resolved), ARRAY)
 
 
 def _shining(of: Unit | Lighting) -> tuple[Light, ...]:

@@ -14,7 +14,7 @@ import time
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pytest
@@ -25,7 +25,8 @@ from mirelight.io.atomic import atomic_path, clear, owner_of
 from mirelight.io.exr import read_exr
 from mirelight.io.image import read_fingerprint
 from mirelight.model import Job, OutputSettings
-from mirelight.pipeline.kept import KeptNowhere, made_once
+from mirelight.pipeline.artefact_cache import NullCache, made_once
+from mirelight.pipeline.codecs import ARRAY, Codec
 from mirelight.store import Store, artefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
@@ -35,6 +36,7 @@ from mirelight.store.touching import Toucher
 
 from .conftest import COMMAND, Run
 
+T = TypeVar("T")
 TURN = ("--set", "cameras[1].frames=12", "--camera", "orbit")  # 12 cameras under 2 lightings
 
 
@@ -243,8 +245,13 @@ def test_a_claim_that_was_just_taken_over_is_put_back(tmp_path: Path, change: st
 
 def test_what_was_made_while_a_claim_was_taken_is_not_made_again(tmp_path: Path) -> None:
     """Another process makes it and gives its claim up between the look and the claim."""
-    looks = iter([None, 7])
-    assert made_once(KeptNowhere(), "work", lambda: next(looks), lambda: pytest.fail("made twice")) == 7
+    looks = iter([None, np.ones(7)])
+
+    class Late(NullCache):
+        def get(self, key: str, codec: Codec[T]) -> T | None:
+            return cast("T | None", next(looks))
+
+    assert made_once(Late(), "work", "a", ARRAY, lambda: pytest.fail("made twice")).shape == (7,)
 
 
 def test_ballast_shows_signs_of_life(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -448,7 +455,7 @@ def test_layers_of_another_job_in_the_folder_stay(tmp_path: Path, monkeypatch: p
     for name, store in zip("ab", stores, strict=True):
         store.open()
         for i in range(3):
-            store._light.keep_array(f"{name * 20}{i}", np.zeros(9))
+            store._light.put(f"{name * 20}{i}", np.zeros(9), ARRAY)
     plan = {
         "job": str(tmp_path / "b.toml"),
         "settings": [],

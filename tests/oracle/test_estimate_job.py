@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -20,8 +20,9 @@ from mirelight.io import job, splats
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.job.captured_text import captured_text
-from mirelight.model import F32, EstimatedSky, Job, PointLight
-from mirelight.pipeline.kept import KeptNowhere
+from mirelight.model import EstimatedSky, Job, PointLight
+from mirelight.pipeline.artefact_cache import NullCache
+from mirelight.pipeline.codecs import Codec, Packed
 from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
 
@@ -47,17 +48,20 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-class Shelf(KeptNowhere):
-    """Keeps arrays in memory."""
+T = TypeVar("T")
+
+
+class Shelf(NullCache):
+    """Keeps everything in memory."""
 
     def __init__(self) -> None:
-        self.arrays: dict[str, F32] = {}
+        self.packed: dict[str, Packed] = {}
 
-    def array(self, key: str) -> F32 | None:
-        return self.arrays.get(key)
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        return codec.unpack(self.packed[key]) if key in self.packed else None
 
-    def keep_array(self, key: str, values: F32) -> None:
-        self.arrays[key] = values
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        self.packed[key] = codec.pack(value)
 
 
 def loaded(folder: Path, *changes: str) -> Job:

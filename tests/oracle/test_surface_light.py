@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pytest
@@ -24,11 +25,14 @@ from mirelight.model import (
     SurfaceCells,
     SurfaceTransport,
 )
-from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.artefact_cache import NullCache
+from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.plan import plan
 from mirelight.store import Store
 
 from ..analytic.test_surface_cache import stage
+
+T = TypeVar("T")
 
 
 def job() -> Job:
@@ -66,34 +70,24 @@ def test_a_frame_alone_is_that_among_others() -> None:
             np.testing.assert_allclose(own.direct.mean(), layer.direct.mean(), rtol=0.03)
 
 
-class Shelf(KeptNowhere):
-    """Keeps light on the surface in memory; counts what it is asked for and given."""
+class Shelf(NullCache):
+    """Keeps light on the surface in memory, each thing once."""
 
     def __init__(self) -> None:
         self.found: dict[str, SurfaceCells] = {}
         self.lights: dict[str, tuple[CellLight, ...]] = {}
         self.transports: dict[str, SurfaceTransport] = {}
 
-    def transport(self, key: str, count: int) -> SurfaceTransport | None:
-        return self.transports.get(key)
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        return cast("T | None", self.found.get(key) or self.lights.get(key) or self.transports.get(key))
 
-    def keep_transport(self, key: str, transport: SurfaceTransport) -> None:
-        assert key not in self.transports
-        self.transports[key] = transport
-
-    def cells(self, key: str) -> SurfaceCells | None:
-        return self.found.get(key)
-
-    def keep_cells(self, key: str, cells: SurfaceCells) -> None:
-        assert key not in self.found
-        self.found[key] = cells
-
-    def cell_lights(self, key: str, count: int) -> tuple[CellLight, ...] | None:
-        return self.lights.get(key)
-
-    def keep_cell_lights(self, key: str, lights: tuple[CellLight, ...], count: int) -> None:
-        assert key not in self.lights
-        self.lights[key] = lights
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        if codec.place == "surface":
+            assert self.get(key, codec) is None
+            home: Any = self.lights
+            if isinstance(value, SurfaceCells | SurfaceTransport):
+                home = self.found if isinstance(value, SurfaceCells) else self.transports
+            home[key] = value
 
 
 def fills(monkeypatch: pytest.MonkeyPatch) -> list[int]:

@@ -14,44 +14,45 @@ from mirelight import cli
 from mirelight.io import owner
 from mirelight.model import ProxyMesh
 from mirelight.pipeline.cache import UserCache, folder
+from mirelight.pipeline.codecs import ARRAY, MESH
 
 ROW = np.arange(250, dtype=np.float32)
-MESH = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32))
+TRIANGLE = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32))
 
 
 def test_what_is_kept_is_found_to_the_bit(cache: Path) -> None:
-    assert UserCache().array("a") is None and not cache.exists()
-    UserCache().keep_array("a", ROW)
-    UserCache().keep_mesh("b", MESH)
-    found, mesh = UserCache().array("a"), UserCache().mesh("b")
+    assert UserCache().get("a", ARRAY) is None and not cache.exists()
+    UserCache().put("a", ROW, ARRAY)
+    UserCache().put("b", TRIANGLE, MESH)
+    found, mesh = UserCache().get("a", ARRAY), UserCache().get("b", MESH)
     assert found is not None and mesh is not None
     assert found.tobytes() == ROW.tobytes()
-    np.testing.assert_array_equal(mesh.vertices, MESH.vertices)
-    np.testing.assert_array_equal(mesh.faces, MESH.faces)
-    assert UserCache().mesh("a") is None and UserCache().array("b") is None
+    np.testing.assert_array_equal(mesh.vertices, TRIANGLE.vertices)
+    np.testing.assert_array_equal(mesh.faces, TRIANGLE.faces)
+    assert UserCache().get("a", MESH) is None and UserCache().get("b", ARRAY) is None
     assert {x.name for x in cache.iterdir()} == {"a.kept", "b.kept"}
 
 
 def test_what_has_rotted_is_not_there(cache: Path) -> None:
-    UserCache().keep_array("a", ROW)
+    UserCache().put("a", ROW, ARRAY)
     path = cache / "a.kept"
     whole = path.read_bytes()
     for at in range(0, len(whole), 37):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
-        assert UserCache().array("a") is None, at
+        assert UserCache().get("a", ARRAY) is None, at
         path.write_bytes(whole[:at])
-        assert UserCache().array("a") is None, at
-    UserCache().keep_array("a", ROW)
-    assert UserCache().array("a") is not None
+        assert UserCache().get("a", ARRAY) is None, at
+    UserCache().put("a", ROW, ARRAY)
+    assert UserCache().get("a", ARRAY) is not None
 
 
 def test_what_was_not_used_for_longest_goes(cache: Path) -> None:
     small = UserCache(most=5000)  # three of them
     for age, key in enumerate("abc"):
-        small.keep_array(key, ROW)
+        small.put(key, ROW, ARRAY)
         os.utime(cache / f"{key}.kept", (1000 + age, 1000 + age))
-    assert small.array("a") is not None  # used now
-    small.keep_array("d", ROW)
+    assert small.get("a", ARRAY) is not None  # used now
+    small.put("d", ROW, ARRAY)
     assert {x.name[0] for x in cache.iterdir()} == {"a", "c", "d"}
     assert small.held()[0] == 3 and small.held()[1] <= 5000
 
@@ -63,17 +64,18 @@ def test_what_a_killed_process_left_goes(cache: Path) -> None:
     names = [f".a~{owner.machine()}-{process}-0123456789ab.kept" for process in (ended.pid, os.getpid())]
     for name in names:
         (cache / name).touch()
-    UserCache().keep_array("b", ROW)
+    UserCache().put("b", ROW, ARRAY)
     assert {x.name for x in cache.iterdir()} == {names[1], "b.kept"}
 
 
 WRITER = """
 import sys, numpy as np
 from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.codecs import ARRAY
 for turn in range(40):
     for key in "abcd":
-        UserCache(most=3000).keep_array(key, np.arange(250, dtype=np.float32))
-        found = UserCache(most=3000).array("abcd"[turn % 4])
+        UserCache(most=3000).put(key, np.arange(250, dtype=np.float32), ARRAY)
+        found = UserCache(most=3000).get("abcd"[turn % 4], ARRAY)
         assert found is None or (found == np.arange(250)).all()
 """
 
@@ -91,8 +93,8 @@ def test_a_place_that_cannot_be_used_is_no_error(
 ) -> None:
     cache.parent.mkdir(exist_ok=True)
     cache.write_text("a file")
-    UserCache().keep_array("a", ROW)
-    assert UserCache().array("a") is None and UserCache().held() == (0, 0)
+    UserCache().put("a", ROW, ARRAY)
+    assert UserCache().get("a", ARRAY) is None and UserCache().held() == (0, 0)
     UserCache().clear()
 
     def nobody() -> Path:
@@ -102,8 +104,8 @@ def test_a_place_that_cannot_be_used_is_no_error(
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", nobody)
     assert folder() is None
-    UserCache().keep_array("a", ROW)
-    assert UserCache().array("a") is None
+    UserCache().put("a", ROW, ARRAY)
+    assert UserCache().get("a", ARRAY) is None
     assert cli.main(["cache", "--clear"]) == 0
     assert "no home folder" in capsys.readouterr().out
 
@@ -132,8 +134,8 @@ def test_it_is_where_the_platform_has_such_things(
 
 
 def test_the_command_says_what_there_is_and_clears_it(cache: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    UserCache().keep_array("a", ROW)
-    UserCache().keep_mesh("b", MESH)
+    UserCache().put("a", ROW, ARRAY)
+    UserCache().put("b", TRIANGLE, MESH)
     (cache / "mine.txt").write_text("not mirelight's")
     assert cli.main(["cache"]) == 0
     assert capsys.readouterr().out == f"{cache}: 2 things, 0.0 MB of at most 1074 MB\n"

@@ -7,6 +7,7 @@ import os
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from mirelight.base.errors import InputError
 from mirelight.io import image, owner, safety
 from mirelight.model import Camera, ProxyMesh, SplatLayer
+from mirelight.pipeline.codecs import ARRAY, CELLS, MESH, Codec, composite_of, light_of, lights_on, transport_between
 from mirelight.store import arrays, artefacts, layer_index
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.claims import Claims
@@ -22,6 +24,7 @@ from mirelight.store.journal import FileRow, Journal, Row
 from mirelight.store.planned import PlannedRuns
 
 CAMERA = Camera.look_at((0, 0, 5), (0, 0, 0), 16, 12, yfov=40)
+COMPOSITE = composite_of(CAMERA, "physical", True)
 DEEP = b"[" * 100_000
 PLAN = {
     "job": "/a.toml",
@@ -104,13 +107,13 @@ def test_artefacts(tmp_path: Path, make: Make) -> None:
     for suffix in ("array", "light"):
         make(tmp_path / f"a.{suffix}")
     kept = Artefacts(tmp_path)
-    assert kept.array("a") is None
-    assert kept.mesh("a") is None
-    assert kept.light("a", CAMERA) is None
-    assert kept.composite("a", CAMERA, "physical", True) is None
-    assert kept.cells("a") is None
-    assert kept.cell_lights("a", 1) is None
-    assert kept.transport("a", 1) is None
+    assert kept.get("a", ARRAY) is None
+    assert kept.get("a", MESH) is None
+    assert kept.get("a", light_of(CAMERA)) is None
+    assert kept.get("a", COMPOSITE) is None
+    assert kept.get("a", CELLS) is None
+    assert kept.get("a", lights_on(1)) is None
+    assert kept.get("a", transport_between(1)) is None
 
 
 @pytest.mark.parametrize(
@@ -136,12 +139,12 @@ def test_artefacts_with_other_heads(tmp_path: Path, head: bytes) -> None:
         whole = arrays._MAGIC + b"%08x\n" % zlib.crc32(line) + line + b"1234"
         (tmp_path / f"a.{suffix}").write_bytes(whole)
     kept = Artefacts(tmp_path)
-    assert kept.array("a") is None and kept.mesh("a") is None
-    assert kept.light("a", CAMERA) is None
-    assert kept.composite("a", CAMERA, "physical", True) is None
-    assert kept.cells("a") is None
-    assert kept.cell_lights("a", 1) is None
-    assert kept.transport("a", 1) is None
+    assert kept.get("a", ARRAY) is None and kept.get("a", MESH) is None
+    assert kept.get("a", light_of(CAMERA)) is None
+    assert kept.get("a", COMPOSITE) is None
+    assert kept.get("a", CELLS) is None
+    assert kept.get("a", lights_on(1)) is None
+    assert kept.get("a", transport_between(1)) is None
 
 
 @each
@@ -213,7 +216,7 @@ def test_kept_values_that_are_none(tmp_path: Path, value: float) -> None:
     """A bit that has changed on disk makes the light anew, not a frame of NaN."""
     kept = Artefacts(tmp_path)
     values = np.ones((4, 3), np.float32)
-    kept.keep_array("a", values)
+    kept.put("a", values, ARRAY)
     layer = SplatLayer(
         camera=CAMERA,
         profile="physical",
@@ -223,39 +226,39 @@ def test_kept_values_that_are_none(tmp_path: Path, value: float) -> None:
         depth=np.ones((12, 16), np.float32),
         median_depth=np.ones((12, 16), np.float32),
     )
-    kept.keep_composite("b", layer)
-    assert kept.array("a") is not None and kept.composite("b", CAMERA, "physical", True) is not None
+    kept.put("b", layer, COMPOSITE)
+    assert kept.get("a", ARRAY) is not None and kept.get("b", COMPOSITE) is not None
     for name in ("a.array", "b.light"):
         data = (tmp_path / name).read_bytes()
         (tmp_path / name).write_bytes(data[:-64] + np.full(16, value, np.float32).tobytes())
-    assert kept.array("a") is None and kept.composite("b", CAMERA, "physical", True) is None
+    assert kept.get("a", ARRAY) is None and kept.get("b", COMPOSITE) is None
 
 
 def test_any_bit_that_has_changed_is_found(tmp_path: Path) -> None:
     """Wherever it is, in values, names or what fills up between them; and it is said, once for each read."""
     kept, said = Artefacts(tmp_path, "job"), list[str]()
     kept.tell = said.append
-    kept.keep_array("a", np.arange(5, dtype=np.float32))
-    kept.keep_mesh("b", ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32)))
-    reads = {"a": kept.array, "b": kept.mesh}
-    for name, read in reads.items():
+    kept.put("a", np.arange(5, dtype=np.float32), ARRAY)
+    kept.put("b", ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32)), MESH)
+    kinds: dict[str, Codec[Any]] = {"a": ARRAY, "b": MESH}
+    for name, codec in kinds.items():
         path = tmp_path / f"{name}.array"
         sound = path.read_bytes()
-        assert read(name) is not None
+        assert kept.get(name, codec) is not None
         for at in range(len(sound)):
             path.write_bytes(sound[:at] + bytes([sound[at] ^ (1 << at % 8)]) + sound[at + 1 :])
-            assert read(name) is None, at
+            assert kept.get(name, codec) is None, at
         assert len(said) == len(sound) and str(path) in said[0] and "is made again" in said[0]
         path.write_bytes(sound)
-        assert read(name) is not None and read("none") is None and len(said) == len(sound)
+        assert kept.get(name, codec) is not None and kept.get("none", codec) is None and len(said) == len(sound)
         said.clear()
 
 
 @pytest.mark.parametrize("shape", [(), (0, 7), (2, 3)])
 def test_arrays_of_any_shape_come_back(tmp_path: Path, shape: tuple[int, ...]) -> None:
     kept = Artefacts(tmp_path)
-    kept.keep_array("a", np.full(shape, 2.5, np.float64))
-    found = kept.array("a")
+    kept.put("a", np.full(shape, 2.5, np.float64), ARRAY)
+    found = kept.get("a", ARRAY)
     assert found is not None and found.shape == shape and found.dtype == np.float64 and (found == 2.5).all()
 
 
@@ -264,7 +267,7 @@ def test_light_of_the_first_version_is_read(tmp_path: Path) -> None:
     text = arrays._MAGIC_1 + head
     path = tmp_path / "a.array"
     path.write_bytes(text + bytes(-len(text) % 64) + np.array([1, 2], "<f4").tobytes().ljust(64, b"\0"))
-    found = Artefacts(tmp_path).array("a")
+    found = Artefacts(tmp_path).get("a", ARRAY)
     assert found is not None and found.tolist() == [1, 2] and arrays.maker_of(path) == ""
 
 
@@ -273,13 +276,13 @@ def test_what_a_job_did_not_make_stays(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(artefacts, "_MOST_UNUSED", 1000)
     one, other = Artefacts(tmp_path, "one"), Artefacts(tmp_path, "other")
     for i in range(6):
-        (one if i % 2 else other).keep_array(f"a{i}", np.zeros(40))
+        (one if i % 2 else other).put(f"a{i}", np.zeros(40), ARRAY)
         os.utime(tmp_path / f"a{i}.array", (1000 + i, 1000 + i))
     one.tidy({"a1"}, since=1000)
     assert len(one.files()) == 6  # made or used after that
     one.tidy({"a1"}, since=2000)
     assert [path.stem for path in one.files()] == ["a0", "a1", "a2", "a4", "a5"]
-    assert one.array("a1") is not None
-    other.array("a0")
+    assert one.get("a1", ARRAY) is not None
+    other.get("a0", ARRAY)
     other.tidy((), since=2000)
     assert [path.stem for path in one.files()] == ["a0", "a1", "a4", "a5"]  # what was read is in use

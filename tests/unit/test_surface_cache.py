@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mirelight.model import F32, CellLight, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.model.surface_cache import NOTHING, SKY
+from mirelight.pipeline.codecs import CELLS, lights_on, transport_between
 from mirelight.store.artefacts import Artefacts
 
 RNG = np.random.default_rng(3)
@@ -64,39 +66,40 @@ def cache() -> SurfaceCache:
     )
 
 
-def same(a: object, b: object) -> bool:
+def same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b)
     if isinstance(a, tuple):
         return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
     if dataclasses.is_dataclass(a):
         return all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
-    return a == b
+    return bool(a == b)
 
 
 def test_cells_and_their_light_come_back_as_they_were(tmp_path: Path) -> None:
     one, kept = cache(), Artefacts(tmp_path)
-    kept.keep_cells("cells", one.cells)
-    kept.keep_cell_lights("light", one.lights, 3)
-    kept.keep_cell_lights("none", (), 3)
-    assert same(kept.cells("cells"), one.cells) and same(kept.cell_lights("light", 3), one.lights)
-    assert kept.cell_lights("none", 3) == ()
-    assert not same(kept.cells("cells"), cells()) and not same(kept.cell_lights("light", 3), cache().lights)
+    kept.put("cells", one.cells, CELLS)
+    kept.put("light", one.lights, lights_on(3))
+    kept.put("none", (), lights_on(3))
+    assert same(kept.get("cells", CELLS), one.cells) and same(kept.get("light", lights_on(3)), one.lights)
+    assert kept.get("none", lights_on(3)) == ()
+    assert not same(kept.get("cells", CELLS), cells()) and not same(kept.get("light", lights_on(3)), cache().lights)
     assert kept.there() == {"cells", "light", "none"}
 
 
 @pytest.mark.parametrize("places", [0, 2])
 def test_transport_comes_back_as_it_was(tmp_path: Path, places: int) -> None:
     one, kept = transport(places), Artefacts(tmp_path)
-    kept.keep_transport("rays", one)
-    assert same(kept.transport("rays", 3), one)
+    kept.put("rays", one, transport_between(3))
+    assert same(kept.get("rays", transport_between(3)), one)
     assert (one.cells, one.nodes) == (3, 3 + places)
-    assert kept.transport("rays", 4) is None and kept.transport("other", 3) is None and kept.cells("rays") is None
+    assert kept.get("rays", transport_between(4)) is None and kept.get("rays", CELLS) is None
+    assert kept.get("other", transport_between(3)) is None
     path = tmp_path / "rays.light"
     sound = path.read_bytes()
     for damaged in (sound[:-64], b"", sound.replace(b'"seed": 5', b'"sead": 5')):
         path.write_bytes(damaged)
-        assert kept.transport("rays", 3) is None
+        assert kept.get("rays", transport_between(3)) is None
 
 
 def test_rays_end_on_nodes_that_there_are() -> None:
@@ -127,10 +130,14 @@ def test_lights_are_scaled_and_joined() -> None:
 
 def test_what_is_damaged_or_of_other_cells_is_not_there(tmp_path: Path) -> None:
     kept = Artefacts(tmp_path)
-    kept.keep_cells("cells", cells())
-    kept.keep_cell_lights("light", cache().lights, 3)
-    assert kept.cell_lights("light", 4) is None
-    assert kept.cells("light") is None and kept.cell_lights("cells", 3) is None and kept.cells("other") is None
+    kept.put("cells", cells(), CELLS)
+    kept.put("light", cache().lights, lights_on(3))
+    assert kept.get("light", lights_on(4)) is None
+    assert (
+        kept.get("light", CELLS) is None
+        and kept.get("cells", lights_on(3)) is None
+        and kept.get("other", CELLS) is None
+    )
     for name in ("cells", "light"):
         path = tmp_path / f"{name}.light"
         sound = path.read_bytes()
@@ -141,4 +148,4 @@ def test_what_is_damaged_or_of_other_cells_is_not_there(tmp_path: Path) -> None:
         for damaged in (sound[:40], sound[:-64], b"", b"PK" * 40, other_size, other_kind):
             path.write_bytes(damaged)
             if damaged != sound:
-                assert (kept.cells(name) if name == "cells" else kept.cell_lights(name, 3)) is None
+                assert (kept.get(name, CELLS) if name == "cells" else kept.get(name, lights_on(3))) is None

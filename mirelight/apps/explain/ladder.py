@@ -16,7 +16,7 @@ from mirelight.base.errors import InputError
 from mirelight.compare import metrics
 from mirelight.model import Camera, Job, Lighting, ProxyMesh, SplatCloud
 from mirelight.model.playcanvas_lights import to_engine
-from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.artefact_cache import NullCache
 from mirelight.pipeline.scene import Scene, prepare
 
 _ANOTHER_SEED = 0x5EED  # added to the job's, for samples that are independent of its own
@@ -87,7 +87,7 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
     if splats is None or proxy is None:
         missing = "splats" if splats is None else "proxy"
         raise InputError(job.source, f"no {missing}", "a ladder needs splats, a proxy and light", field=missing)
-    mesh = Scene(job, KeptNowhere()).mesh
+    mesh = Scene(job, NullCache()).mesh
     assert mesh is not None
     if not len(mesh.faces):
         raise InputError(job.source, "a proxy without a face", "a ladder needs something to light", field="proxy")

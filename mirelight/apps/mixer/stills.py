@@ -11,7 +11,7 @@ from mirelight.batch.preview import quick_scene
 from mirelight.io.png import encode_display
 from mirelight.model import Camera, Frame, Job, LayerFactor, Lighting
 from mirelight.pipeline import stages
-from mirelight.pipeline.kept import KeptInMemory
+from mirelight.pipeline.artefact_cache import MemoryCache
 from mirelight.pipeline.scene import Scene, prepare
 
 MOST_PIXELS = 1920 * 1080
@@ -58,7 +58,7 @@ class Stills:
         if scene.job.splats is not None:
             _ = scene.compositor  # made ready there, so that it is shared
         _ = scene.tracer, scene.captured_level
-        self._scene = prepare(plain, KeptInMemory(scene.kept, _MEMORY), like=scene)
+        self._scene = prepare(plain, MemoryCache(scene.kept, _MEMORY), like=scene)
         coarse = replace(plain.relight, texture_scale=min(plain.relight.texture_scale, _COARSE))
         self._quick = quick_scene(prepare(replace(plain, relight=coarse), self._scene.kept, like=self._scene))
 

@@ -43,7 +43,7 @@ from mirelight.model.playcanvas_lights import (
     engine_rotation,
     to_engine,
 )
-from mirelight.pipeline.kept import KeptNowhere
+from mirelight.pipeline.artefact_cache import NullCache
 from mirelight.pipeline.scene import Scene
 
 PAGE = ("index.html", "live.mjs", "scene.mjs", "sides.mjs")  # what a person opens
@@ -99,7 +99,7 @@ def export(
             f"camera {camera.name} is orthographic",
             "the engine's relighting follows perspective cameras only",
         )
-    lighting = Scene(job, KeptNowhere()).resolved(lighting)  # unchecked: the engine shows what no frame is rendered of
+    lighting = Scene(job, NullCache()).resolved(lighting)  # unchecked: the engine shows what no frame is rendered of
     clustered = job.engine.clustered
     proxy = scene.proxy or _NO_PROXY
     engine_lighting, light_warnings = to_engine(lighting, proxy, shadows=shadows, clustered=clustered)
@@ -184,7 +184,7 @@ class _Shown:
 
     @staticmethod
     def of(job: Job) -> _Shown:
-        return _Shown(job.splats.value if job.splats else None, Scene(job, KeptNowhere()).mesh)
+        return _Shown(job.splats.value if job.splats else None, Scene(job, NullCache()).mesh)
 
 
 # --- scene.json ------------------------------------------------------------------------------------------------------

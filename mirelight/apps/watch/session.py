@@ -18,7 +18,7 @@ from mirelight.io import image
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.model import Frame, Job
 from mirelight.pipeline import requirements, stages
-from mirelight.pipeline.kept import KeptInMemory
+from mirelight.pipeline.artefact_cache import MemoryCache
 from mirelight.pipeline.plan import FrameTask, Group, Plan, light_keys, plan
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store
@@ -68,7 +68,7 @@ class Session:
         assert self._live is not None
         if self._scene is None:
             progress.note(f"frames: {len(work.tasks)}; the newest picture of each is in {self._live}")
-        scene = prepare(job, store, progress.note, like=self._scene)
+        scene = prepare(job, store.artefacts, progress.note, like=self._scene)
         self._scene = scene
         live = _Live(self, store, self._live, progress, shown)
         live.copy([task for task in work.tasks if store.has(task)])
@@ -78,7 +78,7 @@ class Session:
 
     def quick(self, scene: Scene) -> Scene:
         """The scene made ready for quick pictures, with the light of those before."""
-        beneath = self._quick.kept if self._quick is not None else KeptInMemory(scene.kept)
+        beneath = self._quick.kept if self._quick is not None else MemoryCache(scene.kept)
         self._quick = prepare(quick_job(scene.job), beneath, like=scene)
         return self._quick
 

@@ -1,0 +1,176 @@
+"""Kinds of artefacts: how each is told in named arrays, and where it belongs. NumPy only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.model import (
+    Camera,
+    CellLight,
+    LightingBuffer,
+    LightLayer,
+    Profile,
+    ProxyMesh,
+    SplatLayer,
+    SurfaceCells,
+    SurfaceTransport,
+)
+
+T = TypeVar("T")
+Place: TypeAlias = Literal["scene", "surface", "view"]  # what an artefact is made for
+
+_KINDS = ("lights", "environment", "emission")  # of `CellLight`
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Packed:
+    """An artefact as arrays."""
+
+    arrays: Mapping[str, NDArray[Any]]
+    about: Mapping[str, Any] = field(default_factory=dict)  # JSON values
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(x.nbytes for x in self.arrays.values())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Codec(Generic[T]):
+    """One kind of artefact. `unpack` may raise anything where the arrays are no such thing."""
+
+    place: Place
+    pack: Callable[[T], Packed]
+    unpack: Callable[[Packed], T]
+
+
+# --- of a scene ------------------------------------------------------------------------------------------------------
+
+
+ARRAY: Codec[NDArray[Any]] = Codec("scene", lambda x: Packed({"values": x}), lambda packed: packed.arrays["values"])
+MESH: Codec[ProxyMesh] = Codec(  # vertices and faces alone
+    "scene",
+    lambda mesh: Packed({"vertices": mesh.vertices, "faces": mesh.faces}),
+    lambda packed: ProxyMesh(vertices=packed.arrays["vertices"], faces=packed.arrays["faces"]),
+)
+
+
+def array_of(shape: Sequence[int]) -> Codec[NDArray[Any]]:
+    """An array of one shape."""
+
+    def unpack(packed: Packed) -> NDArray[Any]:
+        values = ARRAY.unpack(packed)
+        if values.shape != tuple(shape):
+            raise ValueError(f"values of shape {values.shape}")
+        return values
+
+    return replace(ARRAY, unpack=unpack)
+
+
+# --- of a surface ----------------------------------------------------------------------------------------------------
+
+CELLS: Codec[SurfaceCells] = Codec(
+    "surface",
+    lambda cells: Packed(_own_arrays(cells), {"size": cells.size}),
+    lambda packed: SurfaceCells(size=float(packed.about["size"]), **packed.arrays),
+)
+
+
+def transport_between(count: int) -> Codec[SurfaceTransport]:
+    """How light goes between so many cells."""
+
+    def unpack(packed: Packed) -> SurfaceTransport:
+        made = SurfaceTransport(seed=int(packed.about["seed"]), **packed.arrays)
+        if made.cells != count:
+            raise ValueError("transport between other cells")
+        return made
+
+    return Codec("surface", lambda transport: Packed(_own_arrays(transport), {"seed": transport.seed}), unpack)
+
+
+def lights_on(count: int) -> Codec[tuple[CellLight, ...]]:
+    """Light on so many cells."""
+
+    def pack(lights: tuple[CellLight, ...]) -> Packed:
+        arrays = {f"{i}.{name}": x for i, light in enumerate(lights) for name, x in _own_arrays(light).items()}
+        arrays["cells"] = np.array([count], np.int64)
+        about = {"names": [x.name for x in lights], "kinds": [x.kind for x in lights], "rays": [x.rays for x in lights]}
+        return Packed(arrays, about)
+
+    def unpack(packed: Packed) -> tuple[CellLight, ...]:
+        return tuple(_cell_light(packed, i, count) for i in range(len(packed.about["names"])))
+
+    return Codec("surface", pack, unpack)
+
+
+def _cell_light(packed: Packed, index: int, count: int) -> CellLight:
+    kind = packed.about["kinds"][index]
+    if kind not in _KINDS:
+        raise ValueError(f"light of kind {kind}")
+    names = [f.name for f in fields(CellLight) if f"{index}.{f.name}" in packed.arrays]
+    arrays: dict[str, Any] = {"met": None} | {name: packed.arrays[f"{index}.{name}"] for name in names}
+    made = CellLight(name=packed.about["names"][index], kind=kind, rays=int(packed.about["rays"][index]), **arrays)
+    if made.direct.shape[1] != count or made.indirect.shape != made.direct.shape:
+        raise ValueError("light on other cells")
+    return made
+
+
+# --- of a view -------------------------------------------------------------------------------------------------------
+
+
+def light_of(camera: Camera) -> Codec[LightingBuffer]:
+    """A traced buffer of the view of a camera, whatever that is called."""
+    return Codec("view", _pack_buffer, lambda packed: _buffer(packed, camera))
+
+
+def composite_of(camera: Camera, profile: Profile, linear: bool) -> Codec[SplatLayer]:
+    """The splats as a camera sees them."""
+
+    def unpack(packed: Packed) -> SplatLayer:
+        return SplatLayer(camera=camera, profile=profile, linear=linear, **packed.arrays)
+
+    return Codec("view", lambda splats: Packed(_own_arrays(splats)), unpack)
+
+
+def _pack_buffer(buffer: LightingBuffer) -> Packed:
+    """Every array of a buffer by its name: "depth", "layers.0.direct"."""
+    arrays = _own_arrays(buffer)
+    for group, layers in (("layers", buffer.layers), ("noisy", buffer.noisy)):
+        for i, layer in enumerate(layers):
+            values = {f.name: getattr(layer, f.name) for f in fields(layer)}
+            arrays |= {f"{group}.{i}.{name}": x for name, x in values.items() if isinstance(x, np.ndarray)}
+    about = {
+        "spp": buffer.spp,
+        "rays": buffer.cell_rays,
+        "layers": [x.name for x in buffer.layers],
+        "noisy": [x.name for x in buffer.noisy],
+    }
+    return Packed(arrays, about)
+
+
+def _buffer(packed: Packed, camera: Camera) -> LightingBuffer:
+    there = packed.arrays
+
+    def layer(group: str, index: int, name: str) -> LightLayer:
+        names = [f.name for f in fields(LightLayer) if f"{group}.{index}.{f.name}" in there]
+        return LightLayer(name=name, **{n: there[f"{group}.{index}.{n}"] for n in names})
+
+    def layers(group: str) -> tuple[LightLayer, ...]:
+        return tuple(layer(group, i, name) for i, name in enumerate(packed.about[group]))
+
+    arrays: dict[str, Any] = {f.name: there[f.name] for f in fields(LightingBuffer) if f.name in there}
+    spp, rays = int(packed.about["spp"]), int(packed.about["rays"])
+    return LightingBuffer(
+        camera=camera, spp=spp, cell_rays=rays, layers=layers("layers"), noisy=layers("noisy"), **arrays
+    )
+
+
+def _own_arrays(
+    of: LightingBuffer | SplatLayer | SurfaceCells | SurfaceTransport | CellLight,
+) -> dict[str, NDArray[Any]]:
+    return {f.name: x for f in fields(of) if isinstance(x := getattr(of, f.name), np.ndarray)}

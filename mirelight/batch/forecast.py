@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mirelight import relighting
 from mirelight.model import Camera, Job, camera_checks
 from mirelight.pipeline import keys, peak, requirements, stages
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
@@ -89,13 +88,10 @@ def forecast(plan: Plan) -> Forecast:
 def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> set[str]:
     """Keys of the unit lights on the surface that frames are made from."""
     job, made = plan.job, plan.keys
-    wanted = [t.lighting for tasks in missing.values() for t in tasks if t.lighting is not None]
-    if not requirements.reads_surface(job) or not wanted:
+    if not requirements.reads_surface(job):
         return set()
-    captured = (
-        [job.captured] if job.splats is not None and requirements.compares(job) and job.captured is not None else []
-    )
-    sets = {s.digest: s for x in (*wanted, *captured) for s in made.mixture(x).sets}
+    needs = [needs for group in plan.groups if (needs := _lit_needs(made, group, missing.get(group.name, [])))]
+    sets = {s.digest: s for x in needs for s in x.sets}
     return {made.surface_light(part) for one in sets.values() for part in one.parts()}
 
 
@@ -115,14 +111,17 @@ def _remarks(plan: Plan) -> tuple[str, ...]:
 
 def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) -> tuple[int, int]:
     """How many sets of a camera must be traced, and how many unit lights are in them."""
-    job, seen = made.job, relighting.lighting_camera(group.camera, made.job.relight)
-    captured = (
-        [job.captured] if job.splats is not None and requirements.compares(job) and job.captured is not None else []
-    )
-    wanted = [t.lighting for t in missing if t.lighting is not None]
-    sets = {s.digest: s for x in (*wanted, *(captured if wanted else [])) for s in made.mixture(x).sets}
-    due = [s for s in sets.values() if not store.has_layers([made.light(s, seen)])]
+    needs = _lit_needs(made, group, missing)
+    if needs is None:
+        return 0, 0
+    due = [s for s, key in zip(needs.sets, needs.lights, strict=True) if not store.has_layers([key])]
     return len(due), sum(max(1, len(s.units)) for s in due)
+
+
+def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> keys.FrameNeeds | None:
+    """What the missing frames of a camera need; None where none of them is lit."""
+    wanted = [t.lighting for t in missing if t.lighting is not None]
+    return made.needs(group.camera, wanted) if wanted else None
 
 
 def _measured(job: Job, task: FrameTask) -> _Cost:
@@ -150,9 +149,8 @@ def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
     lit = None
     if task.lighting is not None:
         lit = stages.light(scene, camera, task.lighting)
-        compared = job.splats is not None and requirements.compares_in(job, task.lighting) and job.captured is not None
-        lightings = [task.lighting, *([job.captured] if compared and job.captured is not None else [])]
-        sets = len({s.digest for x in lightings for s in scene.mixture(x).sets})
+        lightings = (task.lighting, requirements.compared_in(job, task.lighting))
+        sets = len({s.digest for x in lightings if x is not None for s in scene.mixture(x).sets})
     traced = time.perf_counter()
     frame = stages.relight(scene, splats, lit)
     for suffix in task.files:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 from mirelight import relighting
@@ -29,6 +29,20 @@ from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixtur
 from mirelight.pipeline import provenance, requirements
 
 FILE_SUFFIXES = (".exr", ".png")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameNeeds:
+    """What frames of one camera are made from."""
+
+    composite: str | None  # its key; None: there are no splats
+    sets: tuple[LightSet, ...]  # of unit lights, each once; those of the captured light come last
+    lights: tuple[str, ...]  # keys of their traced buffers, in the same order
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Of all that frames are mixed from."""
+        return self.lights if self.composite is None else (self.composite, *self.lights)
 
 
 class Keys:
@@ -108,8 +122,7 @@ class Keys:
     def splat_sets(self) -> LightSets:
         """The sets of unit lights whose light on splats makes the job's lightings, then the captured one."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
-        return LightSets((*job.lightings, *captured), ALIKE)
+        return LightSets(tuple(requirements.with_compared(job, job.lightings)), ALIKE)
 
     def splat_light(self, light_set: LightSet, spp: int) -> str:
         """The light of a set on each splat."""
@@ -119,9 +132,10 @@ class Keys:
     def sets(self) -> LightSets:
         """The sets of unit lights that the job's lightings are made of; those of the captured light come last."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
         shared = tuple(x for x in job.lightings if x.time is None)
-        return LightSets((*shared, *captured), requirements.rules(job), shared if job.pooled else ())
+        return LightSets(
+            tuple(requirements.with_compared(job, shared)), requirements.rules(job), shared if job.pooled else ()
+        )
 
     def _moment(self, lighting: Lighting) -> Mixture:
         """Lights for one camera alone: traced together, for no other frame has a use for a part of them."""
@@ -197,9 +211,9 @@ class Keys:
     def lights(self) -> Iterator[str]:
         """All light of the job that is kept: each camera's sets, and what lies on the surface."""
         job = self.job
-        captured = (job.captured,) if job.captured is not None and requirements.compares(job) else ()
-        every = {s.digest: s for x in (*job.lightings, *captured) for s in self.mixture(x).sets}
-        shared = {s.digest: s for x in (*job.lightings, *captured) if x.time is None for s in self.mixture(x).sets}
+        lightings = requirements.with_compared(job, job.lightings)
+        every = {s.digest: s for x in lightings for s in self.mixture(x).sets}
+        shared = {s.digest: s for x in lightings if x.time is None for s in self.mixture(x).sets}
         for camera in job.cameras:
             own = [s for x in job.lightings if x.time is not None and x.lights_up(camera) for s in self.mixture(x).sets]
             seen = relighting.lighting_camera(camera, job.relight)
@@ -207,15 +221,14 @@ class Keys:
         if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
-    def layers(self, camera: Camera, lightings: Iterable[Lighting | None]) -> Iterator[str]:
-        """What the frames of a camera are mixed from: its composite, and the sets of the lightings."""
+    def needs(self, camera: Camera, lightings: Iterable[Lighting | None]) -> FrameNeeds:
+        """What the frames of a camera under some lightings are made from; what glows is known when it is lit."""
         job = self.job
-        if job.splats is not None:
-            yield self.composite(camera)
-        captured = (job.captured,) if job.splats is not None and requirements.compares(job) else ()
         seen = relighting.lighting_camera(camera, job.relight)
-        mixtures = (self.mixture(x) for x in (*lightings, *captured) if x is not None)
-        yield from (self.light(s, seen) for s in {s.digest: s for m in mixtures for s in m.sets}.values())
+        lit = requirements.with_compared(job, (x for x in lightings if x is not None))
+        sets = tuple({s.digest: s for x in lit for s in self.mixture(x).sets}.values())
+        composite = None if job.splats is None else self.composite(camera)
+        return FrameNeeds(composite, sets, tuple(self.light(s, seen) for s in sets))
 
     # --- frames ---
 
@@ -227,9 +240,10 @@ class Keys:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
-        if job.splats is not None and requirements.compares_in(job, lighting) and job.captured is not None:
+        captured = requirements.compared_in(job, lighting)
+        if captured is not None:
             if seen not in self._old:
-                self._old[seen] = [*self._lit(job.captured, seen), self.captured_level]
+                self._old[seen] = [*self._lit(captured, seen), self.captured_level]
             parts += self._old[seen]
             if relighting.softens(job.relight_of(lighting)):
                 parts.append(self.captured_lamps)
@@ -239,8 +253,7 @@ class Keys:
 
     def _on_splats(self, lighting: Lighting) -> Iterator[str]:
         """What a frame reads of the light on splats."""
-        captured = self.job.captured if requirements.compares_in(self.job, lighting) else None
-        for one in (lighting, captured):
+        for one in (lighting, requirements.compared_in(self.job, lighting)):
             if one is not None:
                 mixture = self.splat_sets.mixture(one)
                 yield from (self.splat_light(s, self.job.render.spp) for s in mixture.sets)

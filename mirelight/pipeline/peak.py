@@ -65,13 +65,10 @@ def _light_bytes(job: Job, camera: Camera, glows: bool) -> int:
     """Of one view: the sets and layers of the lighting that takes most, and what is kept of the others' sets."""
     seen = relighting.lighting_camera(camera, job.relight)
     pixels, made = seen.width * seen.height, keys.Keys(job)
-    compared = (
-        [job.captured] if job.splats is not None and job.captured is not None and requirements.compares(job) else []
-    )
     every: dict[str, int] = {GLOW.digest: _SET + _SET_LAYER} if glows else {}
     most = kept = 0
     for lighting in (x for x in job.lightings if x.lights_up(camera)):
-        own = {s.digest: _set_bytes(s) for x in (lighting, *compared) for s in made.mixture(x).sets}
+        own = {s.digest: _set_bytes(s) for s in made.needs(camera, [lighting]).sets}
         layers = len(lighting.layer_names) + glows
         denoised = (
             _DENOISED + _DENOISED_LAYER * layers if job.render.denoise and not requirements.follows_engine(job) else 0

@@ -78,7 +78,7 @@ def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str
 
     def group(camera: Camera) -> Group:
         own = [x for x in chosen_lightings if _lit(camera, x)]
-        layers = tuple(made.layers(camera, own)) if not made.files else ()
+        layers = made.needs(camera, own).keys if not made.files else ()
         name = names[id(camera), id(next(x for x in every_lighting if _lit(camera, x)))]
         return Group(name, tuple(task(camera, x) for x in own), layers)
 

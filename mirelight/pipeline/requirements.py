@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, Job, Lighting
@@ -19,6 +21,22 @@ def compares(job: Job) -> bool:
 def compares_in(job: Job, lighting: Lighting | None) -> bool:
     """The same of one lighting; None: of lightings that say nothing of it."""
     return relighting.mode_of(job.relight_of(lighting)).needs_captured
+
+
+def compared(job: Job) -> Lighting | None:
+    """The captured light, where frames of the job are compared with it."""
+    return job.captured if job.splats is not None and compares(job) else None
+
+
+def compared_in(job: Job, lighting: Lighting) -> Lighting | None:
+    """The captured light, where frames of this lighting are compared with it."""
+    return job.captured if job.splats is not None and compares_in(job, lighting) else None
+
+
+def with_compared(job: Job, lightings: Iterable[Lighting]) -> list[Lighting]:
+    """Lightings, and after them the captured light where frames of the job are compared with it."""
+    captured = compared(job)
+    return [*lightings, *(() if captured is None else (captured,))]
 
 
 def follows_engine(job: Job) -> bool:

@@ -112,9 +112,9 @@ class SplatLight:
         assert scene.splats is not None
         settings = job.relight_of(lighting)
         old = None
-        if requirements.compares_in(job, lighting):
-            assert job.captured is not None
-            old = self.of(job.captured)
+        captured = requirements.compared_in(job, lighting)
+        if captured is not None:
+            old = self.of(captured)
         new = self.of(lighting)
         return relighting.splat_relighter(
             relighting.captured_color(scene.splats),

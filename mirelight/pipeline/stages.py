@@ -87,7 +87,7 @@ def light(
     """
     _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
-    compared = job.captured if job.splats is not None and requirements.compares_in(job, lighting) else None
+    compared = requirements.compared_in(job, lighting)
     view = scene.view_light(seen)
     view.expect([lighting] if compared is None else [compared, lighting], progress)
     captured: LightingBuffer | None = None
@@ -136,12 +136,10 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
         Stopped, BackendError, RenderError: as :func:`light`.
     """
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
-    wanted = list(lightings)
-    if job.splats is not None and requirements.compares(job) and job.captured is not None:
-        wanted.append(job.captured)
+    if requirements.compared(job) is not None:
         _ = scene.captured_level
     try:
-        scene.view_light(seen).trace(wanted, progress)
+        scene.view_light(seen).trace(requirements.with_compared(job, lightings), progress)
     except ViewStopped:
         raise Stopped(None) from None
 

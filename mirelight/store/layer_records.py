@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight import relighting
-from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Job, Light, Lighting, SkyModel, SunLight
+from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import keys, requirements
@@ -31,7 +31,7 @@ def describe(plan: Plan) -> Index:
     made = plan.keys
     known = _Units(made)
     lightings = tuple(known.weighted(x) for x in job.lightings)
-    compared = _compared(job)
+    compared = requirements.compared(job)
     captured = None if compared is None else known.weighted(compared)
     views: list[KeptView] = []
     for group in plan.groups:
@@ -59,11 +59,6 @@ def describe(plan: Plan) -> Index:
         profile=job.compositor.profile,
         linear=job.compositor.blends_linear,
     )
-
-
-def _compared(job: Job) -> Lighting | None:
-    """The captured lighting, where frames take it."""
-    return job.captured if job.splats is not None and requirements.compares(job) else None
 
 
 class _Units:
@@ -129,8 +124,7 @@ def keep_around(plan: Plan, kept: ArtefactCache, resolved: Callable[[Lighting], 
         kept: where to.
         resolved: gives a lighting with a sun and a map in place of its sky model, see `mirelight.pipeline.scene.Scene`.
     """
-    compared = _compared(plan.job)
-    for lighting in (*plan.job.lightings, *(() if compared is None else (compared,))):
+    for lighting in requirements.with_compared(plan.job, plan.job.lightings):
         mixture = plan.keys.mixture(lighting)
         whole = mixture.sets[0].whole
         for of in [whole] if whole is not None else [term.unit for term in mixture.terms]:

@@ -101,14 +101,14 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     job = scene.job
     assert scene.splats is not None and scene.proxy is not None
     plain = tuple(replace(x, mix=()) for x in lightings)
-    compares = requirements.compares(job) and job.captured is not None
+    captured = requirements.compared(job)
+    compares = captured is not None
     units = {t.unit.digest: t.unit for x in plain for t in terms(x)}
     index = {key: i for i, key in enumerate(units)}
     names = [_layer_name(key, plain) for key in units]
     mode = relighting.mode_of(job.relight)
     floor = mode.leaves_floor and compares
     extra = [EMISSION] * scene.glows + [BASE] * floor
-    captured = job.captured if compares else None
     _refuse_too_many(job, len(names) + len(extra), captured)
     splats = SplatLight(scene, spp, progress)
     values = np.zeros((len(names) + len(extra), len(scene.splats), 3), np.float32)

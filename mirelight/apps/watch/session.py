@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from mirelight import relighting
 from mirelight.base.errors import InputError, RenderError
 from mirelight.batch import executor
 from mirelight.batch.executor import Progress, RenderSummary
@@ -17,7 +16,7 @@ from mirelight.batch.preview import Pace, quick_frame, quick_job
 from mirelight.io import image
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.model import Frame, Job
-from mirelight.pipeline import requirements, stages
+from mirelight.pipeline import stages
 from mirelight.pipeline.artefact_cache import MemoryCache
 from mirelight.pipeline.plan import FrameTask, Group, Plan, light_keys, plan
 from mirelight.pipeline.scene import Scene, prepare
@@ -182,15 +181,8 @@ class _Live:
 
     def _is_lit(self, scene: Scene, task: FrameTask) -> bool:
         """Whether nothing has to be traced for a frame."""
-        job, lighting = scene.job, task.lighting
-        if lighting is None:
-            return True
-        wanted = [lighting]
-        if job.splats is not None and requirements.compares(job) and job.captured is not None:
-            wanted.append(job.captured)
-        seen = relighting.lighting_camera(task.camera, job.relight)
-        sets = {s.digest: s for x in wanted for s in scene.mixture(x).sets}
-        return self._store.has_layers([scene.keys.light(s, seen) for s in sets.values()])
+        lit = task.lighting is not None
+        return not lit or self._store.has_layers(scene.keys.needs(task.camera, [task.lighting]).lights)
 
     def _show(self, task: FrameTask, frame: Frame, job: Job, what: str) -> None:
         image.write(frame, self._folder / f"{task.name}.png", job.display)

@@ -173,7 +173,7 @@ def test_each_camera_is_lit_as_at_its_own_time(load: Callable[[str], Job]) -> No
         assert len(one.units) == 3
     every = set(made.keys.lights())
     for group in made.groups:
-        assert {*made.keys.layers(group.camera, [t.lighting for t in group.tasks])} <= every
+        assert set(made.keys.needs(group.camera, [t.lighting for t in group.tasks]).keys) <= every
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from typing import Literal, TypeAlias
 
 from mirelight.base.errors import BackendError
 
-Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb"]
+Variant: TypeAlias = Literal["llvm_ad_rgb", "cuda_ad_rgb"]
 
 OLDEST_SOUND_LLVM = 17  # 15 and 16 abort on the first kernel, Dr.Jit refuses 14 and older
 _VARIABLE = "DRJIT_LIBLLVM_PATH"
@@ -300,8 +300,7 @@ def mitsuba(variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> Mod
 
 
 def drjit(variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> tuple[ModuleType, ModuleType]:
-    """The `drjit` module and its array types without derivatives: `drjit.cuda` where asked, else `drjit.llvm` (which
-    `scalar_rgb` uses as well: Dr.Jit has no kernels for plain scalars).
+    """The `drjit` module and its array types without derivatives: `drjit.cuda` where asked, else `drjit.llvm`.
 
     Args and errors as for :func:`mitsuba`.
     """

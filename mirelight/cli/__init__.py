@@ -324,5 +324,5 @@ def _add_order(parser: argparse.ArgumentParser, *names: str) -> None:
         help="lay a setting over the job file: render.spp=256, lights[0].intensity=3 (may be given again)",
     )
     parser.add_argument(*short, "--out", metavar="DIR", help="write there, relative to the current folder")
-    parser.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb, cuda_ad_rgb or scalar_rgb")
+    parser.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb or cuda_ad_rgb")
     parser.add_argument("--threads", metavar="N", help="CPU threads")

@@ -7,9 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight.base.errors import BackendError
 from mirelight.base.sh import C0
-from mirelight.compositor import reference
 from mirelight.compositor.bin import (
     MOST_TILES,
     Band,
@@ -43,7 +41,7 @@ class Compositor:
     Args:
         splats: the cloud, in world space.
         settings: profile and its details.
-        variant: where it runs; `scalar_rgb` uses LLVM where there is one, else the NumPy reference.
+        variant: where it runs.
         threads: worker threads of the LLVM backend (process-wide); None: as they are.
 
     Raises:
@@ -61,11 +59,10 @@ class Compositor:
     ) -> None:
         self.splats = splats
         self.settings = settings
-        self._device = _device(variant, threads)
-        if self._device is not None:
-            check_indices(splats)
-            allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
-            self._cloud = upload(self._device, splats, settings) if len(splats) else None
+        self._device = open_device(variant, threads)
+        check_indices(splats)
+        allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
+        self._cloud = upload(self._device, splats, settings) if len(splats) else None
 
     def composite(
         self, camera: Camera, *, depth: bool = True, diffuse: bool = False, drawing: EngineDrawing | None = None
@@ -79,16 +76,11 @@ class Compositor:
 
         Raises:
             RenderError: not even one row of tiles fits into memory.
-            BackendError: a `drawing` is asked for and only the NumPy reference can run.
         """
         if diffuse:
             layer, values = self.composite_with(camera, self.plain_colors, depth=depth)
             return replace(layer, diffuse=values)
-        if self._device is None:
-            if drawing is not None:
-                raise BackendError("the engine's drawing needs LLVM or CUDA, and neither was found")
-            return reference.composite(self.splats, camera, self.settings)
-        return layer_of(self._blend(self._device, camera, None, depth=depth, drawing=drawing), camera, self.settings)
+        return layer_of(self._blend(camera, None, depth=depth, drawing=drawing), camera, self.settings)
 
     def composite_with(self, camera: Camera, values: F32, *, depth: bool = True) -> tuple[SplatLayer, F32]:
         """The layer, and other values of the splats blended with the same weights.
@@ -108,11 +100,8 @@ class Compositor:
         values = frozen_array(values, (len(self.splats), None), np.float32, "values")
         if values.shape[1] == 0 or not np.isfinite(values).all():
             raise ValueError(f"values {values.shape}: at least one channel is needed, and finite numbers")
-        if self._device is None:
-            blended = reference.composite_channels(self.splats, camera, values, self.settings)
-            return self.composite(camera), blended.astype(np.float32)
         frames = [
-            self._blend(self._device, camera, values[:, i : i + VALUE_ROW], depth=depth and i == 0)
+            self._blend(camera, values[:, i : i + VALUE_ROW], depth=depth and i == 0)
             for i in range(0, values.shape[1], VALUE_ROW)
         ]
         images = [values_of(frame, camera) for frame in frames]
@@ -125,16 +114,15 @@ class Compositor:
 
     def colors(self, camera: Camera) -> F32:
         """(N, 3) the splats' colours as they are blended for that camera (SH evaluated, tone curve applied)."""
-        if self._device is None:
-            return reference.splat_colors(self.splats, camera, self.settings).astype(np.float32)
         if self._cloud is None:
             return np.zeros((0, 3), dtype=np.float32)
         view = view_of(self._device, camera, splat_kernel(self.settings, camera))
         return splat_colors(self._device, self._cloud, view, self.settings)
 
     def _blend(
-        self, device: Device, camera: Camera, values: F32 | None, *, depth: bool, drawing: EngineDrawing | None = None
+        self, camera: Camera, values: F32 | None, *, depth: bool, drawing: EngineDrawing | None = None
     ) -> Blended:
+        device = self._device
         settings, kernel = self.settings, splat_kernel(self.settings, camera)
         channels = 0 if values is None else values.shape[1]
         what = f"a frame of {camera.width} x {camera.height} pixels of {len(self.splats)} splats"
@@ -162,16 +150,6 @@ class Compositor:
             for band, lists in _bands(device, records, whole, memory, what):
                 blend_eight_bit(source, [records], lists, band, frame)
         return frame
-
-
-def _device(variant: Variant, threads: int | None) -> Device | None:
-    """The device, or None where the NumPy reference has to do: `scalar_rgb` without libLLVM."""
-    try:
-        return open_device(variant, threads)
-    except BackendError:
-        if variant == "scalar_rgb":
-            return None
-        raise
 
 
 def _records(device: Device, projected: Projected, order: Array, settings: CompositorSettings) -> Array:

@@ -79,7 +79,7 @@ def estimate(
 
     Raises:
         RenderError: too few splats lie on the proxy; none of them sees the sky through it.
-        BackendError: the variant `scalar_rgb`.
+        BackendError: the variant cannot be used on this machine.
     """
     places = places_of(splats, proxy, settings, lights, views)
     if 1 - places.blocked < LEAST_OPEN and not lights:

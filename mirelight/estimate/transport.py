@@ -160,7 +160,7 @@ def places_of(
 
     Raises:
         RenderError: fewer than `FEWEST` splats show, lie on the proxy and have a colour.
-        BackendError: the variant `scalar_rgb`.
+        BackendError: the variant cannot be used on this machine.
     """
     if int((splats.opacities >= SOLID).sum()) < FEWEST:
         raise RenderError(

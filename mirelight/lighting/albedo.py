@@ -102,7 +102,7 @@ def colored_by(
 
     Raises:
         RenderError: no splat lies on the proxy.
-        BackendError: the variant `scalar_rgb`.
+        BackendError: the variant cannot be used on this machine.
     """
     if not len(proxy.faces):
         return proxy

@@ -43,7 +43,7 @@ def captured_level(
         proxy: world space; with the colours that frames are lit with, as light goes from surface to surface.
         captured: what it was captured under.
         views: as for :func:`mirelight.lighting.colored_by`.
-        settings: profile, seed, depth, variant and threads count. Where the variant is `scalar_rgb`, LLVM is used.
+        settings: profile, seed, depth, variant and threads count.
 
     Returns:
         0 or more; 0 for a proxy without area.
@@ -53,8 +53,7 @@ def captured_level(
     """
     if not len(proxy.faces):
         return 0.0
-    variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
-    settings = replace(settings, variant=variant, spp=SPP, noise=None, denoise=False)
+    settings = replace(settings, spp=SPP, noise=None, denoise=False)
     tracer = Tracer(proxy, settings, layers=False, aovs=False)
     engine = None if rules_of(settings.profile).path_traced else EngineTracer(proxy, settings)
 

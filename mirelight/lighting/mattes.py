@@ -24,7 +24,7 @@ class Mattes:
 
     Args:
         proxy: world space.
-        variant: one that holds arrays (not `scalar_rgb`).
+        variant: where rays are traced.
         threads: as for tracing.
 
     Raises:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base import backend
-from mirelight.base.errors import BackendError
 from mirelight.model import F64, I32, ProxyMesh, Variant
 
 if TYPE_CHECKING:
@@ -26,12 +25,10 @@ class Sight:
         threads: worker threads, process-wide; None: as they are.
 
     Raises:
-        BackendError: the variant `scalar_rgb`, or one that cannot run here.
+        BackendError: the variant cannot be used on this machine.
     """
 
     def __init__(self, mesh: ProxyMesh, variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> None:
-        if variant == "scalar_rgb":
-            raise BackendError("rays into a mesh need the variant llvm_ad_rgb or cuda_ad_rgb")
         backend.mitsuba(variant, threads)
         self._surface: DeviceProxy | None = None
         if len(mesh.faces):

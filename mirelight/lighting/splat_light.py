@@ -53,13 +53,10 @@ class Places:
 def tracer_for(proxy: ProxyMesh, settings: RenderSettings) -> Tracer:
     """A tracer of layers at points, which reads light on the surface where it is given some.
 
-    Where the variant is `scalar_rgb`, LLVM is used.
-
     Raises:
         BackendError: the variant cannot be used on this machine.
     """
-    variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
-    own = replace(settings, variant=variant, noise=None, denoise=False, indirect="surface")
+    own = replace(settings, noise=None, denoise=False, indirect="surface")
     return Tracer(proxy, own, aovs=False)
 
 

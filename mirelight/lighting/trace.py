@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 from mirelight.base import backend
-from mirelight.base.errors import BackendError
+from mirelight.base.errors import RenderError
 from mirelight.lighting.develop import dark, refuse_if_too_large
 from mirelight.lighting.frame import FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
@@ -73,7 +73,7 @@ class Tracer:
         self._surface: DeviceProxy | None = None
         self._sky: tuple[Environment | None, Sky] | None = None  # the last frame's, as many frames share one
         backend.mitsuba(settings.variant, settings.threads)
-        if settings.variant != "scalar_rgb" and len(proxy.faces):
+        if len(proxy.faces):
             from mirelight.lighting.kernel.proxy import DeviceProxy
 
             self._surface = DeviceProxy(proxy)
@@ -111,7 +111,6 @@ class Tracer:
         Raises:
             Interrupted: Ctrl-C; holds what there was.
             RenderError: the frame's film does not fit in memory.
-            BackendError: a cache is to be read in the variant `scalar_rgb`.
             ValueError: it lacks a light.
         """
         lighting = plain(lighting)
@@ -120,14 +119,6 @@ class Tracer:
         refuse_if_too_large(camera, layers, parts=self.settings.denoise, most=self.settings.max_memory)
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
-        if self._surface is None:
-            if cache is not None and self.settings.indirect != "traced":
-                raise BackendError(
-                    f'indirect = "{self.settings.indirect}" needs the variant llvm_ad_rgb or cuda_ad_rgb'
-                )
-            from mirelight.lighting.scalar import trace_scalar
-
-            return trace_scalar(self._proxy, lighting, camera, self.settings, layers, emission=emission)
         settings, lit = with_pilot(self.settings), self._lit(lighting, layers, emission, cache)
         frame = FrameInProgress(lit, camera, layers, settings, aovs=self._aovs)
         read = cache is not None and lit.cells is not None
@@ -146,8 +137,7 @@ class Tracer:
             size: edge of a cell, world units; None: from the proxy (`mirelight.lighting.thickness`).
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
-            RenderError: finding them does not fit in memory.
+            RenderError: the proxy has no faces, or finding them does not fit in memory.
         """
         from mirelight.lighting.kernel.rays import CameraRays
 
@@ -157,7 +147,7 @@ class Tracer:
         """As `cells`, for points (N, 3) of the proxy with normals (N, 3), as `point_layers` takes them.
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
+            RenderError: the proxy has no faces.
         """
         from mirelight.lighting.kernel.probes import PointRays
 
@@ -178,7 +168,7 @@ class Tracer:
         With it, `fill` traces no rays between surfaces. Progress is called with rays done and in all.
 
         Raises:
-            BackendError, RenderError: as `fill`.
+            RenderError: as `fill`.
         """
         from mirelight.lighting.transport import found
 
@@ -205,7 +195,7 @@ class Tracer:
             progress: called with samples done and in all after every launch.
 
         Raises:
-            BackendError, RenderError: the variant `scalar_rgb`; the light of so many cells does not fit in memory.
+            RenderError: the proxy has no faces; the light of so many cells does not fit in memory.
         """
         from mirelight.lighting.fill import fill
         from mirelight.lighting.transport import gather
@@ -277,7 +267,7 @@ class Tracer:
             progress: called with samples done and in all after every launch.
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
+            RenderError: the proxy has no faces.
             ValueError: the cache lacks a light.
         """
         from mirelight.lighting.points import gathered
@@ -308,7 +298,7 @@ class Tracer:
             (N, 3) albedo; (N, 3) radiance that they send out.
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
+            RenderError: the proxy has no faces.
         """
         from mirelight.lighting.kernel.probes import materials_at
 
@@ -326,14 +316,14 @@ class Tracer:
             (N,) face, -1 where there is none; (N, 3) barycentric weights of its corners; (N,) distance.
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
+            RenderError: the proxy has no faces.
         """
         from mirelight.lighting.kernel.probes import nearest_along
 
         return nearest_along(self._on_device(), origins, directions, reach)
 
     def sight(self) -> Sight:
-        """The same mesh for rays without light; BackendError with the variant `scalar_rgb`."""
+        """The same mesh for rays without light; RenderError where it has no faces."""
         return Sight.over(self._on_device())
 
     def tuned(self, settings: RenderSettings, *, layers: bool, aovs: bool) -> Tracer:
@@ -346,13 +336,13 @@ class Tracer:
         """Other vertex colours (V, 3) for a proxy that had some when it was made ready.
 
         Raises:
-            BackendError: the variant `scalar_rgb`.
+            RenderError: the proxy has no faces.
         """
         self._on_device().recolor(vertex_colors)
 
     def _on_device(self) -> DeviceProxy:
         if self._surface is None:
-            raise BackendError("points of the proxy need the variant llvm_ad_rgb or cuda_ad_rgb")
+            raise RenderError("a proxy without faces has no points that light falls on")
         return self._surface
 
     def _sky_of(self, environment: Environment | None) -> Sky:

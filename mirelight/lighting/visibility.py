@@ -22,7 +22,7 @@ class ShadowRays:
 
     Args:
         proxy: world space.
-        variant: one that holds arrays (not `scalar_rgb`).
+        variant: where rays are traced.
         threads: as for tracing.
 
     Raises:

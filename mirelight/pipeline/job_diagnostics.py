@@ -58,7 +58,7 @@ def check(job: Job, *, every_camera: bool = False) -> Check:
 
     Raises:
         InputError: a file that the job names cannot be used.
-        BackendError: the variant cannot run here, or is `scalar_rgb`.
+        BackendError: the variant cannot be used on this machine.
     """
     splats = None if job.splats is None else job.splats.value
     mesh = mesh_of(job)

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mirelight import relighting
-from mirelight.base import backend
 from mirelight.model import (
     F32,
     Camera,
@@ -219,12 +218,9 @@ class Scene:
 
     @cached_property
     def captured_level(self) -> float | None:
-        """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it, or
-        nothing on this machine can tell (the variant scalar_rgb without libLLVM): views then take their own mean."""
+        """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it."""
         job = self.job
         if self.proxy is None or job.captured is None or not requirements.compares(job):
-            return None
-        if job.render.variant == "scalar_rgb" and backend.choose() is None:
             return None
         from mirelight.lighting.level import captured_level
 

@@ -30,14 +30,14 @@ def capture_views(
     Args:
         splats: world space.
         cameras: of the pictures that the splats were made from.
-        variant: where they are composited; `scalar_rgb`: LLVM.
+        variant: where they are composited.
         threads: worker threads, process-wide; None: as they are.
     """
     if not cameras or are_discs(splats):
         return ()
     from mirelight.compositor import Compositor
 
-    compositor = Compositor(splats, variant="llvm_ad_rgb" if variant == "scalar_rgb" else variant, threads=threads)
+    compositor = Compositor(splats, variant=variant, threads=threads)
     step = -(-len(cameras) // MOST_VIEWS)
     return tuple(compositor.composite(_small(camera)) for camera in cameras[::step])
 

@@ -61,11 +61,3 @@ def test_a_light_that_physical_light_does_not_know_is_said_too(run: Run, folder:
     assert told.returncode == 0
     assert told.stderr.count("linear falloff becomes the inverse square law") == 1
     assert "linear falloff" not in run("render", "omni.toml", "--set", "profile=playcanvas").stderr
-
-
-def test_every_variant_makes_the_same_frame(run: Run, folder: Path) -> None:
-    for variant in ("llvm_ad_rgb", "scalar_rgb"):
-        chosen = ("--camera", "front", "--lighting", "night", "--out", variant, "--variant", variant)
-        assert run(*ENGINE, *chosen, "--set", "output.png=false").returncode == 0
-    one, two = (read_exr(folder / v / "front.night.exr").channels for v in ("llvm_ad_rgb", "scalar_rgb"))
-    np.testing.assert_array_equal(one["lighting.R"], two["lighting.R"])

@@ -358,10 +358,9 @@ def test_the_linear_pipeline_has_its_own_cause() -> None:
         ({"proxy": None}, "no proxy"),
         ({"splats": None}, "no splats"),
         ({"proxy": Deferred.of(NO_FACE)}, "a proxy without a face"),
-        ({"render": RenderSettings(variant="scalar_rgb")}, "scalar_rgb"),
         ({"relight": RelightSettings(mode="ratio")}, "captured"),
     ],
-    ids=["proxy", "splats", "face", "scalar", "captured"],
+    ids=["proxy", "splats", "face", "captured"],
 )
 def test_what_has_no_ladder_is_refused(change: dict[str, Any], expected: str) -> None:
     job = make_job(wall(), lights=(FRONT,))

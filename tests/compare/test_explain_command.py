@@ -166,7 +166,7 @@ def test_a_missing_package_is_said_before_any_work(
     [
         (["--camera", "back"], "no camera named 'back'"),
         (["--set", "environment=no.hdr"], "no.hdr"),
-        (["--set", "render.variant=scalar_rgb"], "render.variant: the variant scalar_rgb"),
+        (["--set", "render.variant=scalar_rgb"], "render.variant: 'scalar_rgb'"),
     ],
 )
 def test_mistakes_are_one_line(

@@ -10,8 +10,8 @@ import pytest
 
 import mirelight.compositor.compositor as front_door
 from mirelight.base import backend
-from mirelight.base.errors import BackendError, RenderError
-from mirelight.compositor import Compositor, composite, order, queue, reference
+from mirelight.base.errors import RenderError
+from mirelight.compositor import Compositor, composite, order, queue
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.blend import Source, blend
 from mirelight.compositor.device import Array, Device, open_device
@@ -189,21 +189,6 @@ def test_other_tile_shapes_give_the_same_picture(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(front_door, "open_device", lambda *_: shaped)
     assert_agrees(splats, VIEW)
     np.testing.assert_allclose(composite(splats, VIEW).color, expected.color, atol=2e-6)
-
-
-def test_without_llvm_the_scalar_variant_uses_the_oracle(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(*_: object) -> None:
-        raise BackendError("no libLLVM")
-
-    monkeypatch.setattr(front_door, "open_device", missing)
-    splats = cloud(50, degree=0)
-    compositor = Compositor(splats, variant="scalar_rgb")
-    assert same_bits(compositor.composite(VIEW), reference.composite(splats, VIEW, PHYSICAL))
-    layer, values = compositor.composite_with(VIEW, np.ones((50, 1), np.float32))
-    np.testing.assert_allclose(values[..., 0], 1 - layer.transmittance, atol=1e-6)
-    assert compositor.colors(VIEW).shape == (50, 3)
-    with pytest.raises(BackendError):
-        Compositor(splats)
 
 
 @pytest.mark.usefixtures("threads")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mirelight.base import backend
-from mirelight.lighting import Tracer, oracle
+from mirelight.lighting import Tracer
 from mirelight.model import (
     AreaLight,
     Camera,
@@ -27,6 +27,7 @@ from mirelight.model import (
 )
 from mirelight.model.ies import AROUND, DOWN
 
+from . import oracle
 from .ztest import Array, worst_and_allowed
 
 SEEDS, SPP = 24, 16

@@ -38,7 +38,7 @@ def explain(
         say: hears what is being made.
 
     Raises:
-        InputError: there are no splats or no proxy, an orthographic camera, or the variant `scalar_rgb`.
+        InputError: there are no splats or no proxy, or an orthographic camera.
         MirelightError: a package of the extra `compare` is missing; said before any work.
         RenderError: the engine's texture has an unexpected size.
         BackendError: the variant cannot be used on this machine.
@@ -95,8 +95,6 @@ def require(job: Job, camera: Camera) -> tuple[SplatCloud, ProxyMesh]:
         raise InputError(
             job.source, f"camera {camera.name} is orthographic", "the engine relights perspective cameras only"
         )
-    if job.render.variant == "scalar_rgb":
-        raise InputError(job.source, "the variant scalar_rgb", "use llvm_ad_rgb or cuda_ad_rgb", field="render.variant")
     if relighting.mode_of(job.relight).needs_captured and job.captured is None:
         without = f"mode {job.relight.mode!r} without captured lighting"
         raise InputError(job.source, without, "name it, or set mode to 'tint'")

@@ -215,7 +215,7 @@ def _wears_splats(table: JobTable) -> bool:
     """Whether the proxy takes the splats' colours: asked for, or nothing else said in a mode that is about colours."""
     if table.proxy is None or table.proxy.albedo == "splats":
         return table.proxy is not None
-    traced = model.rules_of(table.profile).path_traced and table.render.variant != "scalar_rgb"
+    traced = model.rules_of(table.profile).path_traced
     by_default = "albedo" not in table.proxy.model_fields_set and traced
     return by_default and relight_settings(table).mode in COLOURING
 
@@ -251,14 +251,13 @@ def _made_of_splats(
     if table.proxy is None or table.proxy.path != SPLATS or splats is None or table.splats is None:
         return None
     render = table.render
-    variant: model.Variant = "llvm_ad_rgb" if render.variant == "scalar_rgb" else render.variant
     named = source.folder / table.splats[0].path if len(table.splats) == 1 else source.path
-    known = model.digest("proxy of splats", splats.digest, variant, *((cameras,) if cameras else ()))
+    known = model.digest("proxy of splats", splats.digest, render.variant, *((cameras,) if cameras else ()))
     return ProxyRecipe(
         mesh=Deferred(known, not_made_yet),
         splats=splats,
         cameras=cameras,
-        variant=variant,
+        variant=render.variant,
         threads=render.threads,
         source=str(named),
     )

@@ -134,7 +134,7 @@ def _dataset(data: dict[str, Any]) -> Iterator[Mistake]:
 
 
 def _albedo_from_splats(data: dict[str, Any]) -> Iterator[Mistake]:
-    proxy, render = data.get("proxy"), data.get("render")
+    proxy = data.get("proxy")
     if not isinstance(proxy, dict) or proxy.get("albedo") != "splats":
         return
     where: Path = ("proxy", "albedo")
@@ -143,8 +143,6 @@ def _albedo_from_splats(data: dict[str, Any]) -> Iterator[Mistake]:
     elif "captured" not in data:
         remedy = "add captured, the lighting that the splats were captured under, or give a number"
         yield Mistake(where, "'splats' needs the captured lighting", remedy)
-    if isinstance(render, dict) and render.get("variant") == "scalar_rgb":
-        yield Mistake(where, "'splats' with the variant scalar_rgb", "use llvm_ad_rgb or cuda_ad_rgb, or give a number")
 
 
 def _entries(data: dict[str, Any], key: str) -> list[Any]:

@@ -54,7 +54,7 @@ def rasterise(
         proxy: world space, counter-clockwise front faces.
         camera: any projection; its near and far planes hold.
         subpixel_bits: of the grid to which the rasteriser snaps vertices.
-        variant: one that holds arrays (not `scalar_rgb`).
+        variant: where it runs.
         threads: as for tracing.
 
     Raises:
@@ -103,7 +103,7 @@ def seen_from_behind(proxy: ProxyMesh, camera: Camera, variant: Variant = "llvm_
 def culling_warnings(proxy: ProxyMesh, cameras: Sequence[Camera], variant: Variant = "llvm_ad_rgb") -> tuple[str, ...]:
     """A line for the first of the cameras (of a few, where they are many) that sees the proxy's back."""
     for camera in cameras[:: -(-len(cameras) // _LOOKS)]:
-        share = seen_from_behind(proxy, camera, "llvm_ad_rgb" if variant == "scalar_rgb" else variant)
+        share = seen_from_behind(proxy, camera, variant)
         if share > _WORTH_SAYING:
             return (
                 f"{share:.0%} of what {camera.name} sees of the proxy is its back, which the engine does not draw; "

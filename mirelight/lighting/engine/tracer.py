@@ -28,7 +28,6 @@ from mirelight.model import (
     LightLayer,
     ProxyMesh,
     RenderSettings,
-    Variant,
 )
 from mirelight.model.playcanvas_lights import EngineLight, to_engine
 
@@ -57,7 +56,7 @@ class EngineTracer:
 
     Args:
         proxy: world space.
-        settings: `scalar_rgb` computes in LLVM, as the compositor does: single rays from Python would take hours.
+        settings: of the job.
         layers: False: one layer, "beauty".
 
     Raises:
@@ -67,7 +66,7 @@ class EngineTracer:
     def __init__(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True) -> None:
         self._proxy = proxy
         self._layers = layers
-        self._variant: Variant = "llvm_ad_rgb" if settings.variant == "scalar_rgb" else settings.variant
+        self._variant = settings.variant
         self._threads, self._most = settings.threads, settings.max_memory
         self._rays: ShadowRays | None = None
         self._seen: _Seen | None = None  # the last camera's, as many lightings share it

@@ -51,12 +51,6 @@ def test_one_mistake_is_an_input_error_with_its_parts(write_job: WriteJob) -> No
         (True, "splats", "", "'splats' needs the captured lighting; add captured, the lighting that the splats were"),
         (False, "splats", "", "'splats', but the job has none; name splats, or give a number"),
         (True, "splat", "", '\'splat\'; give a number, [r, g, b], "file" or "splats"'),
-        (
-            True,
-            "splats",
-            'captured = { environment = { radiance = 1 } }\nrender = { variant = "scalar_rgb" }\n',
-            "'splats' with the variant scalar_rgb; use llvm_ad_rgb or cuda_ad_rgb, or give a number",
-        ),
     ],
 )
 def test_an_albedo_that_cannot_be_had(

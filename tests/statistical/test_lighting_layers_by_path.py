@@ -1,14 +1,12 @@
-"""The scalar variant, which shares no kernel with the others, gives the same buffer."""
+"""Mitsuba's `path`, light by light, gives the same buffer."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mirelight.base.errors import RenderError
 from mirelight.lighting import Tracer
+from mirelight.lighting.layers import Layers
 from mirelight.model import (
     Camera,
     DirectionalLight,
@@ -21,6 +19,7 @@ from mirelight.model import (
     SunLight,
 )
 
+from .by_path import trace_by_path
 from .ztest import worst_and_allowed
 
 SEEDS = 8
@@ -48,14 +47,18 @@ LIGHTING = Lighting(
 )
 
 
-def traced(variant: str, spp: int, seed: int = 0) -> LightingBuffer:
-    settings = RenderSettings(spp=spp, max_depth=3, variant=variant, seed=seed)  # type: ignore[arg-type]
-    return Tracer(CORNER, settings).trace(LIGHTING, CAMERA)
+def traced(spp: int, seed: int = 0) -> LightingBuffer:
+    return Tracer(CORNER, RenderSettings(spp=spp, max_depth=3, seed=seed)).trace(LIGHTING, CAMERA)
 
 
-def test_scalar_and_llvm_agree_layer_by_layer() -> None:
+def by_path(spp: int, seed: int = 0) -> LightingBuffer:
+    settings = RenderSettings(spp=spp, max_depth=3, seed=seed)
+    return trace_by_path(CORNER, LIGHTING, CAMERA, settings, Layers.of(LIGHTING, emissive=False), emission=False)
+
+
+def test_they_agree_layer_by_layer() -> None:
     """By z-test over independent seeds: every layer's direct light and its whole."""
-    fast, slow = ([traced(v, 16, seed) for seed in range(SEEDS)] for v in ("llvm_ad_rgb", "scalar_rgb"))
+    fast, slow = ([make(16, seed) for seed in range(SEEDS)] for make in (traced, by_path))
     names = [x.name for x in slow[0].layers]
     assert [x.name for x in fast[0].layers] == names and len(names) == 4
     for index, name in enumerate(names):
@@ -68,17 +71,10 @@ def test_scalar_and_llvm_agree_layer_by_layer() -> None:
             assert a.mean() == pytest.approx(b.mean(), rel=0.01)
 
 
-def test_scalar_and_llvm_see_the_same_surface() -> None:
-    fast, slow = traced("llvm_ad_rgb", 64), traced("scalar_rgb", 64)
+def test_they_see_the_same_surface() -> None:
+    fast, slow = traced(64), by_path(64)
     inside = (fast.coverage == 1) & (slow.coverage == 1)
     assert np.mean((fast.coverage == 1) != (slow.coverage == 1)) < 0.02
     np.testing.assert_allclose(fast.normal[inside], slow.normal[inside], atol=0.2)  # a crease inside a pixel
     assert np.abs(fast.position - slow.position)[inside].mean() < 0.02
     assert np.abs(fast.depth - slow.depth)[inside].mean() < 0.02
-
-
-def test_a_lamp_that_mitsuba_lacks_is_refused_by_name() -> None:
-    lamp = PointLight(name="bulb", position=np.ones(3), radius=0.1, range=2.0)
-    tracer = Tracer(CORNER, RenderSettings(spp=1, variant="scalar_rgb"))
-    with pytest.raises(RenderError, match="'bulb'"):
-        tracer.trace(replace(LIGHTING, lights=(lamp,)), CAMERA)

@@ -1,4 +1,4 @@
-"""The scalar variant: no fused loop, Mitsuba's `path` once per light. Slow, and there to check the fast one."""
+"""Frames by Mitsuba's `path`, once per light: no fused loop. Slow, and there to check the fast one."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from mirelight.base import backend
-from mirelight.lighting import oracle
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings
 
+from . import oracle
 
-def trace_scalar(
+
+def trace_by_path(
     proxy: ProxyMesh,
     lighting: Lighting,
     camera: Camera,

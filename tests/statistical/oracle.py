@@ -1,4 +1,4 @@
-"""The same scene for Mitsuba's own `path` integrator: the independent check of our loop, and the scalar variant.
+"""The same scene for Mitsuba's own `path` integrator: the independent check of our loop.
 
 Lights are Mitsuba's emitters where they match (directional, point, area, constant, envmap) and small plugins where
 none does (spots' cones, range windows, suns, cameras with off-centre or non-square pixels). Nothing here

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mirelight.lighting import Tracer
 from mirelight.lighting.fill import on_device
-from mirelight.lighting.windows import groups
+from mirelight.lighting.sky_guiding import groups
 from mirelight.model import F32, RenderSettings, SurfaceCells
 
 SIDE = 16  # of a table

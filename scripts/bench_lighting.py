@@ -25,10 +25,11 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import path_oracle
 from bench_lighting_scenes import BOUNCES, Array, BenchScene, crowds, panorama, scenes
 
 from mirelight.base import backend
-from mirelight.lighting import Tracer, finished, oracle
+from mirelight.lighting import Tracer, finished
 from mirelight.model import Camera, DirectionalLight, Lighting, PointLight, RenderSettings, SpotLight, SunLight
 
 Timed: TypeAlias = Callable[[int, int], tuple[Array, float]]  # (spp, seed) -> (H, W, 3) and CPU seconds
@@ -63,10 +64,10 @@ def ours(scene: BenchScene, *, layers: bool = False, denoise: bool = False) -> T
 def mitsuba_path(scene: BenchScene) -> Timed:
     """Mitsuba's path integrator on the same scene."""
     mi = backend.mitsuba("llvm_ad_rgb")
-    world = oracle.scene(mi, scene.proxy, scene.lighting, scene.camera)
+    world = path_oracle.scene(mi, scene.proxy, scene.lighting, scene.camera)
 
     def render(spp: int, seed: int) -> Array:
-        picture, _ = oracle.path_beauty(mi, world, spp=spp, max_depth=BOUNCES, seed=seed)
+        picture, _ = path_oracle.path_beauty(mi, world, spp=spp, max_depth=BOUNCES, seed=seed)
         return picture.astype(np.float64)
 
     return timed(render)

@@ -125,14 +125,14 @@ def run(
     store.hear(heard.note)
     heard.started(plan.tasks)
     scene = scene or prepare(plan.job, store.artefacts, heard.note)
-    said = Said(heard)
+    said = FindingReporter(heard)
     left, done = unfinished(plan, store, heard)
     if left:
         scene.read()  # bad input is said before anything is kept
     keep_index(plan, store)
     keep_around(plan, scene, store)
     if plan.job.proxy is not None and plan.job.lightings and left:
-        look(left, scene.mesh, heard)
+        inspect_views(left, scene.mesh, heard)
     if preview is not None and left:
         preview.first(scene, left)
     while left:
@@ -173,7 +173,7 @@ def to_give(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group], 
     once, unless the proxy is still to be made."""
     left, done = unfinished(plan, store, progress)
     if left and plan.job.proxy is not None and plan.job.made_proxy is None:
-        look(left, plan.job.proxy.value, progress)
+        inspect_views(left, plan.job.proxy.value, progress)
     keep_index(plan, store)
     return left, done
 
@@ -191,7 +191,7 @@ def keep_around(plan: Plan, scene: Scene, store: Store) -> None:
         layer_records.keep_around(plan, store.artefacts, scene.resolved)
 
 
-def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -> None:
+def inspect_views(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -> None:
     """Say before any work which cameras and lights are of no use: inside the mesh, or before nothing."""
     lightings = lightings_of(groups)
     if proxy is not None and lightings:
@@ -199,14 +199,14 @@ def look(groups: Sequence[Group], proxy: ProxyMesh | None, progress: Progress) -
             progress.note(line)
 
 
-class Said:
+class FindingReporter:
     """What is wrong with frames, said after each; of each kind the first few, then how many more."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._counts: Counter[str] = Counter()
 
-    def look(self, scene: Scene, task: FrameTask, frame: Frame) -> None:
+    def report(self, scene: Scene, task: FrameTask, frame: Frame) -> None:
         """Tell what is wrong with a frame."""
         off = [x.layer for x in terms(task.lighting) if not np.any(x.weight)] if task.lighting else []
         own = scene.job.made_proxy is not None
@@ -223,7 +223,7 @@ class Said:
 
 
 def attempt(
-    scene: Scene, group: Group, store: Store, progress: Progress, said: Said, preview: Preview | None = None
+    scene: Scene, group: Group, store: Store, progress: Progress, said: FindingReporter, preview: Preview | None = None
 ) -> RenderSummary | None:
     """Make what is missing of a camera's frames, unless another process is at it: then None, at once.
 
@@ -235,7 +235,7 @@ def attempt(
 
 
 def _make(
-    scene: Scene, group: Group, store: Store, progress: Progress, said: Said, preview: Preview | None
+    scene: Scene, group: Group, store: Store, progress: Progress, said: FindingReporter, preview: Preview | None
 ) -> RenderSummary:
     if group.layers:
         return _make_layers(scene, group, store, progress)
@@ -256,7 +256,7 @@ def _make(
             progress.failed(task, made)
         else:
             progress.finished(task, False)  # first of all: from here on the frame counts as there
-            said.look(view.scene, task, made)
+            said.report(view.scene, task, made)
     return RenderSummary(rendered=len(missing) - failed, skipped=len(group.tasks) - len(missing), failed=failed)
 
 

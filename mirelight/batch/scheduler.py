@@ -21,11 +21,11 @@ from typing import Any
 from mirelight.base import extras
 from mirelight.base.errors import BackendError, InputError, MirelightError, RenderError
 from mirelight.base.version import __version__
-from mirelight.batch import desk, executor, post
-from mirelight.batch.book import Book
+from mirelight.batch import dask_worker, executor, messages
 from mirelight.batch.executor import Progress, RenderSummary
+from mirelight.batch.messages import Word
 from mirelight.batch.order import Order, fingerprint
-from mirelight.batch.post import Word
+from mirelight.batch.tally import FrameTally
 from mirelight.io.safety import read_file
 from mirelight.pipeline.plan import Group, Plan
 from mirelight.store import Store
@@ -141,7 +141,7 @@ class _Office:
         self._client, self._address, self._text = client, address, order.text()
         self._shares_cores = order.threads is None and plan.job.render.threads is None
         self._run = secrets.token_hex(6)
-        self._book = Book(store, progress)
+        self._book = FrameTally(store, progress)
         self._progress = progress
         self._groups = {group.name: group for group in left}
         self._due = deque(left)
@@ -171,7 +171,7 @@ class _Office:
             raise
         finally:
             with contextlib.suppress(Exception):
-                self._client.run(desk.rest, self._run, on_error="ignore")
+                self._client.run(dask_worker.rest, self._run, on_error="ignore")
         return self._book.done
 
     def _count(self) -> None:
@@ -193,7 +193,7 @@ class _Office:
         self._known.update(new)
         if max(self._workers[x] for x in new) > 1:
             self._once("workers make one frame at a time: start them with --nthreads 1, as many as fit in memory")
-        for worker, said in self._client.run(desk.version, workers=new, on_error="return").items():
+        for worker, said in self._client.run(dask_worker.version, workers=new, on_error="return").items():
             if isinstance(said, OSError):
                 continue  # it has just ended
             if isinstance(said, BaseException):
@@ -208,12 +208,12 @@ class _Office:
         if self._blamed and not (self._due or self._later or self._out):
             self._due.append(self._blamed.popleft())
             self._alone = self._due[0].name
-        hosts = Counter(desk.host(x) for x in self._workers)
+        hosts = Counter(dask_worker.host(x) for x in self._workers)
         while self._due and len(self._out) < _AHEAD * len(self._workers):
             group = self._due.popleft()
             beside = dict(hosts) if self._shares_cores else {}
             future = self._client.submit(
-                desk.make, self._text, group.name, fingerprint(group), self._run, beside, pure=False, retries=0
+                dask_worker.make, self._text, group.name, fingerprint(group), self._run, beside, pure=False, retries=0
             )
             self._await(group, future)
 
@@ -232,7 +232,7 @@ class _Office:
     def _word(self, value: Any) -> None:
         worker, camera, line = value
         word = Word.read(line)
-        if word is not None and word.kind != post.FATAL:  # that comes back as its task's result, too
+        if word is not None and word.kind != messages.FATAL:  # that comes back as its task's result, too
             task = self._book.hear(self._groups.get(camera), word)
             if task is not None:
                 self._frames[worker] = task.name
@@ -269,9 +269,9 @@ class _Office:
             word = Word.read(line)
             if word is None:
                 continue
-            if word.kind == post.BUSY:
+            if word.kind == messages.BUSY:
                 self._later.append((time.monotonic() + _BUSY, group))
-            elif word.kind == post.FATAL:
+            elif word.kind == messages.FATAL:
                 raise MirelightError(f"{word.values[0]} (on the worker {worker})")
             else:
                 self._book.hear(group, word)
@@ -281,7 +281,7 @@ class _Office:
         if self._client.status != "running":
             return
         with contextlib.suppress(Exception):
-            self._client.run(desk.halt, self._run, on_error="ignore")
+            self._client.run(dask_worker.halt, self._run, on_error="ignore")
         until = time.monotonic() + _GRACE
         while self._out and self._client.status == "running" and time.monotonic() < until:
             with contextlib.suppress(MirelightError, KeyboardInterrupt, SystemExit):

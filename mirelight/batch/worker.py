@@ -15,10 +15,10 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.batch import executor, post
+from mirelight.batch import executor, messages
 from mirelight.batch.executor import RenderSummary
+from mirelight.batch.messages import Reporter, Word
 from mirelight.batch.order import Order, fingerprint
-from mirelight.batch.post import Reporter, Word
 from mirelight.pipeline.plan import FrameTask
 from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
@@ -26,13 +26,13 @@ from mirelight.store import Store
 _PATIENCE = 60.0  # seconds for a step to end after the watcher has gone
 
 
-class Bench:
+class WorkerContext:
     """An order, ready to be worked on: scene, kernels and store stay from one camera to the next."""
 
     def __init__(self, order: Order, progress: executor.Progress) -> None:
         job = order.load()
         self._order, self._progress = order, progress
-        self._said = executor.Said(progress)
+        self._said = executor.FindingReporter(progress)
         plan = order.plan(job)
         self._groups = {group.name: group for group in plan.groups}
         self.store = Store(job)
@@ -99,29 +99,29 @@ def main() -> int:
     """The process: exit code 0 where its watcher ended it, 2 where nothing could go on."""
     stopping = _Stopping()
     lines = _Lines()
-    bench: Bench | None = None
+    context: WorkerContext | None = None
     try:
-        bench = Bench(Order.read(next(lines)), stopping)
-        _say(Word(post.READY))
+        context = WorkerContext(Order.read(next(lines)), stopping)
+        _say(Word(messages.READY))
         for line in lines:
             stopping.check()
             asked = Word.read(line)
             if asked is None or len(asked.values) != 1:
                 continue
-            made = bench.make(asked.kind, str(asked.values[0]))
+            made = context.make(asked.kind, str(asked.values[0]))
             if made is None:
-                _say(Word(post.BUSY))
+                _say(Word(messages.BUSY))
             else:
-                _say(Word(post.DONE, (made.rendered, made.skipped, made.failed)))
+                _say(Word(messages.DONE, (made.rendered, made.skipped, made.failed)))
     except MirelightError as e:
-        _say(Word(post.FATAL, (str(e),)))
+        _say(Word(messages.FATAL, (str(e),)))
         return 2
     except (KeyboardInterrupt, SystemExit):
-        if bench is not None and bench.store.partial:
-            _say(Word(post.PARTIAL, tuple(str(path) for path in bench.store.partial)))
+        if context is not None and context.store.partial:
+            _say(Word(messages.PARTIAL, tuple(str(path) for path in context.store.partial)))
     finally:
-        if bench is not None:
-            bench.store.close()
+        if context is not None:
+            context.store.close()
     return 0
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.batch import Order, Shard, crew, executor, scheduler
+from mirelight.batch import Order, Shard, executor, processes, scheduler
 from mirelight.batch.forecast import Forecast, forecast
 from mirelight.batch.preview import Previews
 from mirelight.cli import BAD, export, new, progress, say, stop
@@ -59,7 +59,7 @@ def run_render(args: argparse.Namespace) -> int:
                 if args.scheduler is not None:
                     scheduler.run(order, frames, store, args.scheduler, watched)
                 elif workers is not None:
-                    crew.run(order, frames, store, workers, watched)
+                    processes.run(order, frames, store, workers, watched)
                 else:
                     executor.run(frames, store, watched, Previews(store, watched) if args.preview else None)
             store.tidy(light_keys(whole))

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting.albedo_inpainting import Filling, add_rows
 from mirelight.lighting.appearance import shown
 from mirelight.lighting.clipped import Shown, hidden
-from mirelight.lighting.filling import Filling, add_rows
 from mirelight.lighting.observed import Deposits, observed
 from mirelight.lighting.pooling import pooled
 from mirelight.lighting.trace import Tracer

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.filling import add_rows
+from mirelight.lighting.albedo_inpainting import add_rows
 from mirelight.model import F32, F64
 from mirelight.model.profiles import BRIGHTEST
 

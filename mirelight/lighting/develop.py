@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import RenderError
 from mirelight.base.machine import free_memory
+from mirelight.lighting.error_estimate import chosen, correct
 from mirelight.lighting.layers import Layers
-from mirelight.lighting.spread import chosen, correct
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
 CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device
@@ -31,7 +31,7 @@ class Sums:
     surface: F32  # H * W * SURFACE
     parts: F32 | None = None  # K * 2: radiance over batches 0, 2, 4 … and over 1, 5, 9 …; None: not kept
     doubt: F32 | None = None  # K: half the difference of two fills of what was read; None: nothing was
-    again: F32 | None = None  # (K, n, 3) radiance over the second samples of `spread.chosen`; None: there are none
+    again: F32 | None = None  # (K, n, 3) radiance over the second samples of `error_estimate.chosen`; None: none
 
     def copied(self) -> Sums:
         """The same in memory of its own."""

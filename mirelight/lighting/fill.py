@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mirelight.lighting import windows
+from mirelight.lighting import sky_guiding
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many
 from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
@@ -75,7 +75,9 @@ def fill(
     refuse_if_too_large(row, layers, most=settings.max_memory)
     read: DeviceCells | None = None
     halves: list[_Light] = []
-    spread = windows.found(lit.surface, lit.sky, cells, settings.seed)[0] if lit.sky.is_sampled else None
+    spread = (
+        sky_guiding.guide_sky_sampling(lit.surface, lit.sky, cells, settings.seed)[0] if lit.sky.is_sampled else None
+    )
     for generation, count in enumerate(rounds):
         frame = _frame(replace(lit, cells=read), cells, row, layers, settings, generation)
         for done in _passes(frame, count):
@@ -107,11 +109,11 @@ def on_device(
     *,
     first: bool = False,
     nearest: float,
-    spread: windows.U16 | None = None,
+    spread: sky_guiding.U16 | None = None,
 ) -> DeviceCells:
     """Cells to be read; arguments as for `kernel.cells.DeviceCells`, `spread` as of `CellLight`."""
     from mirelight.lighting.kernel.cells import DeviceCells
-    from mirelight.lighting.kernel.windows import Spread
+    from mirelight.lighting.kernel.sky_guiding import Spread
 
     nothing = np.zeros((1, 1, 3), np.float32)
     return DeviceCells(
@@ -122,7 +124,7 @@ def on_device(
         doubt,
         first=first,
         nearest=nearest,
-        spread=Spread(spread, np.zeros(len(cells), np.int64) if spread is None else windows.groups(cells)),
+        spread=Spread(spread, np.zeros(len(cells), np.int64) if spread is None else sky_guiding.groups(cells)),
     )
 
 
@@ -216,7 +218,7 @@ def _cell_light(
     lighting: Lighting,
     emission: bool,
     rays: int = 0,
-    spread: windows.U16 | None = None,
+    spread: sky_guiding.U16 | None = None,
 ) -> CellLight:
     layers = halves[0].layers
     kind: Literal["lights", "environment", "emission"] = "lights"

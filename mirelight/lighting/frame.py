@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.machine import uninterrupted
-from mirelight.lighting import grid, spread
+from mirelight.lighting import error_estimate, grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
 from mirelight.lighting.develop import Sums, develop
@@ -127,7 +127,7 @@ class FrameInProgress:
 
         from mirelight.lighting.kernel.paths import trace_pass
 
-        chosen = spread.chosen(len(self.samples))
+        chosen = error_estimate.chosen(len(self.samples))
         seed = dr.opaque(mi.UInt32, (self._seed_number + AGAIN) & 0xFFFFFFFF)
         done = 0
         for count in counts:

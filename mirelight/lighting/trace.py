@@ -170,9 +170,11 @@ class Tracer:
         Raises:
             RenderError: as `fill`.
         """
-        from mirelight.lighting.transport import found
+        from mirelight.lighting.transport import trace_links
 
-        return found(self._on_device(), cells, self.settings, 1 << max(rays - 1, 15).bit_length(), progress or _ignore)
+        return trace_links(
+            self._on_device(), cells, self.settings, 1 << max(rays - 1, 15).bit_length(), progress or _ignore
+        )
 
     def fill(
         self,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting import windows
+from mirelight.lighting import sky_guiding
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
 from mirelight.lighting.fill import on_device
 from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy
@@ -70,7 +70,7 @@ class _Places:
         return _Places(*(np.concatenate([getattr(x, name) for x in rows]) for name in _Places.__slots__))
 
 
-def found(
+def trace_links(
     surface: DeviceProxy, cells: SurfaceCells, settings: RenderSettings, rays: int, progress: Progress
 ) -> SurfaceTransport:
     """Where the rays of every cell end.
@@ -97,7 +97,7 @@ def found(
     step = LANES // each
     for first in range(0, count, step):
         some = min(step, count - first)
-        ends, lost = _stood_in(*cast(surface, table, points, seed, first, some, each), each // 2, nodes)
+        ends, lost = _merge_lost_ends(*cast(surface, table, points, seed, first, some, each), each // 2, nodes)
         target[:, first : first + some], albedo[:, first : first + some] = ends.reshape(2, some, each).swapaxes(1, 2)
         parts.append(lost)
         nodes += len(lost.faces)
@@ -109,7 +109,7 @@ def found(
         if not len(new.faces):
             break
         rays_on = cast(surface, table, CellPoints(new), seed + hit + 1, 0, len(new.faces), 1)
-        ends, new = _stood_in(*rays_on, 1, nodes)
+        ends, new = _merge_lost_ends(*rays_on, 1, nodes)
         if hit == BEYOND - 1:  # the end
             ends[0][(ends[0] >= nodes) & (ends[0] < NOTHING)] = NOTHING
         else:
@@ -129,7 +129,7 @@ def found(
     )
 
 
-def _stood_in(ends: Words, face: Words, where: F32, of_half: int, nodes: int) -> tuple[Words, _Places]:
+def _merge_lost_ends(ends: Words, face: Words, where: F32, of_half: int, nodes: int) -> tuple[Words, _Places]:
     """Ends of rays (2, n) whose places without a cell are nodes from `nodes` on, and those places.
 
     Of the rays of half a cell, `of_half` next to each other, all that end on such places share STAND_INS of them.
@@ -197,7 +197,7 @@ def gather(
         direct[k, : count - len(outside)] = own(cells, DIRECT, k, k * DIRECT * len(cells))[0][0]
     spread = None
     if outside and sky.is_sampled:
-        spread, direct[:, around] = windows.found(surface, sky, cells, settings.seed)
+        spread, direct[:, around] = sky_guiding.guide_sky_sampling(surface, sky, cells, settings.seed)
     of_cells = DeviceLinks(transport.target, transport.albedo)
     met = np.zeros((2, len(cells), 3), np.float32)
     base = np.zeros((count, transport.nodes, 3), np.float32)
@@ -219,7 +219,7 @@ def gather(
             some = [(of_cells, 0, k * part, part), (beyond, len(cells), 0, 1)]
             light = bounced(light, own_light, count, transport.nodes, some)
         after.append(_rows(light, base.shape))
-    light, half = _fours(_in_the_end(*after)), of_cells.samples // 2
+    light, half = _fours(_extrapolate_bounces(*after)), of_cells.samples // 2
     gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
     indirect = np.stack([_rows(x, base.shape)[:, : len(cells)] for x in gathered])
     return _cache(cells, layers, lighting, direct, met, indirect, spread, of_cells.samples)
@@ -243,7 +243,7 @@ def _rows(fours: Float, shape: tuple[int, ...]) -> F32:
     return np.ascontiguousarray(rows[..., :3].swapaxes(0, 1), np.float32)
 
 
-def _in_the_end(first: F32, middle: F32, last: F32) -> F32:
+def _extrapolate_bounces(first: F32, middle: F32, last: F32) -> F32:
     """Light after all bounces, from that before a round, after it and after another (K, n, 3).
 
     What rounds bring falls off as a geometric series, by a factor that grows towards its limit, so this is no more
@@ -293,7 +293,7 @@ def _cache(
     direct: F32,
     met: F32,
     indirect: F32,
-    spread: windows.U16 | None = None,
+    spread: sky_guiding.U16 | None = None,
     rays: int = 0,
 ) -> SurfaceCache:
     """Two halves of each layer (2, K, C, 3), and of what rays meet of the sky (2, C, 3), as what is kept."""

@@ -106,7 +106,7 @@ class CellLight(ArrayHolder):
     met: F32 | None  # at once, as far as a reflected ray meets it; None for lights, which no ray meets
     indirect: F32  # after one reflection and more
     rays: int = 0  # of each cell that reflected light was gathered along, in both halves
-    spread: NDArray[np.uint16] | None = None  # (G, S) of an environment's samples: see `mirelight.lighting.windows`
+    spread: NDArray[np.uint16] | None = None  # (G, S) of an environment's samples: see `mirelight.lighting.sky_guiding`
 
     def __post_init__(self) -> None:
         for name in ("direct", "met", "indirect"):

@@ -132,13 +132,15 @@ class SurfaceLight:
         lighting = self._lighting_of(whole)
         made = self._tracer.fill(self.cells, lighting, transport=transport, emission=emission, progress=progress)
         if self._job.render.noise is not None:
-            made = self._enough(made, lighting, emission, self._job.render.noise)
+            made = self._fill_to_noise_target(made, lighting, emission, self._job.render.noise)
         by_name = {light.name: light for light in made.lights}
         for i, key in enumerate(parts):
             self._lights[key] = (by_name[str(i)],) if units else made.lights
             self._kept.put(key, self._lights[key], lights_on(len(self.cells)))
 
-    def _enough(self, first: SurfaceCache, lighting: Lighting, emission: bool, target: float) -> SurfaceCache:
+    def _fill_to_noise_target(
+        self, first: SurfaceCache, lighting: Lighting, emission: bool, target: float
+    ) -> SurfaceCache:
         """As many fills, averaged, as bring the job's pictures to their noise target at least cost."""
         from mirelight.lighting.budget import averaged
 

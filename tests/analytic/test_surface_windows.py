@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mirelight.lighting import Tracer
-from mirelight.lighting.windows import STEPS, WHOLE
+from mirelight.lighting.sky_guiding import STEPS, WHOLE
 from mirelight.model import Camera, Environment, Lighting, ProxyMesh, RenderSettings, SurfaceCache
 
 from .lighting_scenes import Array, join, quad

@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import path_oracle as oracle
 
 from mirelight.base import backend
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, LightLayer, ProxyMesh, RenderSettings
-
-from . import oracle
 
 
 def trace_by_path(

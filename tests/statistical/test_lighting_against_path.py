@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import path_oracle as oracle
 import pytest
 
 from mirelight.base import backend
@@ -27,7 +28,6 @@ from mirelight.model import (
 )
 from mirelight.model.ies import AROUND, DOWN
 
-from . import oracle
 from .ztest import Array, worst_and_allowed
 
 SEEDS, SPP = 24, 16

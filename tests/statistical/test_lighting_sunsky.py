@@ -6,13 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import path_oracle as oracle
 import pytest
 
 from mirelight.base import backend, colour
 from mirelight.lighting import Tracer, sunsky, tracer
 from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight, digest
 
-from . import oracle
 from .ztest import Array, worst_and_allowed
 
 SEEDS, SPP = 16, 64

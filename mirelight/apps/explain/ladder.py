@@ -62,14 +62,14 @@ def explain(
     recipe, light = as_modelled(subject, rungs)
     say("lighting")
     recipe, light = with_physical_falloffs(subject, rungs, recipe, light)
-    untraced, again = len(rungs.made), Rungs(job)
+    untraced, again = len(rungs.frames), Rungs(job)
     physical_steps(subject, rungs, recipe, light, job.render.seed, say)
     say("noise")
     physical_steps(subject, again, recipe, light, job.render.seed + _ANOTHER_SEED, say)
-    traced = (replace(x, again=y.frame) for x, y in zip(rungs.made[untraced:], again.made, strict=True))
+    traced = (replace(x, again=y.frame) for x, y in zip(rungs.frames[untraced:], again.frames, strict=True))
     return Ladder(
         name=f"{camera.name}.{plain.name}",
-        rungs=(*rungs.made[:untraced], *traced),
+        rungs=(*rungs.frames[:untraced], *traced),
         absent=tuple(rungs.absent),
         engine=f"PlayCanvas {VERSION}" if engine is not None else f"mirelight's prediction of PlayCanvas {VERSION}",
         really_rendered=engine is not None,

@@ -78,7 +78,7 @@ class Rungs:
     """The rungs of a ladder as they are made, and the causes that the job has not."""
 
     job: Job
-    made: list[Rung] = field(default_factory=list)
+    frames: list[Rung] = field(default_factory=list)
     absent: list[tuple[str, str]] = field(default_factory=list)
 
     def add(self, name: str, recipe: Recipe) -> None:
@@ -87,7 +87,7 @@ class Rungs:
 
     def append(self, name: str, frame: F32) -> None:
         """A frame (H, W, 3) of display values."""
-        self.made.append(Rung(name, CAUSES[name].title, CAUSES[name].change, frame))
+        self.frames.append(Rung(name, CAUSES[name].title, CAUSES[name].change, frame))
 
     def skip(self, why: str, *names: str) -> None:
         """Causes that there are not."""

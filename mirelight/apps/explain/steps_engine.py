@@ -51,13 +51,13 @@ def _engine_frame(subject: Subject, rungs: Rungs, recipe: Recipe) -> None:
         drawn = subject.splats.drawn(rough, corner_bits=corner_bits(None))
         eight = np.rint(rungs.shown(replace(recipe, splats=drawn)) * np.float32(255)) / 255
         what = "mirelight's prediction: the engine did not run."
-        rungs.made.append(Rung("engine", title, what, as_float(eight)))
+        rungs.frames.append(Rung("engine", title, what, as_float(eight)))
         rungs.add("float", recipe)
         rungs.skip("the engine did not run", "model")
         return
     frames = subject.engine.frames
     what = f"Rendered by PlayCanvas {VERSION}."
-    rungs.made.append(Rung("engine", title, what, as_float(frames.frame[..., :3] / 255)))
+    rungs.frames.append(Rung("engine", title, what, as_float(frames.frame[..., :3] / 255)))
     shown = frames.frame_f32[..., :3]
     if recipe.splats.linear:  # what follows blending
         curve, exposure = engine_tone(job)

@@ -175,7 +175,7 @@ def build(source: Source, table: JobTable) -> Job:
     splats = assets.splats(table.splats, files) if table.splats else None
     capture_cameras = _capture_cameras(table, assets, wrong)
     made = _made_of_splats(source, table, splats, capture_cameras)
-    proxy = _worn(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
+    proxy = _with_job_albedo(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
     captured = _captured(table, lightings, assets, wrong)
@@ -194,7 +194,7 @@ def build(source: Source, table: JobTable) -> Job:
         proxy=proxy,
         made_proxy=made,
         capture_cameras=capture_cameras,
-        albedo_from_splats=_wears_splats(table),
+        albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
         lightings=moments.numbered(mixed, is_moment),
         pooled=table.sweep is not None,
@@ -211,7 +211,7 @@ def build(source: Source, table: JobTable) -> Job:
     )
 
 
-def _wears_splats(table: JobTable) -> bool:
+def _uses_splat_albedo(table: JobTable) -> bool:
     """Whether the proxy takes the splats' colours: asked for, or nothing else said in a mode that is about colours."""
     if table.proxy is None or table.proxy.albedo == "splats":
         return table.proxy is not None
@@ -263,7 +263,7 @@ def _made_of_splats(
     )
 
 
-def _worn(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[ProxyMesh]:
+def _with_job_albedo(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[ProxyMesh]:
     """A made mesh with the job's albedo, which is not part of its making."""
     assert table.proxy is not None and table.proxy.albedo != "file"
     albedo = None if table.proxy.albedo == "splats" else tuple(table.proxy.albedo)

@@ -14,9 +14,9 @@ from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, pair
+from mirelight.lighting.kernel.sky_guiding import Spread
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.lighting.kernel.vertex import Vertex
-from mirelight.lighting.kernel.windows import Spread
 from mirelight.model import F32, F64, SurfaceCells
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ class Film:
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
     parts: (layer, 2, pixel, rgb) over every second batch and over one in four; only where they are asked for.
-    again: (layer, pixel of `spread.chosen`, rgb) over its second samples; only once `keep` was called.
+    again: (layer, pixel of `error_estimate.chosen`, rgb) over its second samples; only once `keep` was called.
     doubt: (layer, pixel, rgb) half the difference of two fills of the cells that were read; only where some are.
 
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.

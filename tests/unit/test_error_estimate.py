@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight.lighting.spread import EVERY, FEW, FEWEST, MOST, chosen, correct
+from mirelight.lighting.error_estimate import EVERY, FEW, FEWEST, MOST, chosen, correct
 from mirelight.model import F32
 
 PIXELS = 6000

@@ -35,7 +35,7 @@ MOST = 1 << 15  # groups
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """What samples have brought to groups."""
+    """What samples have sample_sky to groups."""
 
     squares: F64  # (G, BINS) of light, summed
     sent: F64  # (G, BINS) samples, as many as were to be expected
@@ -79,7 +79,7 @@ def _of_voxels(cells: SurfaceCells, log2_size: int) -> I64:
     return np.unique(code, return_inverse=True)[1].astype(np.int64).ravel()
 
 
-def found(surface: DeviceProxy, sky: Sky, cells: SurfaceCells, seed: int) -> tuple[U16, F32]:
+def guide_sky_sampling(surface: DeviceProxy, sky: Sky, cells: SurfaceCells, seed: int) -> tuple[U16, F32]:
     """How light samples of a sky are spread on cells, and what they bring.
 
     Args:
@@ -91,7 +91,7 @@ def found(surface: DeviceProxy, sky: Sky, cells: SurfaceCells, seed: int) -> tup
         (G, STEPS) where each equal share of a group's samples starts in [0, 1), of WHOLE; it ends where the next
         starts. (2, C, 3) irradiance / pi of the sky as far as it is sampled, in two halves.
     """
-    from mirelight.lighting.kernel.windows import Spread, brought
+    from mirelight.lighting.kernel.sky_guiding import Spread, sample_sky
 
     near, wide = _groups(cells)
     of = np.zeros(int(near.max()) + 1, np.int64)
@@ -106,7 +106,7 @@ def found(surface: DeviceProxy, sky: Sky, cells: SurfaceCells, seed: int) -> tup
             spread = Spread(inverse(share), near)
         sent = sent + samples * count * share
         own = (seed + 0x2F9BE6CC * (number + 1)) & 0xFFFFFFFF
-        for first, bins, values, times in brought(surface, sky, cells, spread, own, samples, BINS):
+        for first, bins, values, times in sample_sky(surface, sky, cells, spread, own, samples, BINS):
             rows = near[first : first + len(bins), None] * BINS + bins
             bright = values.sum(axis=2, dtype=np.float64)
             squares += np.bincount(rows.ravel(), np.square(bright).ravel(), len(squares))

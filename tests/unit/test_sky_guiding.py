@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight.lighting import windows
-from mirelight.lighting.windows import BINS, STEPS, WHOLE, groups, inverse
+from mirelight.lighting import sky_guiding
+from mirelight.lighting.sky_guiding import BINS, STEPS, WHOLE, groups, inverse
 from mirelight.model import F64, SurfaceCells
 
 from .test_surface_cache import cells
 
 
-def part_of_bins(table: windows.U16) -> F64:
+def part_of_bins(table: sky_guiding.U16) -> F64:
     """(G, BINS) what part of evenly drawn numbers ends in each bin, by drawing them."""
     x = (np.arange(1 << 16) + 0.5) / (1 << 16) * STEPS
     step = x.astype(int)
@@ -66,5 +66,5 @@ def test_groups_are_neighbours_that_face_the_same_way(monkeypatch: pytest.Monkey
     assert found[0] == found[1] == found[4] and len(set(found[[0, 2, 3]])) == 3
     many = _on([(x, 0, z, 0) for x in range(16) for z in range(16)])
     assert int(groups(many).max()) + 1 == 16
-    monkeypatch.setattr(windows, "MOST", 5)
+    monkeypatch.setattr(sky_guiding, "MOST", 5)
     assert int(groups(many).max()) + 1 == 4

@@ -1,4 +1,4 @@
-"""What `--scheduler` runs on the workers of a Dask scheduler: a desk, on which one camera after the other is made."""
+"""What `--scheduler` runs on the workers of a Dask scheduler: one camera after the other."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 from mirelight.base.errors import MirelightError
 from mirelight.base.version import __version__
-from mirelight.batch import post
-from mirelight.batch.crew import threads_of
+from mirelight.batch import messages
 from mirelight.batch.executor import RenderSummary
+from mirelight.batch.messages import Reporter, Word
 from mirelight.batch.order import Order
-from mirelight.batch.post import Reporter, Word
-from mirelight.batch.worker import Bench
+from mirelight.batch.processes import threads_of
+from mirelight.batch.worker import WorkerContext
 from mirelight.pipeline.plan import FrameTask
 
 
@@ -24,59 +24,59 @@ def host(worker: str) -> str:
     return worker.partition("://")[2].rpartition(":")[0] or worker
 
 
-class _Desk:
+class _DaskWorker:
     """What a worker process keeps from one camera to the next. One thread does all, as kernels and scenes want it."""
 
     def __init__(self) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="mirelight")
         self.halted: set[str] = set()  # runs that were told to end
-        self._bench: tuple[str, Bench, _Teller] | None = None
+        self._context: tuple[str, WorkerContext, _Teller] | None = None
 
     def make(self, task: _Task) -> list[str]:
-        """The words of a camera made, in the desk's thread."""
+        """The words of a camera made, in the thread of the worker."""
         if task.run in self.halted:
             return []
         said = _Said(task)
         try:
             made = self._made(task, said)
         except MirelightError as e:
-            said.say(Word(post.FATAL, (str(e),)))
+            said.say(Word(messages.FATAL, (str(e),)))
         except KeyboardInterrupt:
-            if self._bench is not None and self._bench[1].store.partial:
-                said.say(Word(post.PARTIAL, tuple(str(path) for path in self._bench[1].store.partial)))
-                self._bench[1].store.partial = ()
+            if self._context is not None and self._context[1].store.partial:
+                said.say(Word(messages.PARTIAL, tuple(str(path) for path in self._context[1].store.partial)))
+                self._context[1].store.partial = ()
         else:
             word = (made.rendered, made.skipped, made.failed) if made is not None else ()
-            said.say(Word(post.BUSY if made is None else post.DONE, word))
+            said.say(Word(messages.BUSY if made is None else messages.DONE, word))
         return said.lines
 
     def _made(self, task: _Task, said: _Said) -> RenderSummary | None:
         for again in (False, True):
-            bench, teller = self._ready(task, said, again)
-            if not again and not bench.plans(task.camera, task.expected):
+            context, teller = self._ready(task, said, again)
+            if not again and not context.plans(task.camera, task.expected):
                 continue  # files have changed since this worker read them
             teller.said, teller.halted = said, self.halted
-            return bench.make(task.camera, task.expected)
+            return context.make(task.camera, task.expected)
         return None
 
-    def _ready(self, task: _Task, said: _Said, anew: bool) -> tuple[Bench, _Teller]:
-        if self._bench is None or self._bench[0] != task.order or anew:
-            if self._bench is not None:
-                self._bench[1].store.close()
-                self._bench = None
+    def _ready(self, task: _Task, said: _Said, anew: bool) -> tuple[WorkerContext, _Teller]:
+        if self._context is None or self._context[0] != task.order or anew:
+            if self._context is not None:
+                self._context[1].store.close()
+                self._context = None
             order = Order.read(task.order)
             if task.beside:
                 order = replace(order, threads=str(threads_of(task.beside)))
             teller = _Teller(said, self.halted)
-            self._bench = task.order, Bench(order, teller), teller
-        _, bench, teller = self._bench
-        bench.store.begin(task.run)
-        return bench, teller
+            self._context = task.order, WorkerContext(order, teller), teller
+        _, context, teller = self._context
+        context.store.begin(task.run)
+        return context, teller
 
     def rest(self, run: str) -> None:
         """No more work of that run."""
-        if self._bench is not None:
-            self._bench[1].store.rest(run)
+        if self._context is not None:
+            self._context[1].store.rest(run)
 
 
 class _Task:
@@ -96,9 +96,9 @@ class _Said:
 
     def say(self, word: Word) -> None:
         line = word.line()
-        if word.kind not in (post.SAMPLES, post.NOTE):
+        if word.kind not in (messages.SAMPLES, messages.NOTE):
             self.lines.append(line)
-        if word.kind not in (post.DONE, post.BUSY, post.FATAL):
+        if word.kind not in (messages.DONE, messages.BUSY, messages.FATAL):
             with contextlib.suppress(Exception):
                 self.task.worker.log_event(self.task.run, [self.task.worker.address, self.task.camera, line])
 
@@ -123,16 +123,16 @@ class _Teller(Reporter):
         self._check()
 
 
-_DESK: _Desk | None = None
+_HERE: _DaskWorker | None = None
 _OPENING = threading.Lock()
 
 
-def _desk() -> _Desk:
-    global _DESK
+def _here() -> _DaskWorker:
+    global _HERE
     with _OPENING:
-        if _DESK is None:
-            _DESK = _Desk()
-        return _DESK
+        if _HERE is None:
+            _HERE = _DaskWorker()
+        return _HERE
 
 
 def make(order: str, camera: str, expected: str, run: str, beside: dict[str, int]) -> tuple[str, list[str]]:
@@ -140,9 +140,9 @@ def make(order: str, camera: str, expected: str, run: str, beside: dict[str, int
     from distributed import get_worker
 
     worker = get_worker()
-    desk = _desk()
+    here = _here()
     task = _Task(order, camera, expected, run, beside, worker)
-    return worker.address, desk.thread.submit(desk.make, task).result()
+    return worker.address, here.thread.submit(here.make, task).result()
 
 
 def version() -> str:
@@ -152,9 +152,9 @@ def version() -> str:
 
 def halt(run: str) -> None:
     """That run ends at the next step."""
-    _desk().halted.add(run)
+    _here().halted.add(run)
 
 
 def rest(run: str) -> None:
     """No more work of that run."""
-    _desk().rest(run)
+    _here().rest(run)

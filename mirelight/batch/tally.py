@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from mirelight.base.errors import MirelightError
-from mirelight.batch import post
+from mirelight.batch import messages
 from mirelight.batch.executor import Progress, RenderSummary
-from mirelight.batch.post import Word
+from mirelight.batch.messages import Word
 from mirelight.pipeline.plan import FrameTask, Group
 from mirelight.store import Store
 
 
-class Book:
+class FrameTally:
     """Counts frames, each once however often it is told of, and passes on what is said."""
 
     def __init__(self, store: Store, progress: Progress) -> None:
@@ -30,23 +30,23 @@ class Book:
         values = word.values
         task = _task(group, str(values[0])) if values else None
         match word.kind:
-            case post.SAMPLES if task is not None:
+            case messages.SAMPLES if task is not None:
                 self.progress.samples(task, int(values[1]), int(values[2]))
                 return task
-            case post.FINISHED if task is not None and self._first(task):
+            case messages.FINISHED if task is not None and self._first(task):
                 self.progress.finished(task, bool(values[1]))
-            case post.FAILED if task is not None and self._first(task):
+            case messages.FAILED if task is not None and self._first(task):
                 self.progress.failed(task, str(values[1]))
-            case post.NOTE if str(values[0]) not in self._notes:  # every process says what it finds of the job
+            case messages.NOTE if str(values[0]) not in self._notes:  # every process says what it finds of the job
                 self._notes.add(str(values[0]))
                 self.progress.note(str(values[0]))
-            case post.DONE:
+            case messages.DONE:
                 rendered, skipped, failed = (int(x) for x in values)
                 self.done += RenderSummary(rendered=rendered, skipped=skipped, failed=failed)
-            case post.PARTIAL:
+            case messages.PARTIAL:
                 new = (Path(str(x)) for x in values)
                 self.store.partial = tuple(dict.fromkeys((*self.store.partial, *new)))
-            case post.FATAL:
+            case messages.FATAL:
                 raise MirelightError(str(values[0]))
             case _:
                 pass

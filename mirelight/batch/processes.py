@@ -18,11 +18,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from mirelight.base.errors import RenderError
-from mirelight.batch import executor, post
-from mirelight.batch.book import Book
+from mirelight.batch import executor, messages
 from mirelight.batch.executor import Progress, RenderSummary
+from mirelight.batch.messages import Word
 from mirelight.batch.order import Order, fingerprint
-from mirelight.batch.post import Word
+from mirelight.batch.tally import FrameTally
 from mirelight.pipeline.plan import Group, Plan
 from mirelight.store import Store
 
@@ -57,9 +57,9 @@ def run(order: Order, plan: Plan, store: Store, workers: int, progress: Progress
     count = min(workers, len(left))
     if order.threads is None and plan.job.render.threads is None:
         order = replace(order, threads=str(threads_of(workers)))
-    crew = _Crew(order, left, store, progress)
-    with crew.ended_in_order():
-        return done + crew.run(count)
+    made = _Processes(order, left, store, progress)
+    with made.ended_in_order():
+        return done + made.run(count)
 
 
 class _Worker:
@@ -109,10 +109,10 @@ class _Worker:
                 self.process.stdin.close()
 
 
-class _Crew:
+class _Processes:
     def __init__(self, order: Order, groups: list[Group], store: Store, progress: Progress) -> None:
         self._order, self._progress = order, progress
-        self._book = Book(store, progress)
+        self._book = FrameTally(store, progress)
         self._due = deque(groups)
         self._later: deque[tuple[float, Group]] = deque()  # of other processes; when to ask again
         self._workers: list[_Worker] = []
@@ -121,7 +121,7 @@ class _Crew:
 
     def run(self, count: int) -> RenderSummary:
         for _ in range(count):
-            self._hire()
+            self._start_worker()
         while self._workers or self._due or self._later:
             for key, _ in self._look.select(_LOOK):
                 self._hear(key.data)
@@ -134,7 +134,7 @@ class _Crew:
                 self._progress.waiting(len(self._later))
         return self._book.done
 
-    def _hire(self) -> None:
+    def _start_worker(self) -> None:
         worker = _Worker(self._order)
         self._workers.append(worker)
         self._look.register(worker.pipe, selectors.EVENT_READ, worker)
@@ -148,7 +148,7 @@ class _Crew:
     def _hear(self, worker: _Worker) -> None:
         words = worker.words()
         if words is None:
-            self._bury(worker)
+            self._on_worker_exit(worker)
             return
         for word in words:
             self._take(worker, word)
@@ -158,14 +158,14 @@ class _Crew:
         task = self._book.hear(worker.group, word)
         if task is not None:
             worker.frame = task.name
-        if word.kind == post.BUSY:
+        if word.kind == messages.BUSY:
             assert worker.group is not None
             self._later.append((time.monotonic() + _BUSY, worker.group))
-        if word.kind in (post.BUSY, post.DONE):
+        if word.kind in (messages.BUSY, messages.DONE):
             worker.group, worker.frame = None, ""
             self._deaths.pop("", None)
 
-    def _bury(self, worker: _Worker) -> None:
+    def _on_worker_exit(self, worker: _Worker) -> None:
         """A worker has ended: by itself, with its work done, or in the middle of it."""
         self._look.unregister(worker.pipe)
         self._workers.remove(worker)
@@ -186,7 +186,7 @@ class _Crew:
             self._due.appendleft(group)
         else:
             self._book.give_up(group, f"its worker process ended {_DEATHS} times ({how})")
-        self._hire()
+        self._start_worker()
 
     @contextlib.contextmanager
     def ended_in_order(self) -> Iterator[None]:
@@ -217,7 +217,7 @@ class _Crew:
                     worker.process.wait()
                     continue
                 for word in words:
-                    if word.kind in (post.FINISHED, post.PARTIAL):
+                    if word.kind in (messages.FINISHED, messages.PARTIAL):
                         with contextlib.suppress(KeyboardInterrupt, SystemExit):
                             self._take(worker, word)
 

@@ -25,7 +25,7 @@ class Spread:
     """How the light samples of a sky are spread on each cell.
 
     Args:
-        starts: (G, S) from `lighting.windows.found`; None: evenly everywhere.
+        starts: (G, S) from `lighting.sky_guiding.guide_sky_sampling`; None: evenly everywhere.
         groups: (C,) which row is each cell's.
     """
 
@@ -49,7 +49,7 @@ class Spread:
         return dr.select(active, spread, even), dr.select(active, wide * mi.Float(self.steps), 1)
 
 
-def brought(
+def sample_sky(
     surface: DeviceProxy, sky: Sky, cells: SurfaceCells, spread: Spread, seed: int, samples: int, bins: int
 ) -> Iterator[tuple[int, NDArray[np.uint32], F32, F32]]:
     """Samples of the sky's map on every cell.

@@ -1,4 +1,4 @@
-"""The tables of bench_truth.py, in Markdown: what docs/truth.md is made from."""
+"""The tables of bench_truth.py, in Markdown: what docs/benchmarks/truth.md is made from."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def table(title: str, rows: Sequence[Row], of: Callable[[Row], str]) -> str:
 
 
 def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
-    """What docs/truth.md is made from."""
+    """What docs/benchmarks/truth.md is made from."""
 
     def proxy_label(row: Row) -> str:
         if row.mode not in ("ratio", BOTH):

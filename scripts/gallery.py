@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md and docs/tutorials, each made from its job, a file in docs/gallery or on the page.
+"""The pictures of docs/gallery.md and of other pages, each made from its job, a file in docs/gallery or on the page.
 
     python scripts/gallery.py                     # all of them, into docs/gallery
     python scripts/gallery.py night sun -o /tmp   # two of them
@@ -232,7 +232,7 @@ class Kind:
     width: int = 640  # of a tile, pixels
     choice: tuple[str, ...] = ()  # arguments of `mirelight render`
     settings: tuple[str, ...] = ()  # laid over the job
-    page: str = ""  # of docs/tutorials, if the job stands there
+    page: str = ""  # in docs, if the job stands there
     job: str = ""  # its name there
 
 
@@ -257,13 +257,15 @@ TUTORIALS: dict[str, Kind] = {
         320,
         choice=("--camera", "turn.0001", "turn.0021", "turn.0039"),
         settings=HALF,
-        page="turntable",
+        page="tutorials/turntable",
         job="turn",
     ),
-    "day": Kind(hours, 3, 320, settings=(*HALF, "sweep.axes[0].steps=9"), page="day", job="day"),
-    "even": Kind(before_and_after, 2, 480, settings=("resolution_scale=0.75",), page="cannot-be-removed", job="even"),
-    "gloss": Kind(gloss, 3, 320, page="cannot-be-removed", job="gloss"),
-    "clipped": Kind(clipped, 3, 320, page="cannot-be-removed", job="gloss"),
+    "day": Kind(hours, 3, 320, settings=(*HALF, "sweep.axes[0].steps=9"), page="tutorials/day", job="day"),
+    "even": Kind(
+        before_and_after, 2, 480, settings=("resolution_scale=0.75",), page="explanation/cannot-be-removed", job="even"
+    ),
+    "gloss": Kind(gloss, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
+    "clipped": Kind(clipped, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
 }
 
 
@@ -289,7 +291,7 @@ def job_of(name: str, kind: Kind, folder: Path) -> Path:
     """The job file of a picture; one that stands on a page is written into `folder`, with the scenes' full paths."""
     if not kind.page:
         return JOBS / f"{name}.toml"
-    text = (ROOT / "docs" / "tutorials" / f"{kind.page}.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / f"{kind.page}.md").read_text(encoding="utf-8")
     _, found, rest = text.partition(f"```toml\n# {kind.job}.toml\n")
     if not found:
         raise MirelightError(f"{kind.page}.md: no job {kind.job}.toml")

@@ -1,5 +1,7 @@
-"""The recorded session of docs/first-capture.md: runs its commands on the shipped stage's splats alone, writes what
-they say into the page, without durations, and the picture that comes out beside the gallery's.
+"""The recorded session of docs/tutorials/first-capture.md.
+
+Runs its commands on the shipped stage's splats alone, writes what they say into the page, without durations, and the
+picture that comes out beside the gallery's.
 
     python scripts/session.py
 
@@ -19,7 +21,7 @@ from pathlib import Path
 from mirelight.io.atomic import atomic_path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "first-capture.md"
+PAGE = ROOT / "docs" / "tutorials" / "first-capture.md"
 PICTURE = ROOT / "docs" / "gallery" / "first.jpg"
 CAPTURE = ROOT / "scenes" / "stage" / "splats.compressed.ply"
 COMMANDS = (

@@ -28,7 +28,9 @@ def add_export(commands: Any) -> None:
         "What is there already is not made again, so an interrupted export goes on when it is started again.",
     )
     export.add_argument("folder", metavar="DIR", help="the job's output folder")
-    export.add_argument("--layout", required=True, choices=LAYOUTS, help="how files are laid out (docs/datasets.md)")
+    export.add_argument(
+        "--layout", required=True, choices=LAYOUTS, help="how files are laid out (docs/guides/datasets.md)"
+    )
     export.add_argument("-o", "--out", metavar="OUT", required=True, help="folder of the data set")
     export.add_argument("--lighting", metavar="NAME", nargs="+", help="only these lightings")
     export.add_argument("--normalize", action="store_true", help="move and scale the world into a box of ±1")

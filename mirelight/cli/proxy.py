@@ -38,7 +38,7 @@ def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     parser.add_argument(
         "--cameras",
         metavar="FILE",
-        help="the capture's cameras (docs/cameras.md), in its own axes: what they did not see is closed against light",
+        help="the capture's cameras (docs/guides/cameras.md), in its axes: what they did not see is closed to light",
     )
     parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")

@@ -1,4 +1,4 @@
-"""`mirelight compare`: pairs of pictures scored, and a report that a person understands. See docs/compare.md."""
+"""`mirelight compare`: pairs of pictures scored, and a report that a person understands. See docs/guides/compare.md."""
 
 from __future__ import annotations
 

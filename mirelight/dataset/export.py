@@ -70,7 +70,7 @@ def export(
     Args:
         data: from `mirelight.dataset.open`.
         out: a folder; made where it is missing. What is there of the same content stays.
-        layout: see docs/datasets.md. olat: lightings of one lamp alone, its place in every frame.
+        layout: see docs/guides/datasets.md. olat: lightings of one lamp alone, its place in every frame.
         settings: its `layouts` have no part in it.
         lightings: names; None: all.
         progress: hears of every frame.

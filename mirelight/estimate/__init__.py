@@ -1,4 +1,4 @@
-"""The light that splats were captured under, from the splats and a proxy. docs/captured-light.md has the method."""
+"""The light that splats were captured under, from the splats and a proxy. See docs/guides/captured-light.md."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """What a frame's files say beside pixels: camera, lights, sampling, provenance as JSON texts, written and read back.
 
-docs/outputs.md lists them.
+docs/reference/outputs.md lists them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Finished frames as files: multi-layer OpenEXR (linear, everything) and PNG (display); EXR files read back as frames.
 
-`mirelight.model.planes` is the table of layers that both ways follow; docs/outputs.md shows it, and the metadata.
+`mirelight.model.planes` is the table of layers for both ways; docs/reference/outputs.md has it and the metadata.
 """
 
 from __future__ import annotations

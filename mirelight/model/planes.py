@@ -1,6 +1,6 @@
 """The one table of what a frame's EXR file can hold besides its picture: layers and AOVs, one row each.
 
-The writer, the reader, the lighting film, upsampling, `output.aovs` and docs/outputs.md follow this table.
+The writer, the reader, the lighting film, upsampling, `output.aovs` and docs/reference/outputs.md follow this table.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Plane:
     channels: Literal["RGBA", "RGB", "XYZ", "Z", "Y"]
     owner: Owner  # Frame, SplatLayer, LightingBuffer or LightLayer
     field: str  # the owner's attribute: (H, W, channels), or (H, W) for Z and Y
-    meaning: str  # as docs/outputs.md says it, with the unit
+    meaning: str  # as docs/reference/outputs.md says it, with the unit
     upsampling: Upsampling = "none"  # from a smaller lighting to the frame's pixels, see relight.upsample
     half: bool = False  # a colour that `output.half` stores in 16 bits
     exact: bool = False  # of no use when rounded: not in files of the lossy compression, which rounds R, G, B and Y

@@ -1,6 +1,7 @@
 """Keys of finished work: the digest of exactly what each product is made from.
 
-docs/job-file.md says for every setting what is made again when it changes; a test holds that table against this module.
+docs/guides/rendering.md says for every setting what is made again when it changes; a test holds that table against
+this module.
 """
 
 from __future__ import annotations

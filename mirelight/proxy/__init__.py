@@ -1,4 +1,4 @@
-"""Proxy meshes from splats alone, and how well a mesh fits its splats. docs/proxy.md has what was measured."""
+"""Proxy meshes from splats alone, and how well a mesh fits its splats. docs/guides/proxy.md has what was measured."""
 
 from __future__ import annotations
 

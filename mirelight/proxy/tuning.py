@@ -10,7 +10,7 @@ class Tuning:
     """Lengths are in spacings of the splats (the median distance between neighbours) where nothing else is said.
 
     Decided on captures that an optimiser made of pictures of a room and a courtyard, whose true surface is known:
-    `docs/proxy.md` has the figures.
+    `docs/guides/proxy.md` has the figures.
     """
 
     # pixels' own planes (`slanted`)

@@ -3,7 +3,7 @@
 The factor is the same for every splat under a pixel, and blending is linear, so multiplying the composite is the same
 as multiplying each splat before blending: one composite serves every lighting of its camera. Modes differ only in the
 factor; each is one object (`mode`) in a module of its own (`tint`, `ratio`), found by its name (`modes`). See
-docs/relighting.md.
+docs/explanation/relighting.md.
 """
 
 from __future__ import annotations

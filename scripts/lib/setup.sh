@@ -133,7 +133,7 @@ need_engine() {
     say "fetching the real-time engine"
     "$PYTHON" -c "from mirelight.apps.realtime import engine; engine.install()" >"$log" 2>&1 && return
     tail -n 1 "$log" >&2
-    stop "the real-time engine could not be fetched" "By hand: npm pack playcanvas, see docs/realtime.md"
+    stop "the real-time engine could not be fetched" "By hand: npm pack playcanvas, see docs/guides/realtime.md"
 }
 
 # --- the trainer of captures ---

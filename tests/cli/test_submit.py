@@ -30,7 +30,7 @@ for task in $(seq "$last"); do
     SLURM_ARRAY_TASK_ID=$task SLURM_CPUS_PER_TASK=1 bash "$script" || echo "task $task failed"
 done
 """
-PAGE = Path(__file__).parents[2] / "docs" / "farm.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "farm.md"
 
 
 def test_the_page_on_slurm_does_what_it_says(folder: Path, run: Run) -> None:

@@ -1,4 +1,4 @@
-"""docs/blender.md, run as it stands at toy size, on a file as Blender exports it."""
+"""docs/guides/blender.md, run as it stands at toy size, on a file as Blender exports it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mirelight.model import Camera, PointLight, SpotLight
 
 from .test_dataset_view import make_scene
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "blender.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "guides" / "blender.md").read_text(encoding="utf-8")
 
 
 def test_from_blenders_export_to_an_exr_with_its_layers(tmp_path: Path) -> None:

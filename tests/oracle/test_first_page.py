@@ -1,4 +1,4 @@
-"""docs/first-capture.md: the recorded session is what the commands say today."""
+"""docs/tutorials/first-capture.md: the recorded session is what the commands say today."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_the_recorded_session_of_new_and_inspect(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Word for word; `render` makes a mesh first, and is tested on small captures."""
-    page = (ROOT / "docs" / "first-capture.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "tutorials" / "first-capture.md").read_text(encoding="utf-8")
     session = page.partition("session.py -->")[2].partition("<!-- end")[0]
     recorded = dict(re.findall(r"^\$ mirelight (.*)\n((?:(?!\$|```).*\n)*)", session, flags=re.MULTILINE))
     assert [x.split()[0] for x in recorded] == ["new", "inspect", "render"]

@@ -1,4 +1,5 @@
-"""docs/tutorials: every job, command and Python block of every page, in its order, in a clone with toy scenes.
+"""docs/tutorials, and the page of what cannot be removed: every job, command and Python block, in its order, in a clone
+with toy scenes; the first tutorial is a recorded session with a test of its own.
 
 Fences of `toml` begin with a comment that names the file; `sh` holds mirelight's commands alone; what other programs do
 stands in fences without a language.
@@ -25,7 +26,7 @@ from mirelight.dataset.draws import Draws
 
 from .toy_clone import ROOT, TOY, make_clone
 
-TUTORIALS = ROOT / "docs" / "tutorials"
+DOCS = ROOT / "docs"
 SMALL, SMALLEST = "resolution=[24, 16]", "resolution=[12, 8]"
 _FENCE = re.compile(r"^```(toml|sh|python)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 
@@ -39,7 +40,7 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def fences(name: str, *kinds: str) -> list[tuple[str, str]]:
     """Kind and body of a page's fences of some kinds, in order."""
-    text = (TUTORIALS / f"{name}.md").read_text(encoding="utf-8")
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     found = [(kind, body) for kind, body in _FENCE.findall(text) if kind in kinds]
     assert found, f"{name}.md has no fence of {kinds}"
     return found
@@ -77,13 +78,14 @@ def follow(
 
 def test_every_tutorial_is_tested() -> None:
     here = Path(__file__).read_text(encoding="utf-8")
-    assert [x.stem for x in sorted(TUTORIALS.glob("*.md")) if f'follow("{x.stem}"' not in here] == []
+    pages = {f"tutorials/{x.stem}" for x in (DOCS / "tutorials").glob("*.md")} - {"tutorials/first-capture"}
+    assert sorted(x for x in pages if f'follow("{x}"' not in here) == []
 
 
 def test_a_turntable_film(clone: Path) -> None:
     import av
 
-    follow("turntable", size=SMALLEST)
+    follow("tutorials/turntable", size=SMALLEST)
     with av.open(str(clone / "turn.mp4")) as film:
         stream = film.streams.video[0]
         pictures = [frame.to_ndarray(format="rgb24").astype(np.float64) for frame in film.decode(stream)]
@@ -93,7 +95,7 @@ def test_a_turntable_film(clone: Path) -> None:
 
 
 def test_a_day_in_24_frames(clone: Path) -> None:
-    follow("day", size=SMALLEST)
+    follow("tutorials/day", size=SMALLEST)
     out = clone / "out" / "day"
     frames = sorted(out.glob("*.png"))
     assert len(frames) == 24 and frames[0].stem == "front.lighting-time20260621T053000"
@@ -106,14 +108,14 @@ def test_a_day_in_24_frames(clone: Path) -> None:
 
 
 def test_one_light_at_a_time(clone: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    follow("one-light")
+    follow("tutorials/one-light")
     view = dataset.open("out/one")
     assert view.lightings == ("spots", "spots-key", "spots-rim", "spots-fill")
     assert len({unit.group for unit in view.lights[:3]}) == 1  # one trace of the lamps; the capture's light is the last
     whole, *alone = view.lightings
     assert np.allclose(np.sum([view.weights(x) for x in alone], axis=0), view.weights(whole))
     assert "6 frames" in capsys.readouterr().out
-    ((_, block),) = fences("one-light", "python")
+    ((_, block),) = fences("tutorials/one-light", "python")
     exec(block, {})
     assert capsys.readouterr().out.splitlines()[-1] == "(16, 24, 4)"
 
@@ -147,14 +149,14 @@ class Streaming:
 
 
 def test_training_in_pytorch(clone: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    follow("pytorch", size=SMALLEST)
+    follow("tutorials/pytorch", size=SMALLEST)
     data = ModuleType("torch.utils.data")
     data.DataLoader = Loader  # type: ignore[attr-defined]
     modules = {"torch": ModuleType("torch"), "torch.utils": ModuleType("torch.utils"), "torch.utils.data": data}
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
     capsys.readouterr()
-    indexed, geometry, streamed, parted = (body for _, body in fences("pytorch", "python"))
+    indexed, geometry, streamed, parted = (body for _, body in fences("tutorials/pytorch", "python"))
     exec(indexed, {})
     assert capsys.readouterr().out.splitlines() == ["(4, 8, 12, 4) (4, 13, 3)"] * 2  # twelve lamps, the captured light
     exec(geometry, {})
@@ -176,7 +178,7 @@ def test_training_in_pytorch(clone: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 
 def test_what_cannot_be_removed(clone: Path) -> None:
-    follow("cannot-be-removed")
+    follow("explanation/cannot-be-removed")
     assert (clone / "out" / "even" / "front.lighting.exr").is_file()
     assert (clone / "out" / "gloss" / "front.spots.exr").is_file()
 
@@ -187,7 +189,7 @@ def test_comparing_with_real_time(clone: Path) -> None:
     def engine() -> None:
         shutil.copy("out/traced/front.spots.png", "out/live/front.spots/frame.png")
 
-    follow("real-time", before={"compare": engine})
+    follow("tutorials/real-time", before={"compare": engine})
     assert (clone / "out" / "live" / "front.spots" / "physical.png").is_file()
     assert "front.spots" in (clone / "report.html").read_text(encoding="utf-8")
     assert (clone / "out" / "why" / "explain.html").is_file()
@@ -201,7 +203,7 @@ def test_ten_thousand_frames_on_slurm(clone: Path) -> None:
         for part in ("1/2", "2/2"):
             run("render", "film.toml", "--shard", part, small=[x for s in (*few, *TOY, SMALLEST) for x in ("--set", s)])
 
-    follow("slurm", *few, size=SMALLEST, before={"status": shards})
+    follow("tutorials/slurm", *few, size=SMALLEST, before={"status": shards})
     job = mirelight.load("film.toml")
     assert len(job.cameras) * len(job.lightings) == 10_000
     script = (clone / "film.sh").read_text(encoding="utf-8")

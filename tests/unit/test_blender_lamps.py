@@ -38,7 +38,7 @@ def light_of(folder: Path, case: dict[str, Any]) -> Light:
 
 
 def irradiance(light: Light) -> np.ndarray:
-    """On the floor under it, by docs/lighting.md; means over the pixels, as Cycles' are."""
+    """On the floor under it, by docs/explanation/lighting.md; means over the pixels, as Cycles' are."""
     inside = ((np.arange(PARTS) + 0.5) / PARTS - 0.5) * (X[1] - X[0])
     x, y = X[:, None, None] + inside[:, None], Y + inside
     return np.asarray(np.broadcast_to(at(light, x, y), (len(X), PARTS, PARTS)).mean(axis=(1, 2)))

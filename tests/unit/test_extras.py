@@ -41,7 +41,7 @@ def test_the_table_is_that_of_the_package() -> None:
 
 
 def test_the_page_names_every_extra() -> None:
-    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "guides" / "install.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \|$", page, flags=re.MULTILINE)
     said = {name: {x.strip(" `") for x in packages.split(",")} for name, packages, _ in rows}
     for extra in extras.EXTRAS:

@@ -1,4 +1,4 @@
-"""Every setting's line in docs/rendering.md, held against the keys themselves."""
+"""Every setting's line in docs/guides/rendering.md, held against the keys themselves."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
 from mirelight.store import layer_records
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "rendering.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
     "render": RenderSettings,
     "compositor": CompositorSettings,

@@ -110,7 +110,7 @@ PUBLIC = (
 def test_public_names_are_in_the_api_reference(package: str) -> None:
     """A page shows what a module holds, one thing alone, or of a package what it lists as its own, but for what has the
     name of one of its modules: there the site shows the module."""
-    pages = "".join(x.read_text(encoding="utf-8") for x in (ROOT / "docs" / "api").glob("*.md"))
+    pages = "".join(x.read_text(encoding="utf-8") for x in (ROOT / "docs" / "reference" / "api").glob("*.md"))
     shown = set(re.findall(r"^::: (\S+)$", pages, flags=re.MULTILINE))
     home = import_module(package)
     missing = []

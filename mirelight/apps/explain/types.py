@@ -1,7 +1,7 @@
 """Where the difference from real time comes from: a ladder of frames from the engine's to the physical one.
 
 Each rung changes exactly one thing of the rung before. What a step contributes is its projection on the whole
-difference, so the contributions add up to the whole. See docs/compare.md.
+difference, so the contributions add up to the whole. See docs/guides/compare.md.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
     which_way = _up(cloud, found)
     lines = [
-        f"# {printable(capture.name)}: a first job, written by `mirelight new`. docs/job-file.md has every key.",
+        f"# {printable(capture.name)}: written by `mirelight new`. docs/reference/job-file.md has every key.",
         *_splats(capture, which_way, found, named),
         *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
         *_cameras(cameras, unread, wish, named),
@@ -129,7 +129,7 @@ def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, name
     if known is not None:
         yield ""
         yield f"# The light of the capture is estimated from its shading and shadows: {known.said}."
-        yield "# `mirelight estimate` writes it out with a picture to judge it by (docs/captured-light.md)."
+        yield "# `mirelight estimate` writes it out with a picture to judge it by (docs/guides/captured-light.md)."
         yield 'captured = "estimate"'
 
 
@@ -140,7 +140,7 @@ def _made(
     yield ""
     if misfit is not None:
         yield f"# {misfit}"
-    yield "# The mesh that light falls on, made from the splats once (docs/proxy.md). A mesh file may stand here."
+    yield "# The mesh that light falls on, made from the splats once (docs/guides/proxy.md). Or name a mesh file."
     if cameras is None:
         yield 'proxy = "splats"'
         return
@@ -204,12 +204,12 @@ def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.
     if seen.room:
         yield "# The light they were captured under is not known, and within walls none comes from all around. It is"
         yield "# taken as even on every surface: new light multiplies their colours (mode tint)."
-        yield "# Where you know it, or which lamps there were, say it in [captured] (docs/captured-light.md)."
+        yield "# Where you know it, or which lamps there were, say it in [captured] (docs/guides/captured-light.md)."
         return
     yield "# The light they were captured under is not known, so an even one all around is assumed. New light is"
     yield "# divided by it: a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here."
     if proxy is None:
-        yield "# `mirelight estimate` finds it from shading and shadows, and says how well (docs/captured-light.md)."
+        yield "# `mirelight estimate` finds it in shading and shadows and says how well: docs/guides/captured-light.md."
     else:
         yield "# Shading and shadows tell too little of it to estimate it from them: `mirelight estimate` says why."
     yield "[captured]"

@@ -1,7 +1,7 @@
 """Files of cameras: one module per format, all giving :class:`FileCamera` in the capture's axes.
 
-glTF, whose cameras have a world of their own, is read by :mod:`mirelight.io.gltf`. ``docs/cameras.md`` says what each
-format keeps, and its conventions.
+glTF, whose cameras have a world of their own, is read by :mod:`mirelight.io.gltf`. ``docs/guides/cameras.md`` says what
+each format keeps, and its conventions.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class CamerasFromTable(Table):
     """Cameras of a file or folder: glTF, still or animated, or of a capture."""
 
     path: GltfPath = Field(
-        description='A file or folder of cameras (docs/cameras.md), or "proxy" for the proxy\'s own glTF file.'
+        description='A file or folder of cameras (docs/guides/cameras.md), or "proxy" for the proxy\'s own glTF file.'
     )
     names: list[str] | None = Field(
         default=None, min_length=1, description="Which cameras, by name or pattern (* and ?). Default: all."

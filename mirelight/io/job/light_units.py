@@ -7,7 +7,7 @@ International Lighting Vocabulary):
     flat, one side  pi A lm a nit     ball  4 pi² r² lm a nit; A or pi r² cd a nit on the axis
 
 "watt" is the power of a Blender light. Blender has no lumens: a lamp or spot of P watts shows what P / (4 pi) candela
-show, an area light what P / (pi A) nits show, a sun of E W/m² what E lux show (rendered, docs/lighting.md).
+show, an area light what P / (pi A) nits show, a sun of E W/m² what E lux show (rendered, docs/explanation/lighting.md).
 """
 
 from __future__ import annotations

@@ -132,8 +132,9 @@ class ProxyTable(Table):
     )
     cameras: AssetPath | None = Field(
         default=None,
-        description="The cameras of the capture's pictures, a file or folder (docs/cameras.md), placed as the splats "
-        "are. Colours of fuzzy splats are looked at from there; of a proxy made from the splats, what they did not see "
+        description="The cameras of the capture's pictures, a file or folder (docs/guides/cameras.md), placed as the "
+        "splats are. Colours of fuzzy splats are looked at from there; of a proxy made from the splats, what they did "
+        "not see "
         "is closed against light.",
     )
 

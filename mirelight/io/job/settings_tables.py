@@ -39,12 +39,13 @@ class RenderTable(Table):
         ge=1,
         le=1000,
         description="Vertices of a path from the first hit on; 1: direct light alone. "
-        "Where walls are bright more are worth their cost: docs/lighting.md.",
+        "Where walls are bright more are worth their cost: docs/explanation/lighting.md.",
     )
     indirect: Indirect = Field(
         default=_RENDER.indirect,
         description="Reflected light: traced anew for every picture; or gathered on the proxy once for all cameras and "
-        "read at a path's first hit (surface) or second (near). docs/surface-light.md: what is gained and lost.",
+        "read at a path's first hit (surface) or second (near). docs/explanation/surface-light.md: what is gained and "
+        "lost.",
     )
     seed: int = Field(default=_RENDER.seed, ge=0, le=2**31 - 1, description="Same seed, same picture.")
     variant: Variant = Field(default=_RENDER.variant, description="Mitsuba's backend.")
@@ -129,7 +130,7 @@ class RelightTable(Table):
     per: Per = Field(
         default=_RELIGHT.per,
         description="What light is found for: each pixel of a view; each splat, wherever it is seen from; or both: "
-        "pixels, but captured lamps' direct light for splats (docs/relighting.md: which is better where). "
+        "pixels, but captured lamps' direct light for splats (docs/explanation/relighting.md: which is better where). "
         "playcanvas: pixel.",
     )
     sh: Gloss = Field(
@@ -158,7 +159,8 @@ class OutputTable(Table):
     store: Literal["both", "frames", "layers"] = Field(
         default=_OUTPUT.store,
         description="both: keep traced light beside the frames, so that a changed colour or intensity traces nothing; "
-        "frames: keep frames alone; layers: write no frames, they are mixed when they are read (docs/datasets.md).",
+        "frames: keep frames alone; layers: write no frames, they are mixed when they are read "
+        "(docs/guides/datasets.md).",
     )
     exr: bool = Field(default=_OUTPUT.exr, description="Write linear OpenEXR.")
     png: bool = Field(default=_OUTPUT.png, description="Write a PNG for display.")
@@ -221,7 +223,8 @@ class DatasetTable(Table):
     layouts: list[Layout] = Field(
         default=[],
         max_length=20,
-        description="Which ones, each into a folder of its name in dataset/ of the output folder (docs/datasets.md).",
+        description="Which ones, each into a folder of its name in dataset/ of the output folder "
+        "(docs/guides/datasets.md).",
     )
     normalize: bool = Field(
         default=_DATASET.normalize,

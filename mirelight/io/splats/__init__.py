@@ -2,7 +2,7 @@
 
 Splats come in the axes of a PLY capture (usually Y down), whatever the format, except glTF, which has a world of its
 own (Y up). Turn a capture upright with :func:`transform`, as a viewer's 180-degree rotation does.
-``docs/splat-formats.md`` says what each format keeps.
+``docs/reference/splat-formats.md`` says what each format keeps.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""docs/job-file.md and docs/job.schema.json say what the code does."""
+"""docs/reference/job-file.md and docs/job.schema.json say what the code does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from mirelight.io.job.tables import json_schema
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
-PAGE = (DOCS / "job-file.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "reference" / "job-file.md").read_text(encoding="utf-8")
 
 # The heading of each table in the page, and its definition in the schema ("": the top).
 SECTIONS = {

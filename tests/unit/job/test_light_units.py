@@ -39,7 +39,7 @@ def test_a_suns_watts_per_square_metre_are_its_lux(write_job: WriteJob, kind: st
 def test_a_lamp_shines_all_around(write_job: WriteJob, unit: str) -> None:
     found = light(write_job, f'type = "point"\nposition = [0, 1, 0]\nintensity = 800\nunit = "{unit}"')
     assert isinstance(found, PointLight) and found.intensity == pytest.approx(800 / (4 * math.pi))
-    assert found.intensity == pytest.approx(63.66, abs=0.01)  # docs/lighting.md: 64 cd
+    assert found.intensity == pytest.approx(63.66, abs=0.01)  # docs/explanation/lighting.md: 64 cd
 
 
 def test_a_spots_lumens_go_into_its_cone(write_job: WriteJob) -> None:

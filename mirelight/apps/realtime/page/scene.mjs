@@ -1,5 +1,5 @@
 // Builds the scene that scene.json describes: splats, proxy, lights, environment, camera, and PlayCanvas' own
-// relighting script. Keys and units are those of mirelight's docs/realtime.md.
+// relighting script. Keys and units are those of mirelight's docs/guides/realtime.md.
 import * as pc from 'playcanvas';
 import { GSplatRelighting } from './engine/gsplat-relighting.mjs';
 

@@ -8,6 +8,8 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import get_args
 
 from mirelight.base import backend, extras
@@ -19,21 +21,52 @@ from mirelight.model import Variant
 _SECONDS = 300  # a cold kernel compile takes under one; a machine under load takes longer
 
 
-def run() -> int:
-    """Print the findings; 0 where the default variant renders, else 2."""
-    print(f"mirelight {__version__}, Python {platform.python_version()}, {platform.platform()}")
-    print(f"cores   {_cores()} usable of {os.cpu_count()}")
-    print(f"memory  {_memory()}")
-    for line in _llvm():
-        print(line)
-    results = {variant: _check(variant) for variant in get_args(Variant)}
-    for variant, problem in results.items():
-        print(f"{variant:<12} {'renders' if problem is None else problem}")
-    for name, state in _optional():
-        print(f"{name:<12} {state}")
-    for line in _extras():
-        print(line)
-    return 0 if results["llvm_ad_rgb"] is None else 2
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What this machine has."""
+
+    version: str
+    python: str
+    platform: str
+    cores: str
+    memory: str
+    llvm: tuple[str, ...]  # a line for each library
+    variants: dict[str, str | None]  # what is wrong with each; None: it renders
+    tools: dict[str, str]  # of some commands, and where they are
+    extras: dict[str, str]  # of the installation, and whether they are there
+
+    @property
+    def code(self) -> int:
+        """Exit code: 0 where the default variant renders, else 2."""
+        return 0 if self.variants["llvm_ad_rgb"] is None else 2
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        yield f"mirelight {self.version}, Python {self.python}, {self.platform}"
+        yield f"cores   {self.cores}"
+        yield f"memory  {self.memory}"
+        yield from self.llvm
+        for variant, problem in self.variants.items():
+            yield f"{variant:<12} {'renders' if problem is None else problem}"
+        for name, state in self.tools.items():
+            yield f"{name:<12} {state}"
+        for name, state in self.extras.items():
+            yield f"extra {name:<8} {state}"
+
+
+def look() -> Findings:
+    """Look at the machine, and render something small by each variant, in processes of their own."""
+    return Findings(
+        version=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        cores=f"{_cores()} usable of {os.cpu_count()}",
+        memory=_memory(),
+        llvm=tuple(_llvm()),
+        variants={variant: _check(variant) for variant in get_args(Variant)},
+        tools=dict(_optional()),
+        extras=dict(_extras()),
+    )
 
 
 def _cores() -> int:
@@ -127,14 +160,12 @@ def _optional() -> list[tuple[str, str]]:
     ]
 
 
-def _extras() -> list[str]:
-    """A line for each extra: what it unlocks, and how to get it."""
-    lines = []
+def _extras() -> Iterator[tuple[str, str]]:
+    """Of each extra what it unlocks, and how to get it."""
     for extra in extras.EXTRAS:
         lacks = extras.missing(extra.name)
         state = f"missing ({', '.join(lacks)}): {extras.install(extra.name)}" if lacks else "installed"
-        lines.append(f"extra {extra.name:<8} {state}; for {extra.unlocks}")
-    return lines
+        yield extra.name, f"{state}; for {extra.unlocks}"
 
 
 def _child(variant: str) -> int:

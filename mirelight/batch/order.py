@@ -16,6 +16,8 @@ from mirelight.io.job.overrides import Override, parse
 from mirelight.model import Job, digest
 from mirelight.pipeline.plan import Group, Plan, plan
 
+_DENOISE = {"--denoise": True, "--no-denoise": False}
+
 
 @dataclass(frozen=True, slots=True)
 class Shard:
@@ -47,6 +49,8 @@ class Order:
 
     job: str  # path of the job file
     settings: tuple[str, ...] = ()  # "key=value" each
+    spp: str | None = None
+    denoise: bool | None = None
     variant: str | None = None
     threads: str | None = None
     out: str | None = None  # folder; None: the job's
@@ -95,12 +99,14 @@ class Order:
     def arguments(self) -> list[str]:
         """What to write behind `mirelight render` for this order."""
         options = [("--set", x) for x in self.settings]
+        options += [("--spp", self.spp)] if self.spp is not None else []
         options += [("--variant", self.variant)] if self.variant is not None else []
         options += [("--threads", self.threads)] if self.threads is not None else []
         options += [("--out", self.out)] if self.out is not None else []
         options += [("--camera", x) for x in self.cameras or ()]
         options += [("--lighting", x) for x in self.lightings or ()]
-        return [self.job, *(f"{name}={value}" for name, value in options)]
+        switches = [] if self.denoise is None else ["--denoise" if self.denoise else "--no-denoise"]
+        return [self.job, *switches, *(f"{name}={value}" for name, value in options)]
 
     @staticmethod
     def of(job: str, arguments: Sequence[str]) -> Order:
@@ -116,6 +122,8 @@ class Order:
         return Order(
             job=job,
             settings=tuple(found.get("--set", ())),
+            spp=last("--spp"),
+            denoise=next((wanted for name, wanted in _DENOISE.items() if name in found), None),
             variant=last("--variant"),
             threads=last("--threads"),
             out=last("--out"),
@@ -126,6 +134,11 @@ class Order:
     def overrides(self) -> list[Override]:
         """What is laid over the job file, in order."""
         found = [parse(text) for text in self.settings]
+        if self.spp is not None:
+            found.append(replace(parse(f"render.spp={self.spp}"), source=f"--spp {self.spp}"))
+        if self.denoise is not None:
+            source = "--denoise" if self.denoise else "--no-denoise"
+            found.append(Override(source, ("render", "denoise"), self.denoise))
         if self.variant is not None:
             found.append(Override(f"--variant {self.variant}", ("render", "variant"), self.variant))
         if self.threads is not None:

@@ -15,15 +15,15 @@ from types import FrameType
 from typing import NoReturn
 
 from mirelight.base.errors import MirelightError, RenderError, printable
-from mirelight.base.version import __version__
+from mirelight.cli.codes import BAD, INTERRUPTED, TERMINATED
+from mirelight.cli.commands import BY_NAME
+from mirelight.cli.parser import make_parser
 
-BAD = 2  # exit code of expected trouble: bad input, no backend, a full disk
-INTERRUPTED = 130  # 128 + SIGINT, as shells have it
-TERMINATED = 143  # 128 + SIGTERM
+__all__ = ["main", "make_parser"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the return value is the exit code (0, 2, or 130 and 143 where it was stopped)."""
+    """Run one command; the return value is the exit code, of `mirelight.cli.codes`."""
     _prepare_streams()
     parser = make_parser()
     args = parser.parse_args(arguments)
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD
     try:
         with _in_order():
-            code = _run(args)
+            code = BY_NAME[args.command].call(args)
         return code if _flushed() else BAD
     except RenderError as e:  # raised where only arrays are known
         _say(f"{_subject(args)}: {e}")
@@ -120,209 +120,3 @@ def _in_order() -> Iterator[None]:
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     raise SystemExit(TERMINATED)
-
-
-def _run(args: argparse.Namespace) -> int:
-    match args.command:
-        case "new":
-            from mirelight.cli.new import run_new
-
-            return run_new(args)
-        case "render":
-            from mirelight.cli.render import run_render
-
-            return run_render(args)
-        case "submit":
-            from mirelight.cli.submit import run_submit
-
-            return run_submit(args)
-        case "status":
-            from mirelight.cli.status import run_status
-
-            return run_status(args)
-        case "verify":
-            from mirelight.cli.verify import run_verify
-
-            return run_verify(args)
-        case "inspect":
-            from mirelight.cli.inspect import run_inspect
-
-            return run_inspect(args)
-        case "compare":
-            from mirelight.cli.compare import run_compare
-
-            return run_compare(args)
-        case "realtime":
-            from mirelight.cli.realtime import run_realtime
-
-            return run_realtime(args)
-        case "mix":
-            from mirelight.cli.mix import run_mix
-
-            return run_mix(args)
-        case "explain":
-            from mirelight.cli.explain import run_explain
-
-            return run_explain(args)
-        case "proxy":
-            from mirelight.cli.proxy import run_proxy
-
-            return run_proxy(args)
-        case "estimate":
-            from mirelight.cli.estimate import run_estimate
-
-            return run_estimate(args)
-        case "export":
-            from mirelight.cli.export import run_export
-
-            return run_export(args)
-        case "sheet":
-            from mirelight.cli.sheet import run_sheet
-
-            return run_sheet(args)
-        case "film":
-            from mirelight.cli.film import run_film
-
-            return run_film(args)
-        case "watch":
-            from mirelight.cli.watch import run_watch
-
-            return run_watch(args)
-        case "bake":
-            from mirelight.cli.bake import run_bake
-
-            return run_bake(args)
-        case "match":
-            from mirelight.cli.match import run_match
-
-            return run_match(args)
-        case "cache":
-            from mirelight.cli.cache import run_cache
-
-            return run_cache(args)
-        case "schema":
-            from mirelight.cli.report import print_json
-            from mirelight.io.job import json_schema
-
-            print_json(json_schema())
-            return 0
-        case _:
-            from mirelight.apps import doctor
-
-            return doctor.run()
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong with arguments in one line, like all else that is wrong."""
-
-    def error(self, message: str) -> NoReturn:
-        command = self.prog.removeprefix("mirelight").strip()
-        _say(f"{command}{': ' if command else ''}{message}; {self.prog} --help says more")
-        sys.exit(BAD)
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """Of every command, without importing what it runs."""
-    parser: argparse.ArgumentParser = _Parser(
-        prog="mirelight",
-        description="Offline, physically based relighting of Gaussian-splat captures.",
-        epilog="Exit codes: 0 done; 1 a requirement of compare is unmet, or status or verify finds something; 2 bad "
-        "input or no way to go on (one line says why); 130 interrupted.",
-    )
-    parser.add_argument("--version", action="version", version=f"mirelight {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
-
-    from mirelight.cli.new import add_new
-
-    add_new(commands)
-    render = commands.add_parser(
-        "render",
-        help="render the frames of a job file",
-        description="Render every camera of a job under every lighting. Frames that exist with unchanged inputs are "
-        "skipped, so an interrupted run goes on when it is started again.",
-    )
-    render.add_argument("job", metavar="JOB", help="job file (TOML), or a splat file together with --light")
-    render.add_argument("--light", metavar="LIGHT", help="of a splat file: sun, point, or a file (.hdr, .exr, .glb)")
-    _add_order(render, "--out")
-    render.add_argument("--workers", metavar="N", help="render with N processes of this machine")
-    render.add_argument("--scheduler", metavar="ADDRESS", help="render with the workers of a Dask scheduler")
-    render.add_argument("--shard", metavar="I/N", help="only the I-th of N parts of the cameras")
-    render.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    render.add_argument("--preview", action="store_true", help="show every frame as NAME.preview.png until it is there")
-    render.add_argument("--dry-run", action="store_true", help="say what it would take, and make nothing")
-
-    watch = commands.add_parser(
-        "watch",
-        help="render a job again whenever it is saved",
-        description="Show what a saved change of the job or of its files touches by quick pictures, then render it; "
-        "until Ctrl-C.",
-    )
-    watch.add_argument("job", metavar="JOB", help="job file (TOML)")
-    _add_order(watch, "--out")
-
-    submit = commands.add_parser(
-        "submit",
-        help="print a script that renders a job on a batch system",
-        description="Print a Slurm array script or an Open Job Description template whose tasks render parts of a job.",
-    )
-    submit.add_argument("job", metavar="JOB", help="job file (TOML)")
-    kind = submit.add_mutually_exclusive_group(required=True)
-    kind.add_argument("--slurm", action="store_true", help="a script for sbatch")
-    kind.add_argument("--openjd", action="store_true", help="an Open Job Description template")
-    submit.add_argument("--shards", metavar="N", default="8", help="into how many tasks (8)")
-    submit.add_argument("-o", "--file", metavar="FILE", help="write the script there, not to stdout")
-    _add_order(submit)
-
-    from mirelight.cli.bake import add_bake
-    from mirelight.cli.cache import add_cache
-    from mirelight.cli.compare import add_compare
-    from mirelight.cli.estimate import add_estimate
-    from mirelight.cli.explain import add_explain
-    from mirelight.cli.export import add_export
-    from mirelight.cli.film import add_film
-    from mirelight.cli.inspect import add_inspect
-    from mirelight.cli.match import add_match
-    from mirelight.cli.mix import add_mix
-    from mirelight.cli.proxy import add_proxy
-    from mirelight.cli.realtime import add_realtime
-    from mirelight.cli.sheet import add_sheet
-    from mirelight.cli.status import add_status
-    from mirelight.cli.verify import add_verify
-
-    add_inspect(commands)
-    add_status(commands)
-    add_verify(commands)
-    add_compare(commands)
-    add_realtime(commands)
-    add_mix(commands)
-    add_explain(commands)
-    add_proxy(commands)
-    add_estimate(commands)
-    add_export(commands)
-    add_match(commands)
-    add_bake(commands)
-    add_sheet(commands)
-    add_film(commands)
-    add_cache(commands)
-    commands.add_parser("schema", help="print the JSON Schema of job files")
-    commands.add_parser("doctor", help="say what this machine has, and whether a small render passes")
-    return parser
-
-
-def _add_order(parser: argparse.ArgumentParser, *names: str) -> None:
-    """What chooses frames and settings; `names`: options that have a short form here."""
-    short = ("-o",) if names else ()
-    parser.add_argument(
-        "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
-    )
-    parser.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
-    parser.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="lay a setting over the job file: render.spp=256, lights[0].intensity=3 (may be given again)",
-    )
-    parser.add_argument(*short, "--out", metavar="DIR", help="write there, relative to the current folder")
-    parser.add_argument("--variant", help="Mitsuba variant: llvm_ad_rgb or cuda_ad_rgb")
-    parser.add_argument("--threads", metavar="N", help="CPU threads")

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source
@@ -17,23 +18,15 @@ _SUFFIXES = (".compressed.ply", ".ply", ".sog", ".spz", ".splat", ".glb")  # wha
 _WORLD = ".glb"  # has a world of its own, which is the job's
 
 
-def add_bake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "bake",
-        help="write relit splats for any viewer",
-        description="Write the splats of a job with the light of one of its lightings in their colours.",
-    )
-    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_job(parser)
     parser.add_argument(
         "-o", "--out", metavar="FILE", required=True, help=f"the splats to write ({', '.join(_SUFFIXES)})"
     )
     parser.add_argument("--lighting", metavar="NAME", help="the lighting (the job's first)")
-    parser.add_argument("--spp", metavar="N", type=int, default=64, help="samples a splat (64)")
-    parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
-    )
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--spp", dest="samples", metavar="N", type=int, default=64, help="samples a splat (64)")
+    options.add_machine(parser)
+    options.add_quiet(parser)
 
 
 def run_bake(args: argparse.Namespace) -> int:
@@ -49,9 +42,9 @@ def run_bake(args: argparse.Namespace) -> int:
     from mirelight.pipeline.scene import prepare
 
     out = outputs.named(args.out, "splats are", *_SUFFIXES)
-    if not 1 <= args.spp <= 1 << 20:
-        raise InputError("--spp", f"{args.spp} samples", "give 1 to 1048576")
-    source, table = parse(args.job, args.set)
+    if not 1 <= args.samples <= 1 << 20:
+        raise InputError("--spp", f"{args.samples} samples", "give 1 to 1048576")
+    source, table = parse(args.job, options.overrides(args))
     work = build(source, table)
     outputs.spare([out], outputs.files_of(work))
     lighting = plan(work, None, args.lighting and [args.lighting]).tasks[0].lighting
@@ -62,15 +55,31 @@ def run_bake(args: argparse.Namespace) -> int:
         def hear(what: str, done: int, total: int) -> None:
             report(what, done / max(total, 1))
 
-        factor = baking.factors(prepare(work), lighting, spp=args.spp, progress=hear)
+        factor = baking.factors(prepare(work), lighting, spp=args.samples, progress=hear)
         baked = baking.relit(_as_named(source, table, work, out), factor, work.relight_of(lighting))
-        comments = (f"relit by mirelight {__version__}: {work.source.name}, lighting {lighting.name}, {args.spp} spp",)
+        of = f"{work.source.name}, lighting {lighting.name}, {args.samples} spp"
+        comments = (f"relit by mirelight {__version__}: {of}",)
         splats.write(baked, out, comments=comments)
     if not args.quiet:
         say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
         if len(table.splats or []) > 1:
             say.remark("several splat files are written as one, in world space")
     return 0
+
+
+COMMAND = Command(
+    name="bake",
+    group="render",
+    help="write relit splats for any viewer",
+    description="Write the splats of a job with the light of one of its lightings in their colours.",
+    examples=(
+        "bake job.toml -o relit.ply",
+        "bake job.toml -o relit.sog --lighting night --spp 256",
+    ),
+    arguments=_arguments,
+    call=run_bake,
+    page="baking",
+)
 
 
 def _as_named(source: Source, table: JobTable, work: Job, out: Path) -> SplatCloud:

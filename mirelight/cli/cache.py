@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
-from mirelight.cli import say
+from mirelight.cli import options, say
+from mirelight.cli.command import Command
 
 
-def add_cache(commands: Any) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "cache",
-        help="say what is kept for every command, or clear it",
-        description="Say where proxies made from splats and estimates of captured light are kept for every command, "
-        "and how much that is. All of it can be made again.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clear", action="store_true", help="remove all of it")
+    options.add_json(parser)
 
 
 def run_cache(args: argparse.Namespace) -> int:
@@ -25,6 +19,15 @@ def run_cache(args: argparse.Namespace) -> int:
     from mirelight.pipeline.cache import VARIABLE, UserCache
 
     cache = UserCache()
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        if args.clear:
+            cache.clear()
+        things, size = (0, 0) if cache.folder is None else cache.held()
+        folder = None if cache.folder is None else str(cache.folder)
+        print_json({"folder": folder, "things": things, "bytes": size, "most": cache.most})
+        return 0
     if cache.folder is None:
         say.result(f"nothing is kept: this user has no home folder, and {VARIABLE} names none")
         return 0
@@ -36,3 +39,19 @@ def run_cache(args: argparse.Namespace) -> int:
         said = f"{count(things - left, 'thing')} removed" + (f", {left} left: no permission" if left else "")
     say.result(f"{cache.folder}: {said}")
     return 0
+
+
+COMMAND = Command(
+    name="cache",
+    group="data",
+    help="say what is kept for every command, or clear it",
+    description="Say where proxies made from splats and estimates of captured light are kept for every command, "
+    "and how much that is. All of it can be made again.",
+    examples=(
+        "cache",
+        "cache --clear",
+    ),
+    arguments=_arguments,
+    call=run_cache,
+    page="command line",
+)

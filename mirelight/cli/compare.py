@@ -6,29 +6,33 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.codes import DONE, FOUND
+from mirelight.cli.command import Command
 
-UNMET = 1  # exit code where a requirement does not hold
+if TYPE_CHECKING:
+    from mirelight.compare import CompareSettings
+
+_KINDS = (".html", ".json", ".csv")
 _MOST_STOPS = 64  # as in the job file
 
 
-def add_compare(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "compare",
-        help="score pictures against references, with a report",
-        description="Compare pairs of files, or folders whose frames are matched by name, those of `mirelight render` "
-        "and `mirelight realtime` among them. An even number of paths: the first half are references, the second half "
-        "their tests. Exit code 1: a requirement does not hold, or a reference has no test that could hold it.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("paths", metavar="PATH", nargs="+", help="REFERENCE… TEST…: EXR, PNG, JPEG, WebP, or folders")
-    parser.add_argument("--html", metavar="FILE", help="write a report that opens from disk")
-    parser.add_argument("--json", metavar="FILE", help="write every figure as JSON")
-    parser.add_argument("--csv", metavar="FILE", help="write every figure as CSV")
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="write a report that opens from disk (.html), or every figure (.json, .csv); may be given again",
+    )
+    options.add_json(parser)
     parser.add_argument(
         "--require",
         metavar="FIGURE>=NUMBER",
@@ -55,18 +59,45 @@ def add_compare(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 
 def run_compare(args: argparse.Namespace) -> int:
-    """The command. The table goes to stdout; 0 where every requirement holds, else 1."""
+    """The command. The table or the JSON goes to stdout; 0 where every requirement holds, else 1."""
     import numpy as np
 
-    from mirelight.compare import CompareSettings, compare, find_pairs, parse_requirement, summary
-    from mirelight.compare.report import SIGN as HTML_SIGN
-    from mirelight.compare.tables import CSV_SIGN, JSON_SIGN
+    from mirelight.compare import compare, find_pairs, parse_requirement, summary
+    from mirelight.compare.tables import json_text
 
     if len(args.paths) % 2:
         raise InputError("compare", f"{len(args.paths)} paths", "give as many tests as references")
     paths = [Path(p) for p in args.paths]
     half = len(paths) // 2
-    settings = CompareSettings(
+    settings = _settings(args)
+    requirements = [parse_requirement(text) for text in args.require]
+    outs = _outs(args.out)
+    pairing = find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None)
+    outputs.spare(outs.values(), [path for pair in pairing.pairs for path in pair.files])
+    _own(outs)
+    with np.errstate(over="ignore", invalid="ignore"):  # of light near float32's end: the figures say inf
+        outcome = compare(
+            pairing,
+            settings,
+            requirements=requirements,
+            html=outs.get(".html"),
+            json=outs.get(".json"),
+            csv=outs.get(".csv"),
+            progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
+        )
+    if args.json:
+        say.result(json_text(outcome.results, settings, outcome.failures, outcome.unpaired))
+    elif not args.quiet:
+        say.result(summary(outcome))
+    elif outcome.failures:
+        say.result("\n".join(outcome.failures))
+    return FOUND if outcome.failures else DONE
+
+
+def _settings(args: argparse.Namespace) -> CompareSettings:
+    from mirelight.compare import CompareSettings
+
+    return CompareSettings(
         exposure=_number("--exposure", args.exposure),
         tone=args.tone,
         transfer=args.transfer,
@@ -75,30 +106,41 @@ def run_compare(args: argparse.Namespace) -> int:
         fit_gain=args.fit_gain,
         band=_band(args.band),
     )
-    requirements = [parse_requirement(text) for text in args.require]
-    html, json, csv = (Path(x) if x else None for x in (args.html, args.json, args.csv))
-    signs = {html: HTML_SIGN, json: JSON_SIGN, csv: CSV_SIGN}
-    outs = {out: sign for out, sign in signs.items() if out is not None}
-    outputs.in_a_folder(*outs)
-    pairing = find_pairs(paths[:half], paths[half:], Path(args.mask) if args.mask else None)
-    outputs.spare(outs, [path for pair in pairing.pairs for path in pair.files])
-    for out, sign in outs.items():
-        outputs.own(out, sign)
-    with np.errstate(over="ignore", invalid="ignore"):  # of light near float32's end: the figures say inf
-        outcome = compare(
-            pairing,
-            settings,
-            requirements=requirements,
-            html=html,
-            json=json,
-            csv=csv,
-            progress=_counter() if sys.stderr.isatty() and not args.quiet else None,
-        )
-    if not args.quiet:
-        say.result(summary(outcome))
-    elif outcome.failures:
-        say.result("\n".join(outcome.failures))
-    return UNMET if outcome.failures else 0
+
+
+def _outs(names: Sequence[str]) -> dict[str, Path]:
+    """What to write, by suffix."""
+    found = {Path(x).suffix.lower(): outputs.named(x, "a comparison is", *_KINDS) for x in names}
+    if len(found) < len(names):
+        raise InputError("--out", "two files of one kind", f"give one each of {', '.join(_KINDS)}")
+    return found
+
+
+def _own(outs: Mapping[str, Path]) -> None:
+    """Raises OutputError where a file of these names is there and no comparison wrote it."""
+    from mirelight.compare.report import SIGN
+    from mirelight.compare.tables import CSV_SIGN, JSON_SIGN
+
+    for kind, out in outs.items():
+        outputs.own(out, {".html": SIGN, ".json": JSON_SIGN, ".csv": CSV_SIGN}[kind])
+
+
+COMMAND = Command(
+    name="compare",
+    group="compare",
+    help="score pictures against references, with a report",
+    description="Compare pairs of files, or folders whose frames are matched by name, those of `mirelight render` "
+    "and `mirelight realtime` among them. An even number of paths: the first half are references, the second half "
+    "their tests. Exit code 1: a requirement does not hold, or a reference has no test that could hold it.",
+    examples=(
+        "compare reference.exr test.png",
+        "compare out/room out/live -o report.html",
+        'compare reference test --require "psnr>=30" --json',
+    ),
+    arguments=_arguments,
+    call=run_compare,
+    page="comparing",
+)
 
 
 def _counter() -> Callable[[int, int], None]:

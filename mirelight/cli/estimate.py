@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:
@@ -25,26 +26,15 @@ SPP = 64  # noise would be taken for misfits
 _MOST_STOPS = 20.0
 
 
-def add_estimate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "estimate",
-        help="find the light that splats were captured under",
-        description="Find the sun, sky and lamps under which the splats of a job were captured, from the splats and "
-        "the proxy alone. Writes them as a table [captured] to paste into the job and edit, or as a glTF file to edit "
-        "in Blender; the map of the sky beside it (.exr); and a picture to judge it by (.png): captured, irradiance, "
-        "captured / irradiance.",
-    )
-    parser.add_argument("job", metavar="JOB", help="job file (TOML) that names splats and a proxy")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_job(parser, "job file (TOML) that names splats and a proxy")
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="what to write (.toml, .glb, .gltf)")
     parser.add_argument(
         "--exposure", metavar="STOPS", type=_stops, default=0.0, help="make the light stronger by so many stops (0)"
     )
     parser.add_argument("--camera", metavar="NAME", help="the picture's camera (the job's first)")
-    parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
-    )
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    options.add_machine(parser)
+    options.add_quiet(parser)
 
 
 def run_estimate(args: argparse.Namespace) -> int:
@@ -54,14 +44,13 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.io import job
     from mirelight.io.environment import write_environment
     from mirelight.io.gltf.write import check_light
-    from mirelight.io.job.overrides import parse
     from mirelight.io.png import write_png
     from mirelight.model import EstimatedSky
     from mirelight.pipeline.artefact_cache import NullCache
     from mirelight.pipeline.scene import Scene
 
     out = outputs.named(args.out, "light is", ".toml", *GLTF)
-    work = job.load(args.job, [parse(text) for text in args.set])
+    work = job.load(args.job, options.overrides(args))
     if work.splats is None or work.proxy is None:
         missing = "splats" if work.splats is None else "proxy"
         remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
@@ -100,6 +89,24 @@ def run_estimate(args: argparse.Namespace) -> int:
                 f"  picture      {picture}: captured | irradiance | captured / irradiance (no shadows should be left)"
             )
     return 0
+
+
+COMMAND = Command(
+    name="estimate",
+    group="start",
+    help="find the light that splats were captured under",
+    description="Find the sun, sky and lamps under which the splats of a job were captured, from the splats and "
+    "the proxy alone. Writes them as a table [captured] to paste into the job and edit, or as a glTF file to edit "
+    "in Blender; the map of the sky beside it (.exr); and a picture to judge it by (.png): captured, irradiance, "
+    "captured / irradiance.",
+    examples=(
+        "estimate job.toml -o captured.toml",
+        "estimate job.toml -o captured.glb --camera front",
+    ),
+    arguments=_arguments,
+    call=run_estimate,
+    page="captured light",
+)
 
 
 def _sky(work: Job, exposure: float, lights: tuple[Light, ...]) -> EstimatedSky:

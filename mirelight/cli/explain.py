@@ -8,30 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import BackendError, InputError
-from mirelight.cli import say
+from mirelight.cli import options, say
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.model import Camera, Job, Lighting
 
 
-def add_explain(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "explain",
-        help="say where the difference from real time comes from",
-        description="Turn the real-time engine's frame of a job into the physical one, one cause at a time, and write "
-        "each step as a picture and numbers that add up. One frame: the job's first camera and lighting, or others by "
-        "name.",
-    )
-    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_job(parser)
     parser.add_argument(
         "-o", "--out", metavar="DIR", required=True, help="write explain.html, explain.json and the pictures there"
     )
     parser.add_argument("--camera", metavar="NAME", help="the camera (the job's first)")
     parser.add_argument("--lighting", metavar="NAME", help="the lighting (the job's first)")
-    parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
-    )
+    options.add_tracing(parser)
     parser.add_argument(
         "--no-engine", action="store_true", help="start from mirelight's prediction instead of the engine's own frame"
     )
@@ -46,14 +37,13 @@ def run_explain(args: argparse.Namespace) -> int:
     from mirelight.apps.explain.types import summary
     from mirelight.compare import metrics
     from mirelight.io import job
-    from mirelight.io.job.overrides import parse
 
     def report(line: str) -> None:
         if not args.quiet:
             say.remark(line)
 
     metrics.require(flip_alone=True)
-    work = job.load(args.job, [parse(text) for text in args.set])
+    work = job.load(args.job, options.overrides(args))
     name, camera, lighting = _frame(work, args.camera, args.lighting)
     require(work, camera)
     folder = Path(args.out)
@@ -71,6 +61,23 @@ def run_explain(args: argparse.Namespace) -> int:
         say.result(summary(ladder))
         say.result(f"{folder / 'explain.html'} shows each step")
     return 0
+
+
+COMMAND = Command(
+    name="explain",
+    group="compare",
+    help="say where the difference from real time comes from",
+    description="Turn the real-time engine's frame of a job into the physical one, one cause at a time, and write "
+    "each step as a picture and numbers that add up. One frame: the job's first camera and lighting, or others by "
+    "name.",
+    examples=(
+        "explain job.toml -o out/why",
+        "explain job.toml -o out/why --camera front --lighting night",
+    ),
+    arguments=_arguments,
+    call=run_explain,
+    page="comparing",
+)
 
 
 def _frame(work: Job, camera: str | None, lighting: str | None) -> tuple[str, Camera, Lighting]:

@@ -6,9 +6,10 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mirelight.cli import say
+from mirelight.cli import options, say
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.dataset.view import DataSet
@@ -19,27 +20,18 @@ LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub", "orb")
 _CLAIM = "the data sets"
 
 
-def add_export(commands: Any) -> None:
-    """Its arguments."""
-    export = commands.add_parser(
-        "export",
-        help="write the frames of an output folder as a data set",
-        description='Mixes frames from the layers that `mirelight render` has kept (output.store "layers" or "both"). '
-        "What is there already is not made again, so an interrupted export goes on when it is started again.",
-    )
-    export.add_argument("folder", metavar="DIR", help="the job's output folder")
-    export.add_argument(
-        "--layout", required=True, choices=LAYOUTS, help="how files are laid out (docs/guides/datasets.md)"
-    )
-    export.add_argument("-o", "--out", metavar="OUT", required=True, help="folder of the data set")
-    export.add_argument("--lighting", metavar="NAME", nargs="+", help="only these lightings")
-    export.add_argument("--normalize", action="store_true", help="move and scale the world into a box of ±1")
-    export.add_argument("--split", choices=("camera", "lighting", "both"), default="camera", help="what is held out")
-    export.add_argument("--held-out", metavar="SHARE", type=float, default=0.1, help="of the names, 0 to 1 (0.1)")
-    export.add_argument("--seed", type=int, default=0, help="of what is held out (0)")
-    export.add_argument("--no-hdr", action="store_true", help="no linear pictures beside those of 8 bits")
-    export.add_argument("--license", default="", help="of the data set, for its page")
-    export.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="DIR", help="the job's output folder")
+    parser.add_argument("--layout", required=True, choices=LAYOUTS, help="how files are laid out")
+    parser.add_argument("-o", "--out", metavar="OUT", required=True, help="folder of the data set")
+    options.add_lightings(parser)
+    parser.add_argument("--normalize", action="store_true", help="move and scale the world into a box of ±1")
+    parser.add_argument("--split", choices=("camera", "lighting", "both"), default="camera", help="what is held out")
+    parser.add_argument("--held-out", metavar="SHARE", type=float, default=0.1, help="of the names, 0 to 1 (0.1)")
+    parser.add_argument("--seed", type=int, default=0, help="of what is held out (0)")
+    parser.add_argument("--no-hdr", action="store_true", help="no linear pictures beside those of 8 bits")
+    parser.add_argument("--license", default="", help="of the data set, for its page")
+    options.add_quiet(parser)
 
 
 def run_export(args: argparse.Namespace) -> int:
@@ -74,6 +66,22 @@ def run_export(args: argparse.Namespace) -> int:
     if not args.quiet:
         say.result(done)
     return 0
+
+
+COMMAND = Command(
+    name="export",
+    group="data",
+    help="write the frames of an output folder as a data set",
+    description='Mixes frames from the layers that `mirelight render` has kept (output.store "layers" or "both"). '
+    "What is there already is not made again, so an interrupted export goes on when it is started again.",
+    examples=(
+        "export out --layout nerf -o out/nerf",
+        "export out --layout hub -o set --held-out 0.2 --license CC-BY-4.0",
+    ),
+    arguments=_arguments,
+    call=run_export,
+    page="data sets",
+)
 
 
 @dataclass(frozen=True, slots=True)

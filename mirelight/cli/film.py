@@ -5,25 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 
 
-def add_film(commands: Any) -> None:
-    """Its arguments."""
-    film = commands.add_parser(
-        "film",
-        help="make a film of frames",
-        description="The frames of an output folder, or picture files, one after the other: H.264 (.mp4, by the extra "
-        "'film' or ffmpeg), animated WebP or GIF.",
-    )
-    film.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or picture files or a pattern")
-    film.add_argument("-o", "--file", metavar="FILE", required=True, help=".mp4, .webp or .gif")
-    film.add_argument("--fps", metavar="N", default="24", help="pictures a second (24)")
-    film.add_argument("--camera", metavar="NAME", nargs="+", action="extend", help="only these (* and ? work)")
-    film.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
-    film.add_argument(
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or picture files or a pattern")
+    parser.add_argument("-o", "--out", metavar="FILE", required=True, help=".mp4, .webp or .gif")
+    parser.add_argument("--fps", metavar="N", default="24", help="pictures a second (24)")
+    options.add_frames(parser)
+    parser.add_argument(
         "--order",
         choices=("cameras", "lightings"),
         default="cameras",
@@ -36,7 +28,7 @@ def run_film(args: argparse.Namespace) -> int:
     from mirelight.apps.show import film, shots
     from mirelight.apps.show.encoders import encoder_of
 
-    out = Path(args.file)
+    out = Path(args.out)
     rate = film.rate_of(args.fps)
     write = encoder_of(out, rate)
     found = film.ordered(shots.wanted(args.paths, args.camera, args.lighting), args.order)
@@ -54,3 +46,20 @@ def run_film(args: argparse.Namespace) -> int:
     width, height = made.size
     say.result(f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}")
     return 0
+
+
+COMMAND = Command(
+    name="film",
+    group="look",
+    help="make a film of frames",
+    description="The frames of an output folder, or picture files, one after the other: H.264 (.mp4, by the extra "
+    "'film' or ffmpeg), animated WebP or GIF.",
+    examples=(
+        "film out -o film.mp4",
+        "film out -o day.webp --camera 'orbit*' --fps 12",
+        "film out -o lights.gif --order lightings",
+    ),
+    arguments=_arguments,
+    call=run_film,
+    page="showing",
+)

@@ -7,23 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import BackendError, InputError
+from mirelight.cli import options
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.model import Job
     from mirelight.pipeline.job_diagnostics import Check
 
 
-def add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "inspect",
-        help="say what is in a splat, mesh, glTF, image or job file",
-        description="Counts, bounds, lights, cameras, and the memory that a file will take. Of a job also what would "
-        "be wrong with its frames: a proxy that does not fit the splats, cameras that see nothing, lights that reach "
-        "nothing.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="the file")
-    parser.add_argument("--json", action="store_true", help="as JSON")
+    options.add_json(parser)
     parser.add_argument(
         "--heat",
         metavar="DIR",
@@ -61,6 +55,24 @@ def run_inspect(args: argparse.Namespace) -> int:
     if args.heat is not None:
         say.result(f"  heat maps    {args.heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
     return 0
+
+
+COMMAND = Command(
+    name="inspect",
+    group="look",
+    help="say what is in a splat, mesh, glTF, image or job file",
+    description="Counts, bounds, lights, cameras, and the memory that a file will take. Of a job also what would "
+    "be wrong with its frames: a proxy that does not fit the splats, cameras that see nothing, lights that reach "
+    "nothing.",
+    examples=(
+        "inspect capture.ply",
+        "inspect job.toml --heat out/heat",
+        "inspect proxy.glb --json",
+    ),
+    arguments=_arguments,
+    call=run_inspect,
+    page="command line",
+)
 
 
 def _supply(work: Job) -> None:

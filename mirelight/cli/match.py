@@ -10,21 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, OutputError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.apps.match import LayerMatch, Match
 
 
-def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "match",
-        help="find lights from a picture",
-        description="Find intensities and colours of a job's lights with which its frame comes closest to a reference "
-        "picture or paint-over, and write the job with them. Lights stay where they are.",
-    )
-    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_job(parser)
     parser.add_argument(
         "--target",
         metavar="PICTURE",
@@ -48,10 +42,8 @@ def add_match(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     )
     parser.add_argument("--keep-colours", action="store_true", help="find intensities only; colours stay as they are")
     parser.add_argument("--rotate", action="store_true", help="find the environment's rotation, too")
-    parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
-    )
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    options.add_tracing(parser)
+    options.add_quiet(parser)
 
 
 def run_match(args: argparse.Namespace) -> int:
@@ -68,7 +60,7 @@ def run_match(args: argparse.Namespace) -> int:
     if out.exists() and out.resolve() == Path(args.job).resolve():
         raise OutputError(f"{out}: the job itself; give another name")
     _require_one_each(args)
-    source, table = parse(args.job, args.set)
+    source, table = parse(args.job, options.overrides(args))
     work = build(source, table)
     chosen = [plan(work, [x] if x else None, args.lighting and [args.lighting]).tasks[0] for x in args.camera or [None]]
     lighting = chosen[0].lighting
@@ -102,6 +94,22 @@ def run_match(args: argparse.Namespace) -> int:
         if found.rotation is not None:
             say.result(f"  environment turned to {found.rotation:g} degrees")
     return 0
+
+
+COMMAND = Command(
+    name="match",
+    group="render",
+    help="find lights from a picture",
+    description="Find intensities and colours of a job's lights with which its frame comes closest to a reference "
+    "picture or paint-over, and write the job with them. Lights stay where they are.",
+    examples=(
+        "match job.toml --target paint-over.png -o matched.toml",
+        "match job.toml --target photo.exr --camera front --lights lamp key -o matched.toml",
+    ),
+    arguments=_arguments,
+    call=run_match,
+    page="match",
+)
 
 
 def _require_one_each(args: argparse.Namespace) -> None:

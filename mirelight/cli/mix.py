@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 from mirelight.io.folders import NewFolders
 
 if TYPE_CHECKING:
@@ -19,25 +20,15 @@ if TYPE_CHECKING:
     from mirelight.pipeline.scene import Scene
 
 
-def add_mix(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "mix",
-        help="write a page that mixes the job's lights live",
-        description="Trace each light, group and environment of a job's lightings once, on every splat, and write a "
-        "static page that shows the capture in PlayCanvas with a slider and a colour for each of them. What the page "
-        "exports, `mirelight render` takes. With --serve, lights can be moved on the page and are traced anew.",
-    )
-    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_job(parser)
     parser.add_argument("-o", "--out", metavar="DIR", required=True, help="write the page there")
-    parser.add_argument("--spp", metavar="N", type=int, default=64, help="samples a splat (default: 64)")
-    parser.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
-    parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
-    )
+    parser.add_argument("--spp", dest="samples", metavar="N", type=int, default=64, help="samples a splat (64)")
+    options.add_lightings(parser)
+    options.add_machine(parser)
     parser.add_argument("--serve", action="store_true", help="serve the page on this machine, until Ctrl-C")
     parser.add_argument("--port", metavar="N", type=int, help="of the server (default: a free one)")
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but warnings and errors")
+    options.add_quiet(parser, "warnings and errors")
 
 
 def run_mix(args: argparse.Namespace) -> int:
@@ -46,14 +37,13 @@ def run_mix(args: argparse.Namespace) -> int:
     from mirelight.apps.mixer.server import claimed
     from mirelight.batch.order import named
     from mirelight.io import job
-    from mirelight.io.job.overrides import parse
     from mirelight.pipeline.requirements import check_lit_splats
 
-    overrides = [parse(text) for text in args.set]
+    overrides = options.overrides(args)
     work = job.load(args.job, overrides)
     check_lit_splats(work)
-    if not 1 <= args.spp <= 1_000_000:
-        raise InputError("--spp", str(args.spp), "give 1 to 1000000")
+    if not 1 <= args.samples <= 1_000_000:
+        raise InputError("--spp", str(args.samples), "give 1 to 1000000")
     if args.port is not None and not (args.serve and 1 <= args.port <= 65535):
         found = str(args.port) if args.serve else "a port, but nothing is served"
         raise InputError("--port", found, "give 1 to 65535" if args.serve else "add --serve")
@@ -78,6 +68,23 @@ def run_mix(args: argparse.Namespace) -> int:
     return 0
 
 
+COMMAND = Command(
+    name="mix",
+    group="look",
+    help="write a page that mixes the job's lights live",
+    description="Trace each light, group and environment of a job's lightings once, on every splat, and write a "
+    "static page that shows the capture in PlayCanvas with a slider and a colour for each of them. What the page "
+    "exports, `mirelight render` takes. With --serve, lights can be moved on the page and are traced anew.",
+    examples=(
+        "mix job.toml -o out/page",
+        "mix job.toml -o out/page --serve",
+    ),
+    arguments=_arguments,
+    call=run_mix,
+    page="mixer",
+)
+
+
 def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, saved: Saved | None) -> None:
     from mirelight.apps import mixer as mixing
     from mirelight.pipeline.scene import prepare
@@ -96,7 +103,7 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
         made = mixing.export(
             scene,
             args.out,
-            spp=args.spp,
+            spp=args.samples,
             lightings=None if wanted is None else tuple(wanted),
             progress=report if live else None,
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import outputs, say
+from mirelight.cli.command import Command
 from mirelight.io.suffixes import SPLATS
 
 if TYPE_CHECKING:
@@ -16,14 +17,7 @@ if TYPE_CHECKING:
     from mirelight.model import Job
 
 
-def add_new(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "new",
-        help="write a first job for a capture",
-        description="Look at a capture, which way is up in it, how bright it is and what lies beside it, and write a "
-        "commented job that renders well as it stands.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("capture", metavar="CAPTURE", help="any splat file")
     parser.add_argument("-o", "--out", metavar="JOB", default="job.toml", help="the job to write (default: job.toml)")
     parser.add_argument("--light", metavar="LIGHT", default="", help="sun, point, or a file: .hdr, .exr, .glb, .gltf")
@@ -44,6 +38,22 @@ def run_new(args: argparse.Namespace) -> int:
         say.result(line)
     say.result(f"{out} is written; go on with: mirelight render {out}")
     return 0
+
+
+COMMAND = Command(
+    name="new",
+    group="start",
+    help="write a first job for a capture",
+    description="Look at a capture, which way is up in it, how bright it is and what lies beside it, and write a "
+    "commented job that renders well as it stands.",
+    examples=(
+        "new capture.ply",
+        "new capture.sog -o evening.toml --light sun",
+    ),
+    arguments=_arguments,
+    call=run_new,
+    page="first capture",
+)
 
 
 def is_capture(path: str) -> bool:

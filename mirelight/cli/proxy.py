@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:
@@ -22,14 +23,7 @@ if TYPE_CHECKING:
 FEWEST = 100  # triangles: fewer stand for nothing
 
 
-def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "proxy",
-        help="make a proxy mesh from splats",
-        description="Make the triangle mesh that light falls on from the splats of a capture alone, say how well it "
-        "fits them, and write a heat map of it beside the mesh.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("splats", metavar="SPLATS", help="the capture: any splat file")
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the mesh to write (.glb)")
     parser.add_argument(
@@ -38,10 +32,10 @@ def add_proxy(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     parser.add_argument(
         "--cameras",
         metavar="FILE",
-        help="the capture's cameras (docs/guides/cameras.md), in its axes: what they did not see is closed to light",
+        help="the capture's cameras, in its own axes: what they did not see is closed against light",
     )
     parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    options.add_quiet(parser)
 
 
 def run_proxy(args: argparse.Namespace) -> int:
@@ -69,6 +63,23 @@ def run_proxy(args: argparse.Namespace) -> int:
             say.result(line)
         say.result(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
     return 0
+
+
+COMMAND = Command(
+    name="proxy",
+    group="start",
+    help="make a proxy mesh from splats",
+    description="Make the triangle mesh that light falls on from the splats of a capture alone, say how well it "
+    "fits them, and write a heat map of it beside the mesh.",
+    examples=(
+        "proxy capture.ply -o proxy.glb",
+        "proxy capture.ply -o proxy.glb --triangles 20000",
+        "proxy capture.ply --fit scan.glb -o proxy.glb",
+    ),
+    arguments=_arguments,
+    call=run_proxy,
+    page="proxy",
+)
 
 
 def _made(

@@ -9,32 +9,19 @@ from functools import partial
 from pathlib import Path
 
 from mirelight.base.errors import InputError
-from mirelight.cli import say
+from mirelight.cli import options, say
+from mirelight.cli.command import Command
 
 
-def add_realtime(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the command's arguments; loads nothing heavy."""
-    parser = commands.add_parser(
-        "realtime",
-        help="render the frames of a job file with PlayCanvas, in headless Chromium",
-        description="Export every camera and lighting of a job as a static page that runs PlayCanvas' own "
-        "gsplat-relighting.mjs, render it in headless Chromium, and keep the engine's buffers. Each frame has a folder "
-        "of its own, named as `mirelight render` names its files. Frames are rendered anew every time.",
-    )
-    parser.add_argument("job", metavar="JOB", help="job file (TOML)")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_job(parser)
     parser.add_argument("-o", "--out", metavar="DIR", required=True, help="write a folder per frame there")
-    parser.add_argument(
-        "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
-    )
-    parser.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
-    parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="lay a setting over the job file (repeatable)"
-    )
+    options.add_frames(parser)
     parser.add_argument(
         "--beside", metavar="DIR", help="show the frames of this output folder of mirelight render over the live ones"
     )
     parser.add_argument("--export-only", action="store_true", help="write the live page and render nothing")
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but warnings and errors")
+    options.add_quiet(parser, "warnings and errors")
 
 
 def run_realtime(args: argparse.Namespace) -> int:
@@ -44,10 +31,9 @@ def run_realtime(args: argparse.Namespace) -> int:
     from mirelight.batch.order import named
     from mirelight.cli.progress import duration
     from mirelight.io import job
-    from mirelight.io.job.overrides import parse
     from mirelight.pipeline.plan import plan
 
-    work = job.load(args.job, [parse(text) for text in args.set])
+    work = job.load(args.job, options.overrides(args))
     tasks = plan(
         work,
         cameras=named(args.camera, [x.name for x in work.cameras]),
@@ -80,6 +66,23 @@ def run_realtime(args: argparse.Namespace) -> int:
         if not args.quiet:
             say.result(folder / ("index.html" if args.export_only else "frame.png"))
     return 0
+
+
+COMMAND = Command(
+    name="realtime",
+    group="compare",
+    help="render the frames of a job file with PlayCanvas, in headless Chromium",
+    description="Export every camera and lighting of a job as a static page that runs PlayCanvas' own "
+    "gsplat-relighting.mjs, render it in headless Chromium, and keep the engine's buffers. Each frame has a folder "
+    "of its own, named as `mirelight render` names its files. Frames are rendered anew every time.",
+    examples=(
+        "realtime job.toml -o out/live",
+        "realtime job.toml -o out/live --beside out --export-only",
+    ),
+    arguments=_arguments,
+    call=run_realtime,
+    page="real time",
+)
 
 
 def _show(line: str, doing: str) -> None:

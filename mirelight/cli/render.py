@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import re
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from mirelight.base.errors import InputError, MirelightError
 from mirelight.batch import Order, Shard, executor, processes, scheduler
 from mirelight.batch.forecast import Forecast, forecast
 from mirelight.batch.preview import Previews
-from mirelight.cli import BAD, export, new, progress, say, stop
-from mirelight.cli.report import size
+from mirelight.cli import export, new, progress, say, stop
+from mirelight.cli.codes import BAD, DONE
+from mirelight.cli.options import count_of, order_of
+from mirelight.cli.report import print_json, size
 from mirelight.model import Job
 from mirelight.model.shown import count
 from mirelight.pipeline.completeness import check
@@ -21,35 +23,24 @@ from mirelight.store import Store
 
 
 def run_render(args: argparse.Namespace) -> int:
-    """The command. Progress goes to stderr, one line at the end to stdout."""
+    """The command. Progress goes to stderr, one line or JSON at the end to stdout."""
     tally = progress.chosen(args.quiet)
     store: Store | None = None
     order = order_of(args)
     sets: list[str] = []
     shard = None if args.shard is None else Shard.parse(args.shard)
-    workers = count_of(args.workers, "--workers")
-    if args.scheduler is not None:
-        if workers is not None:
-            raise InputError("--workers", "given together with --scheduler", "a scheduler's workers are started apart")
-        scheduler.require()
-    if args.preview and (workers is not None or args.scheduler is not None):
-        other = "--workers" if workers is not None else "--scheduler"
-        raise InputError("--preview", f"given together with {other}", "leave one of them out")
+    workers = _workers(args)
     try:
         with tally:
             work = _load(args, order, tally)
             whole = order.plan(work)
-            check(work)
-            if work.dataset.layouts:
-                from mirelight.dataset import export as sets_of  # loads SciPy
-
-                sets_of.check(work)
+            _check(work)
             frames = whole if shard is None else shard.of(whole)
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")
             if args.dry_run:
-                _say_forecast(forecast(frames))
-                return 0
+                _say_forecast(forecast(frames), args.json)
+                return DONE
             store = Store(work)
             store.open()
             every = order.cameras is None and order.lightings is None
@@ -76,19 +67,51 @@ def run_render(args: argparse.Namespace) -> int:
     finally:
         if store is not None:
             store.close()
-    if not args.quiet:
+    return _ended(args, tally, store, sets)
+
+
+def _workers(args: argparse.Namespace) -> int | None:
+    """How many processes; also that no two ways of rendering are asked for."""
+    workers = count_of(args.workers, "--workers")
+    if args.scheduler is not None:
+        if workers is not None:
+            raise InputError("--workers", "given together with --scheduler", "a scheduler's workers are started apart")
+        scheduler.require()
+    if args.preview and (workers is not None or args.scheduler is not None):
+        other = "--workers" if workers is not None else "--scheduler"
+        raise InputError("--preview", f"given together with {other}", "leave one of them out")
+    return workers
+
+
+def _check(work: Job) -> None:
+    check(work)
+    if work.dataset.layouts:
+        from mirelight.dataset import export as sets_of  # loads SciPy
+
+        sets_of.check(work)
+
+
+def _ended(args: argparse.Namespace, tally: progress.Tally, store: Store, sets: Sequence[str]) -> int:
+    """Says what is there and what is not; the exit code."""
+    failed = [{"frame": frame, "error": error} for frame, error in tally.failures]
+    if args.json:
+        there = {"folder": str(store.folder), "frames": tally.there, "skipped": tally.skipped}
+        print_json({**there, "seconds": round(tally.elapsed, 3), "failed": failed, "notes": list(sets)})
+    elif not args.quiet:
         existed = f", {tally.skipped} of them already there" if tally.skipped else ""
         say.result(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
         for line in sets:
             say.result(line)
-    if tally.failures:
-        failed = f"{_frames(len(tally.failures))} failed; the others are there"
-        say.remark(f"{failed}; the same command tries them again")
+    if failed:
+        say.remark(f"{_frames(len(failed))} failed; the others are there; the same command tries them again")
         return BAD
-    return 0
+    return DONE
 
 
-def _say_forecast(found: Forecast) -> None:
+def _say_forecast(found: Forecast, as_json: bool) -> None:
+    if as_json:
+        print_json(asdict(found))
+        return
     views = f"{count(found.cameras, 'camera')}, {count(found.lightings, 'lighting')}"
     traces = f"{count(found.traces, 'trace')} of unit lights"
     say.result(f"{_frames(found.frames)} ({views}), {found.there} of them there")
@@ -115,28 +138,6 @@ def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
     if args.out is None:
         return work
     return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))
-
-
-def order_of(args: argparse.Namespace) -> Order:
-    """The command's arguments as an order."""
-    return Order(
-        job=args.job,
-        settings=tuple(args.set),
-        variant=args.variant,
-        threads=args.threads,
-        out=args.out,
-        cameras=None if args.camera is None else tuple(args.camera),
-        lightings=None if args.lighting is None else tuple(args.lighting),
-    )
-
-
-def count_of(text: str | None, option: str) -> int | None:
-    """A number of processes or tasks from the command line; None where it was not given."""
-    if text is None:
-        return None
-    if not re.fullmatch(r"[1-9]\d{0,3}", text):
-        raise InputError(f"{option} {text}", "not a number of them", "give a whole number from 1 on")
-    return int(text)
 
 
 def _say_what_is_left(tally: progress.Tally, store: Store | None) -> None:

@@ -5,27 +5,19 @@ from __future__ import annotations
 import argparse
 import re
 from pathlib import Path
-from typing import Any
 
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
+from mirelight.cli.command import Command
 
 _LEAST, _MOST = 16, 512  # pixels
 
 
-def add_sheet(commands: Any) -> None:
-    """Its arguments."""
-    sheet = commands.add_parser(
-        "sheet",
-        help="draw a contact sheet of frames",
-        description="Frames of an output folder, small, on one picture: rows are cameras, columns lightings. Picture "
-        "files are drawn as a grid.",
-    )
-    sheet.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or picture files or a pattern")
-    sheet.add_argument("-o", "--file", metavar="FILE", default="sheet.png", help=".png, .jpg or .webp (sheet.png)")
-    sheet.add_argument("--camera", metavar="NAME", nargs="+", action="extend", help="only these (* and ? work)")
-    sheet.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
-    sheet.add_argument("--size", metavar="N", default="192", help="longer side of a small picture, pixels (192)")
-    sheet.add_argument("--all", action="store_true", help="all frames, on several sheets where one does not hold them")
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("paths", metavar="DIR|FILE", nargs="+", help="output folder, or picture files or a pattern")
+    parser.add_argument("-o", "--out", metavar="FILE", default="sheet.png", help=".png, .jpg or .webp (sheet.png)")
+    options.add_frames(parser)
+    parser.add_argument("--size", metavar="N", default="192", help="longer side of a small picture, pixels (192)")
+    parser.add_argument("--all", action="store_true", help="all frames, on several sheets where one does not hold them")
 
 
 def run_sheet(args: argparse.Namespace) -> int:
@@ -34,7 +26,7 @@ def run_sheet(args: argparse.Namespace) -> int:
     from mirelight.base.errors import InputError
     from mirelight.io.sheet import sheet_format
 
-    out = Path(args.file)
+    out = Path(args.out)
     sheet_format(out)
     if not re.fullmatch(r"[0-9]{1,4}", args.size) or not _LEAST <= int(args.size) <= _MOST:
         raise InputError("--size", args.size, f"give {_LEAST} to {_MOST} pixels")
@@ -47,3 +39,19 @@ def run_sheet(args: argparse.Namespace) -> int:
     if some:
         say.remark("evenly chosen; --all draws all of them, on several sheets")
     return 0
+
+
+COMMAND = Command(
+    name="sheet",
+    group="look",
+    help="draw a contact sheet of frames",
+    description="Frames of an output folder, small, on one picture: rows are cameras, columns lightings. Picture "
+    "files are drawn as a grid.",
+    examples=(
+        "sheet out",
+        "sheet out -o lamps.jpg --lighting 'lamp*' --size 256",
+    ),
+    arguments=_arguments,
+    call=run_sheet,
+    page="showing",
+)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mirelight.cli import say
+from mirelight.cli import options, say
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.batch.status import Status
@@ -17,16 +18,9 @@ _MISSING = 3  # names of missing frames
 _CODES = {"done": 0, "stopped": 1, "running": 3}
 
 
-def add_status(commands: Any) -> None:
-    """Its arguments."""
-    parser = commands.add_parser(
-        "status",
-        help="say which frames of a folder are there, in flight, failed or missing",
-        description="Frames that are there, in flight (who makes them, and since when), failed (why) or missing, and "
-        "the time left. Exit codes: 0 all are there; 1 some are not, and nobody is at work; 3 somebody is.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", help="a job's output folder")
-    parser.add_argument("--json", action="store_true", help="as JSON, every frame by name")
+    options.add_json(parser)
 
 
 def run_status(args: argparse.Namespace) -> int:
@@ -40,6 +34,22 @@ def run_status(args: argparse.Namespace) -> int:
     else:
         say.result("\n".join(lines(found)))
     return _CODES[found.progress]
+
+
+COMMAND = Command(
+    name="status",
+    group="render",
+    help="say which frames of a folder are there, in flight, failed or missing",
+    description="Frames that are there, in flight (who makes them, and since when), failed (why) or missing, and "
+    "the time left. Exit codes: 0 all are there; 1 some are not, and nobody is at work; 3 somebody is.",
+    examples=(
+        "status out",
+        "status out --json",
+    ),
+    arguments=_arguments,
+    call=run_status,
+    page="farm",
+)
 
 
 def lines(found: Status) -> Iterator[str]:

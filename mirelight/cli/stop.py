@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from types import FrameType, TracebackType
 from typing import Self
 
-from mirelight.cli import INTERRUPTED, TERMINATED
+from mirelight.cli.codes import INTERRUPTED, TERMINATED
 from mirelight.cli.progress import Tally
 from mirelight.pipeline.plan import FrameTask
 

@@ -6,9 +6,10 @@ import argparse
 import time
 from collections import Counter
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mirelight.cli import say
+from mirelight.cli import options, say
+from mirelight.cli.command import Command
 
 if TYPE_CHECKING:
     from mirelight.batch.checks import Finding
@@ -17,22 +18,14 @@ _MOST = 100  # lines of a kind
 _EVERY = 30.0  # seconds between two words on how far it is
 
 
-def add_verify(commands: Any) -> None:
-    """Its arguments."""
-    parser = commands.add_parser(
-        "verify",
-        help="look at every frame of a folder, and say what is wrong",
-        description="Reads every file: bytes against the journal and the file's own digest, values (finite, alpha, "
-        "size), pictures (black, white, empty), missing ones, sums of lights. Each thing is a line with how to mend "
-        "it. Exit codes: 0 all is well; 1 something is not.",
-    )
+def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", help="a job's output folder")
     parser.add_argument(
         "--rebuild",
         action="store_true",
         help="remove damaged files, for the next render to make, and write a lost journal again",
     )
-    parser.add_argument("--json", action="store_true", help="as JSON, every finding")
+    options.add_json(parser)
 
 
 def run_verify(args: argparse.Namespace) -> int:
@@ -58,6 +51,23 @@ def run_verify(args: argparse.Namespace) -> int:
     wrong = f"{found.findings} things are wrong" if found.findings != 1 else "1 thing is wrong"
     say.result(f"{args.folder}: {count(found.frames, 'frame')} looked at; {wrong if found.findings else 'all is well'}")
     return 1 if found.findings else 0
+
+
+COMMAND = Command(
+    name="verify",
+    group="data",
+    help="look at every frame of a folder, and say what is wrong",
+    description="Reads every file: bytes against the journal and the file's own digest, values (finite, alpha, "
+    "size), pictures (black, white, empty), missing ones, sums of lights. Each thing is a line with how to mend "
+    "it. Exit codes: 0 all is well; 1 something is not.",
+    examples=(
+        "verify out",
+        "verify out --rebuild",
+    ),
+    arguments=_arguments,
+    call=run_verify,
+    page="farm",
+)
 
 
 def _as_json(args: argparse.Namespace) -> int:

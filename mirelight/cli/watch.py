@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.batch.executor import Silent
-from mirelight.cli import TERMINATED
+from mirelight.cli.codes import TERMINATED
 from mirelight.cli.new import refuse_capture
+from mirelight.cli.options import order_of
 
 if TYPE_CHECKING:
     from mirelight.apps.watch.files import Files
@@ -26,7 +27,6 @@ def run_watch(args: argparse.Namespace) -> int:
     """The command, until Ctrl-C. All that it says goes to stderr."""
     from mirelight.apps.watch.files import Files, files_of
     from mirelight.apps.watch.session import Session
-    from mirelight.cli.render import order_of
 
     refuse_capture(args.job)
     order, job = order_of(args), Path(args.job).absolute()

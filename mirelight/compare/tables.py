@@ -30,14 +30,21 @@ def write_json(
     Raises:
         OutputError: the file cannot be written.
     """
+    with atomic_path(path) as temporary:
+        temporary.write_text(json_text(results, settings, failures, unpaired) + "\n", encoding="utf-8")
+
+
+def json_text(
+    results: Sequence[Comparison], settings: CompareSettings, failures: Sequence[str], unpaired: Sequence[str] = ()
+) -> str:
+    """What :func:`write_json` writes."""
     document = {
         "settings": asdict(settings),
         "failures": list(failures),
         "unpaired": list(unpaired),
         "pairs": [_plain(result) for result in results],
     }
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(document, indent=1, default=str, allow_nan=False) + "\n", encoding="utf-8")
+    return json.dumps(document, indent=1, default=str, allow_nan=False)
 
 
 def write_csv(path: Path, results: Sequence[Comparison]) -> None:

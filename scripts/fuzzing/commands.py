@@ -142,7 +142,7 @@ COMMANDS = (
         "submit",
         ("job.toml",),
         "job.sh",
-        {**_JOB_OPTIONS, "--shards": NUMBERS, "--threads": NUMBERS, "--variant": NAMES, "--out": PATHS},
+        {**_JOB_OPTIONS, "--shards": NUMBERS, "--threads": NUMBERS, "--variant": NAMES, "--frames": PATHS},
         ("--slurm",),
     ),
     Command(
@@ -155,10 +155,8 @@ COMMANDS = (
             "--exposure": NUMBERS,
             "--background": (*NUMBERS, "1,2,3", "nan,0,0"),
             "--require": ("psnr>=30", "x>=1", "psnr", "psnr>=1e999", "\x1b>=\udcff", "psnr>=" + "9" * 5000),
-            "--json": PATHS,
-            "--csv": PATHS,
+            "--out": PATHS,
         },
-        out="--html",
     ),
     Command("sheet", ("kept",), "sheet.png", {"--size": NUMBERS, "--camera": NAMES, "--lighting": NAMES}),
     Command(

@@ -130,10 +130,8 @@ def _places() -> list[Case]:
             **{"mesh.ply": base()["mesh.ply"], "job.toml": job(proxy="mesh.ply")},
         ),
         _with(pipe("b.png"), "pipe compared", ("compare", "sky.png", "b.png")),
-        _with(
-            pipe("r.html"), "pipe as report", ("compare", "sky.png", "sky.png", "--html", "r.html", "--json", "r.html")
-        ),
-        of_files("device as output", ("compare", "sky.png", "sky.png", "--json", "/dev/full"), scene()),
+        _with(pipe("r.html"), "pipe as report", ("compare", "sky.png", "sky.png", "-o", "r.html", "-o", "r.json")),
+        of_files("device as output", ("compare", "sky.png", "sky.png", "-o", "/dev/full"), scene()),
         of_files("device inspected", ("inspect", "/dev/zero"), {"dev": b"", "zero": b""}),
         of_files("device as sky", _RENDER, scene(**{"job.toml": job(sky="/dev/zero")})),
         of_files("a tree as splats", _RENDER, scene(**{"job.toml": job(splats="/usr")})),
@@ -141,6 +139,8 @@ def _places() -> list[Case]:
         of_files("folder as job", ("render", ".", *TINY), scene()),
         of_files("nothing", ("inspect", "missing.ply"), {"missing.txt": b""}),
         of_files("schema", ("schema",), {"a": b""}),
+        of_files("completion", ("completion", "bash"), {"a": b""}),
+        of_files("no shell", ("completion", "\x1b[2J"), {"a": b""}),
         of_files("cache", ("cache",), {"a": b""}),
         of_files("cache cleared", ("cache", "--clear"), {"a": b""}),
         of_files("sound", _RENDER, scene(**{"job.toml": job()}), bright=True),

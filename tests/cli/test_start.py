@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import errno
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -16,6 +18,11 @@ import pytest
 
 import mirelight
 from mirelight import cli
+from mirelight.base.pages import PAGES, page
+from mirelight.batch import Order
+from mirelight.cli import options
+from mirelight.cli.command import GROUPS, Command
+from mirelight.cli.commands import COMMANDS
 from mirelight.io.suffixes import SPLATS
 
 from .conftest import COMMAND, Run
@@ -90,6 +97,103 @@ def test_numbers_without_end_are_one_line(run: Run, folder: Path, arguments: lis
 )
 def test_wrong_arguments(run: Run, arguments: list[str]) -> None:
     assert run(*arguments).returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("rendr job.toml", "no command 'rendr'; did you mean render?; mirelight --help says more"),
+        ("render a.toml --camra front", "render: unknown option --camra; did you mean --camera?; mirelight render"),
+        ("film out --file a.gif", "film: the following arguments are required: -o/--out; mirelight film --help"),
+        ("sheet out --file a.png", "sheet: unknown option --file; did you mean --out?; mirelight sheet --help"),
+        ("compare a b --html=r.html", "compare: unknown option --html; did you mean --out?; mirelight compare"),
+        ("render a b", "render: one argument too many: b; mirelight render --help says more"),
+        ("compare a b --tone acs", "compare: argument --tone: 'acs'; did you mean aces?; mirelight compare --help"),
+        ("compare a b --tone x", "compare: argument --tone: 'x'; give one of none, aces, neutral, agx; mirelight"),
+    ],
+)
+def test_what_was_meant_is_said(arguments: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(arguments.split())
+    assert ended.value.code == 2
+    line = capsys.readouterr().err
+    assert line.startswith(f"mirelight: {said}") and line.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda x: x.name)
+def test_help_of_every_command(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    """Examples are ones that the program takes; the page that it points to is there."""
+    with pytest.raises(SystemExit):
+        cli.main([command.name, "--help"])
+    said = capsys.readouterr().out
+    assert "\nexamples:\n  mirelight " in said
+    for example in command.examples:
+        assert f"  mirelight {example}\n" in said
+        cli.make_parser().parse_args(shlex.split(example.partition(" > ")[0]))
+    assert page(command.page) in said
+    assert command.group in GROUPS and cli.make_parser().format_help().count(f"\n  {command.name} ") == 1
+
+
+def test_pages_that_are_pointed_to_are_there() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    assert [x for x in PAGES.values() if not (docs / f"{x}.md").is_file()] == []
+
+
+def test_one_option_for_one_thing() -> None:
+    """What is written is -o/--out, and --json takes nothing, in every command that has them."""
+    for command in COMMANDS:
+        parser = argparse.ArgumentParser()
+        command.arguments(parser)
+        named = {name: action for action in parser._actions for name in action.option_strings}
+        assert ("-o" in named) == ("--out" in named) and named.get("-o") is named.get("--out")
+        assert named["--json"].nargs == 0 if "--json" in named else True
+
+
+def test_help_has_colours_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert "\x1b[" not in cli.make_parser().format_help()
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    coloured = cli.make_parser().format_help()
+    assert "\x1b[" in coloured and "render" in coloured
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b[" not in cli.make_parser().format_help()
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_completion(shell: str, run: Run) -> None:
+    done = run("completion", shell)
+    assert done.returncode == 0
+    assert all(command.name in done.stdout for command in COMMANDS)
+    if shell == "bash":
+        assert subprocess.run(["bash", "-n"], input=done.stdout, text=True, check=False).returncode == 0
+
+
+def test_settings_by_their_own_options(folder: Path) -> None:
+    """They are laid over the job, and reach another process or a script."""
+    args = cli.make_parser().parse_args(["render", "job.toml", "--spp", "7", "--no-denoise", "--threads", "1"])
+    order = options.order_of(args)
+    assert [(x.source, x.value) for x in order.overrides()] == [
+        ("--spp 7", 7),
+        ("--no-denoise", False),
+        ("--threads 1", 1),
+    ]
+    assert Order.of("job.toml", order.arguments()[1:]) == order == Order.read(order.text())
+    args = cli.make_parser().parse_args(["match", "job.toml", "--target", "x.png", "-o", "y.toml", "--denoise"])
+    assert [(x.source, x.path, x.value) for x in options.overrides(args)] == [
+        ("--denoise", ("render", "denoise"), True)
+    ]
+
+
+def test_results_as_json(run: Run, folder: Path) -> None:
+    plan = json.loads(run("render", "job.toml", "--camera", "front", "--dry-run", "--json").stdout)
+    assert (plan["frames"], plan["there"]) == (2, 0)
+    made = json.loads(run("render", "job.toml", "--camera", "front", "--lighting", "day", "--json").stdout)
+    assert (made["frames"], made["skipped"], made["failed"]) == (1, 0, [])
+    kept = json.loads(run("cache", "--json").stdout)
+    assert set(kept) == {"folder", "things", "bytes", "most"}
 
 
 @pytest.mark.parametrize("name", ["none.toml", "none.ply"])

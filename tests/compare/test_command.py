@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mirelight.base.errors import InputError, OutputError
-from mirelight.cli.compare import add_compare, run_compare
+from mirelight.cli import make_parser
+from mirelight.cli.compare import run_compare
 
 
 def run(*words: Any) -> int:
-    parser = argparse.ArgumentParser()
-    add_compare(parser.add_subparsers(dest="command"))
-    return run_compare(parser.parse_args(["compare", *map(str, words)]))
+    return run_compare(make_parser().parse_args(["compare", *map(str, words)]))
 
 
 @pytest.fixture
@@ -27,12 +26,21 @@ def test_files_are_written_and_the_table_printed(
     files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outputs = {kind: tmp_path / f"r.{kind}" for kind in ("html", "json", "csv")}
-    words = [word for kind, path in outputs.items() for word in (f"--{kind}", path)]
+    words = [word for kind, path in outputs.items() for word in ("-o", path)]
     assert run(*files, *words, "--fit-gain") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split()[0] == "f"
     assert "1.5" in lines[1].split()
     assert all(path.stat().st_size > 100 for path in outputs.values())
+
+
+def test_figures_as_json_and_one_file_of_a_kind(files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*files, "--json", "-o", tmp_path / "r.json") == 0
+    printed = capsys.readouterr().out
+    assert json.loads(printed)["pairs"][0]["name"] == "f"
+    assert printed == (tmp_path / "r.json").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="--out: two files of one kind"):
+        run(*files, "-o", tmp_path / "a.csv", "-o", tmp_path / "b.csv")
 
 
 def test_an_unmet_requirement_is_exit_code_1(files: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -64,7 +72,7 @@ def test_bad_options_are_one_line(files: Any, words: tuple[str, str]) -> None:
 def test_a_report_without_a_folder_is_refused_before_anything_is_read(tmp_path: Path) -> None:
     for kind in ("html", "json", "csv"):
         with pytest.raises(OutputError, match=f"none/r.{kind}: cannot be written .the folder does not exist"):
-            run("gone.png", "gone.png", f"--{kind}", tmp_path / "none" / f"r.{kind}")
+            run("gone.png", "gone.png", "-o", tmp_path / "none" / f"r.{kind}")
 
 
 def test_paths_come_in_pairs(files: Any) -> None:
@@ -79,16 +87,21 @@ def test_a_report_takes_the_place_of_one_alone(files: Any, tmp_path: Path, save:
     for kind in ("html", "json", "csv"):
         for read in (reference, test, mask):
             before = read.read_bytes()
-            with pytest.raises(OutputError, match=rf"{read.name}: it is read here"):
-                run(reference, test, "--mask", mask, f"--{kind}", read, "-q")
+            with pytest.raises(OutputError, match=rf"{read.name}: a comparison is written as .html, .json or .csv"):
+                run(reference, test, "--mask", mask, "-o", read, "-q")
+            link = tmp_path / f"link.{kind}"
+            link.symlink_to(read)
+            with pytest.raises(OutputError, match=rf"{link.name}: it is read here"):
+                run(reference, test, "--mask", mask, "-o", link, "-q")
+            link.unlink()
             assert read.read_bytes() == before
         foreign = tmp_path / f"mine.{kind}"
         foreign.write_text("my own notes")
         with pytest.raises(OutputError, match=rf"mine\.{kind}: mirelight has not written it"):
-            run(reference, test, f"--{kind}", foreign, "-q")
+            run(reference, test, "-o", foreign, "-q")
         assert foreign.read_text() == "my own notes"
         report = tmp_path / f"r.{kind}"
         report.touch()
         for _ in range(2):
-            assert run(reference, test, f"--{kind}", report, "-q") == 0
+            assert run(reference, test, "-o", report, "-q") == 0
         assert report.stat().st_size > 100

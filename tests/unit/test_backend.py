@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from mirelight.apps import doctor
 from mirelight.base import backend
 from mirelight.base.backend import LlvmLibrary
 from mirelight.base.errors import BackendError
+from mirelight.cli import main
 
 # What a stand-in library answers, by its file name: the finding and choosing is tested on files that are no libraries.
 VERSIONS: dict[str, tuple[int, int, int] | None] = {
@@ -214,7 +214,7 @@ def test_missing_libatomic_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_doctor_passes_here_and_says_what_it_uses(capsys: pytest.CaptureFixture[str]) -> None:
     chosen = backend.choose()
-    assert doctor.run() == 0
+    assert main(["doctor"]) == 0
     said = capsys.readouterr().out
     assert chosen is not None
     assert f"used {chosen.path}" in said
@@ -229,7 +229,7 @@ def test_doctor_survives_a_child_that_aborts(
     aborting.chmod(0o755)
     backend.choose()
     monkeypatch.setattr(sys, "executable", str(aborting))
-    assert doctor.run() == 2
+    assert main(["doctor"]) == 2
     assert "llvm_ad_rgb  FAILED: the process was ended by SIGABRT" in capsys.readouterr().out
 
 

@@ -64,13 +64,13 @@ def test_what_is_missing_is_said_in_one_line(extra: extras.Extra, monkeypatch: p
         f"{extra.what} needs the package {package}: pip install 'mirelight[{extra.name}]'"
     )
     assert "\n" not in str(told.value)
-    (line,) = [x for x in doctor._extras() if x.split()[1] == extra.name]
+    line = dict(doctor._extras())[extra.name]
     assert package in line and f"pip install 'mirelight[{extra.name}]'" in line and extra.unlocks in line
 
 
 def test_the_doctor_says_what_is_there() -> None:
-    (line,) = [x for x in doctor._extras() if x.startswith("extra formats")]
-    assert line == "extra formats  installed; for glTF files with EXT_meshopt_compression"
+    line = dict(doctor._extras())["formats"]
+    assert line == "installed; for glTF files with EXT_meshopt_compression"
 
 
 def test_denoising_is_refused_before_anything_is_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,9 +11,6 @@ MOST_LINES, MOST_PARAMETERS = 60, 8  # of a body without its docstring; of a sig
 
 # Functions that may be larger, and why.
 LARGER = {
-    "cli/__init__.py _run": "to become a table of commands",
-    "cli/__init__.py make_parser": "to become a table of commands",
-    "cli/render.py run_render": "to be split",
     "estimate/fit.py fit": "to take its settings as one record",
 }
 

@@ -1,0 +1,51 @@
+"""The table of commands: the order in which help lists them, and where each is found."""
+
+from __future__ import annotations
+
+from mirelight.cli import (
+    bake,
+    cache,
+    compare,
+    estimate,
+    explain,
+    export,
+    film,
+    inspect,
+    match,
+    mix,
+    new,
+    orders,
+    proxy,
+    realtime,
+    sheet,
+    small,
+    status,
+    verify,
+)
+from mirelight.cli.command import Command
+
+COMMANDS: tuple[Command, ...] = (
+    small.DOCTOR,
+    new.COMMAND,
+    proxy.COMMAND,
+    estimate.COMMAND,
+    small.COMPLETION,
+    orders.RENDER,
+    orders.WATCH,
+    orders.SUBMIT,
+    status.COMMAND,
+    match.COMMAND,
+    bake.COMMAND,
+    inspect.COMMAND,
+    mix.COMMAND,
+    sheet.COMMAND,
+    film.COMMAND,
+    compare.COMMAND,
+    realtime.COMMAND,
+    explain.COMMAND,
+    export.COMMAND,
+    verify.COMMAND,
+    cache.COMMAND,
+    small.SCHEMA,
+)
+BY_NAME = {command.name: command for command in COMMANDS}

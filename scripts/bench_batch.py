@@ -135,7 +135,7 @@ def made(path: Path) -> Figures:
     """Render a job; CPU seconds in all, of cameras' first lightings and of their others (medians)."""
     spent: dict[str, list[float]] = {}
 
-    class Heard(executor.Silent):
+    class Heard(executor.Progress):
         last = 0.0
 
         def finished(self, task: FrameTask, skipped: bool) -> None:
@@ -225,7 +225,7 @@ def again(size: Size, folder: Path) -> Figures:
     scene, store = prepare(job), Store(job)
     store.open()
     frames = plan(job)
-    executor.unfinished(frames, store, executor.Silent())
+    executor.unfinished(frames, store, executor.Progress())
     frame = stages.frame(scene, job.cameras[0], None)  # what it shows is no matter
     with mock.patch.object(os, "fsync", lambda _: None):  # to have them soon
         for task in frames.tasks:

@@ -29,7 +29,7 @@ from mirelight.model import Deferred, Indirect, Job, LightingBuffer, PointLayers
 from mirelight.pipeline.splat_light import by_sharpness
 
 T = TypeVar("T")
-MODES: tuple[Indirect, ...] = ("traced", "surface", "near")
+MODES: tuple[Indirect, ...] = ("traced", "surface")
 FRAMES_OF_A_FILL = 4  # where error bars are measured
 
 

@@ -46,8 +46,11 @@ class RenderSummary:
         )
 
 
-class Progress(Protocol):
-    """Hears how far a render is; called from the rendering thread. What it raises ends the run in order."""
+class Progress:
+    """Hears how far a render is, and says nothing; others say what they want of it.
+
+    Called from the rendering thread. What it raises ends the run in order.
+    """
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
         """Before the first frame."""
@@ -85,24 +88,6 @@ class Preview(Protocol):
         """A frame is made; its files follow."""
 
 
-class Silent:
-    """A `Progress` that says nothing."""
-
-    def started(self, tasks: Sequence[FrameTask]) -> None: ...
-
-    def samples(self, task: FrameTask, done: int, total: int) -> None: ...
-
-    def finished(self, task: FrameTask, skipped: bool) -> None: ...
-
-    def note(self, line: str) -> None: ...
-
-    def failed(self, task: FrameTask, error: str) -> None: ...
-
-    def working(self, frames: Sequence[str]) -> None: ...
-
-    def waiting(self, cameras: int) -> None: ...
-
-
 def run(
     plan: Plan,
     store: Store,
@@ -121,7 +106,7 @@ def run(
         OutputError: a file cannot be written.
         BackendError: see `mirelight.pipeline.stages`.
     """
-    heard = progress or Silent()
+    heard = progress or Progress()
     store.hear(heard.note)
     heard.started(plan.tasks)
     scene = scene or prepare(plan.job, store.artefacts, heard.note)

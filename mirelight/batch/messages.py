@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from mirelight.batch.executor import Progress
 from mirelight.pipeline.plan import FrameTask
 
 _EVERY = 0.25  # seconds between two words about samples
@@ -43,15 +44,12 @@ class Word:
         return Word(str(kind), tuple(x if isinstance(x, int) else str(x) for x in values))
 
 
-class Reporter:
-    """A `mirelight.batch.executor.Progress` that tells every step as a word."""
+class Reporter(Progress):
+    """Tells every step as a word."""
 
     def __init__(self, say: Callable[[Word], None]) -> None:
         self._say = say
         self._last = 0.0
-
-    def started(self, tasks: Sequence[FrameTask]) -> None:
-        """The watcher knows."""
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """A few times a second."""
@@ -71,9 +69,3 @@ class Reporter:
     def note(self, line: str) -> None:
         """Something to know."""
         self._say(Word(NOTE, (line,)))
-
-    def working(self, frames: Sequence[str]) -> None:
-        """A worker has no workers."""
-
-    def waiting(self, cameras: int) -> None:
-        """A worker does not wait."""

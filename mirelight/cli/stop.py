@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from types import FrameType, TracebackType
 from typing import Self
 
+from mirelight.batch.executor import Progress
 from mirelight.cli.codes import INTERRUPTED, TERMINATED
 from mirelight.cli.progress import Tally
 from mirelight.pipeline.plan import FrameTask
 
 
-class Watched:
-    """A `mirelight.batch.executor.Progress` that passes everything on and raises a noted signal after it.
+class Watched(Progress):
+    """Passes everything on and raises a noted signal after it.
 
     The first SIGINT or SIGTERM waits for the next call; a second one is raised at once.
     """

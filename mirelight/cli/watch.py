@@ -11,7 +11,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, MirelightError, printable
-from mirelight.batch.executor import Silent
+from mirelight.batch.executor import Progress
 from mirelight.cli.codes import TERMINATED
 from mirelight.cli.new import refuse_capture
 from mirelight.cli.options import order_of
@@ -97,8 +97,8 @@ class _Signals:
             raise KeyboardInterrupt
 
 
-class _Heard(Silent):
-    """A `mirelight.batch.executor.Progress` that says when frames are shown and there, and stops for a change."""
+class _Heard(Progress):
+    """Says when frames are shown and there, and stops for a change."""
 
     def __init__(self, files: Files, screen: _Screen, signals: _Signals) -> None:
         self._files, self._screen, self._signals = files, screen, signals

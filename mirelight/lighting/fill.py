@@ -128,14 +128,13 @@ def on_device(
     )
 
 
-def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first: bool, most: int | None) -> DeviceCells:
-    """A cache as a film reads it.
+def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], most: int | None) -> DeviceCells:
+    """A cache as a film reads it: at first hits what is not sampled there, and at later ones all of it.
 
     Args:
         cache: light on the surface.
         layers: the film's.
         names: the cache's lights that it takes, in the film's order where its layers are separate.
-        first: read at first hits what is not sampled there; else at later hits all of it, unless they are too near.
         most: bytes that it may take; None: what the machine has free.
 
     Raises:
@@ -163,10 +162,10 @@ def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], *, first:
         _mean(whole),
         _mean(indirect),
         _mean(of_kind),
-        np.stack([(x[0] - x[1]) / 2 for x in (rest if first else whole)]),
-        first=first,
+        np.stack([(x[0] - x[1]) / 2 for x in rest]),
+        first=True,
         nearest=TOO_NEAR * cache.cells.size,
-        spread=next((x.spread for x in chosen if first and x.spread is not None), None),
+        spread=next((x.spread for x in chosen if x.spread is not None), None),
     )
 
 

@@ -222,8 +222,7 @@ class Tracer:
         from mirelight.lighting.fill import bound
 
         names = Layers.of(lighting, emissive=emission).names
-        first, most = self.settings.indirect == "surface", self.settings.max_memory
-        return bound(cache, layers, names, first=first, most=most)
+        return bound(cache, layers, names, self.settings.max_memory)
 
     def noise_of(
         self, lighting: Lighting, cameras: Sequence[Camera], cache: SurfaceCache, *, emission: bool = True

@@ -18,9 +18,9 @@ from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.scene import ProxyMesh, SplatCloud, SplatFile
 
-Indirect: TypeAlias = Literal["traced", "surface", "near"]
+Indirect: TypeAlias = Literal["traced", "surface"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
-Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "orb"]
+Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub"]
 HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
 HdrFormat: TypeAlias = Literal["111110F", "RGBA16F", "RGBA32F"]  # pixels as the real-time engine names them
 
@@ -33,7 +33,7 @@ class RenderSettings:
     spp: int = 64  # samples per pixel; under a noise target at least
     noise: float | None = None  # relative error to reach over the frame; None: exactly spp samples everywhere
     max_depth: int = 8  # vertices of a path from the eye's first hit on; 1: direct light only
-    indirect: Indirect = "traced"  # surface: read at a path's first hit; near: at its second
+    indirect: Indirect = "traced"  # surface: read at a path's first hit
     seed: int = 0
     variant: Variant = "llvm_ad_rgb"
     denoise: bool = False

@@ -44,13 +44,12 @@ def read(tracer: Tracer, lighting: Lighting, cameras: list[Camera], size: float 
     return [tracer.trace(lighting, x, cache=cache) for x in cameras]
 
 
-@pytest.mark.parametrize("indirect", ["surface", "near"])
-def test_a_glowing_gray_furnace_is_its_series(indirect: str) -> None:
+def test_a_glowing_gray_furnace_is_its_series() -> None:
     """Inside a closed box whose walls shine e and reflect a it is e / (1 - a) everywhere."""
     walls = room((-1, -1, -1), (1, 1, 1))
     glow, albedo = np.array([0.5, 1.0, 2.0]), np.array([0.5, 0.6, 0.7])
     glowing = replace(walls, materials=(Material(emissive=glow),), albedo=albedo)
-    settings = replace(SURFACE, indirect=indirect, spp=64)  # type: ignore[arg-type]
+    settings = replace(SURFACE, spp=64)
     view = Camera.look_at([0.3, 0.1, -0.6], [0, -0.3, 1], 24, 18, yfov=80)
     (buffer,) = read(Tracer(glowing, settings), Lighting(), [view], 0.2)
     truth = glow / (1 - albedo)
@@ -116,12 +115,11 @@ def means(buffer: LightingBuffer) -> Array:
     return np.array([(x.direct.mean(), x.indirect.mean()) for x in buffer.layers])
 
 
-@pytest.mark.parametrize("indirect", ["surface", "near"])
-def test_layers_are_those_of_a_traced_frame(indirect: str) -> None:
+def test_layers_are_those_of_a_traced_frame() -> None:
     proxy, lighting, view = stage()
     settings = replace(SURFACE, spp=256, max_depth=24)
     traced = Tracer(proxy, replace(settings, indirect="traced")).trace(lighting, view)
-    tracer = Tracer(proxy, replace(settings, indirect=indirect))  # type: ignore[arg-type]
+    tracer = Tracer(proxy, settings)
     (buffer,) = read(tracer, lighting, [view])
     assert [x.name for x in buffer.layers] == [x.name for x in traced.layers]
     np.testing.assert_allclose(means(buffer), means(traced), rtol=0.03)
@@ -154,12 +152,10 @@ def test_where_no_cell_is_paths_go_on() -> None:
     proxy, lighting, view = stage()
     away = Camera.look_at([0, 5, 0], [0, 10, 0.1], 16, 12)
     traced = Tracer(proxy, replace(SURFACE, indirect="traced")).trace(lighting, view)
-    tracer = Tracer(proxy, replace(SURFACE, indirect="near"))
+    tracer = Tracer(proxy, SURFACE)
     cells = tracer.cells([away])
     assert len(cells) == 0
-    nothing = tracer.fill(cells, lighting)
-    np.testing.assert_allclose(tracer.trace(lighting, view, cache=nothing).beauty, traced.beauty, rtol=1e-4, atol=1e-6)
-    first = Tracer(proxy, SURFACE).trace(lighting, view, cache=nothing)
+    first = tracer.trace(lighting, view, cache=tracer.fill(cells, lighting))
     np.testing.assert_allclose(first.beauty.mean(), traced.beauty.mean(), rtol=0.01)
 
 
@@ -171,15 +167,14 @@ from mirelight.lighting import Tracer
 from tests.analytic.test_surface_cache import SURFACE, stage
 proxy, lighting, view = stage()
 digest = hashlib.sha256()
-for indirect in ("surface", "near"):
-    tracer = Tracer(proxy, replace(SURFACE, indirect=indirect, threads=int(sys.argv[1])))
-    cells = tracer.cells([view, view.resized(20, 30)], 0.1)
-    cache = tracer.fill(cells, lighting, samples=64)
-    buffer = tracer.trace(lighting, view, cache=cache)
-    arrays = [cells.keys, cells.starts, cells.anchors, cells.faces, cells.corners, buffer.beauty, buffer.variance]
-    arrays += [y for x in cache.lights for y in (x.direct, x.met, x.indirect, x.spread) if y is not None]
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array).tobytes())
+tracer = Tracer(proxy, replace(SURFACE, threads=int(sys.argv[1])))
+cells = tracer.cells([view, view.resized(20, 30)], 0.1)
+cache = tracer.fill(cells, lighting, samples=64)
+buffer = tracer.trace(lighting, view, cache=cache)
+arrays = [cells.keys, cells.starts, cells.anchors, cells.faces, cells.corners, buffer.beauty, buffer.variance]
+arrays += [y for x in cache.lights for y in (x.direct, x.met, x.indirect, x.spread) if y is not None]
+for array in arrays:
+    digest.update(np.ascontiguousarray(array).tobytes())
 print(digest.hexdigest())
 """
 
@@ -208,7 +203,7 @@ def on_stage(count: int) -> tuple[Array, Array]:
     return points, np.tile([0.0, 1.0, 0.0], (count, 1))
 
 
-@pytest.mark.parametrize("indirect", ["traced", "surface", "near"])
+@pytest.mark.parametrize("indirect", ["traced", "surface"])
 def test_light_on_points_is_that_of_a_frame(indirect: str) -> None:
     """A camera's pixels as points: their irradiance by the albedo is what the camera sees, layer by layer."""
     proxy, lighting, _ = stage()

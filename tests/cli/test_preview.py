@@ -42,7 +42,7 @@ class Pictures(Previews):
     """Notes what is shown: the frame, the size of the picture, and the picture."""
 
     def __init__(self, store: Store) -> None:
-        super().__init__(store, executor.Silent())
+        super().__init__(store, executor.Progress())
         self.shown: list[tuple[str, np.ndarray]] = []
         put = store.put_preview
 
@@ -54,7 +54,7 @@ class Pictures(Previews):
         store.put_preview = noted  # type: ignore[method-assign]
 
 
-class Stops(executor.Silent):
+class Stops(executor.Progress):
     """Ctrl-C once a frame has so many samples."""
 
     def __init__(self, share: float) -> None:

@@ -17,7 +17,7 @@ from PIL import Image
 from mirelight.apps.watch.files import Files, files_of
 from mirelight.apps.watch.session import Session
 from mirelight.base.errors import InputError
-from mirelight.batch.executor import Silent
+from mirelight.batch.executor import Progress
 from mirelight.batch.order import Order
 from mirelight.pipeline.plan import FrameTask
 
@@ -76,7 +76,7 @@ class Watched:
         def note(task: FrameTask, what: str) -> None:
             shown.append((what, picture(self.live).shape))
 
-        self.session.update(Silent(), note)
+        self.session.update(Progress(), note)
         return [x for x in shown if x[0] != "so far"]
 
     @property
@@ -142,7 +142,7 @@ def test_what_is_in_progress_is_given_up_for_a_change(watched: Watched) -> None:
     class Changed(BaseException):
         pass
 
-    class Stops(Silent):
+    class Stops(Progress):
         def samples(self, task: FrameTask, done: int, total: int) -> None:
             if 0 < done < total:
                 raise Changed
@@ -229,7 +229,7 @@ def test_a_setting_for_speed_writes_over_no_finished_frames(folder: Path) -> Non
 
     def begin(*settings: str, out: str | None = None) -> Session:
         session = Session(Order(job=str(job), settings=settings, out=out))
-        session.update(Silent(), lambda task, what: None)
+        session.update(Progress(), lambda task, what: None)
         return session
 
     begin().close()
@@ -240,7 +240,7 @@ def test_a_setting_for_speed_writes_over_no_finished_frames(folder: Path) -> Non
     assert {path: path.read_bytes() for path in finals} == finals
     session = begin("resolution_scale=0.5", out=str(folder / "small"))
     saved(job, text.replace("[64, 48]", "[48, 48]"))  # the job itself changes: its frames follow
-    session.update(Silent(), lambda task, what: None)
+    session.update(Progress(), lambda task, what: None)
     session.close()
     assert picture(folder / "small" / "front.night.png").shape == (24, 24, 3)
     begin("display.exposure=1").close()

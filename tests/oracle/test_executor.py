@@ -158,7 +158,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     return stand_ins
 
 
-class Heard:
+class Heard(executor.Progress):
     def __init__(self) -> None:
         self.tasks: list[str] = []
         self.fractions: dict[str, list[float]] = {}

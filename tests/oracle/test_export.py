@@ -145,9 +145,6 @@ def test_points_are_where_the_files_say(folder: Path, tmp_path: Path, more: tupl
                 pixels[:, 1], pixels[:, 0]
             ]
             assert np.abs(there / 1000 - depth).max() < 0.002
-        found = load(sets["orb"] / "blender_HDR" / "job_room" / "transforms_train.json")
-        (frame,) = [x for x in found["frames"] if x["view"] == view]
-        assert_shown(pixels, nerf_pixels(frame["transform_matrix"], found["camera_angle_x"], size, points)[0])
         sample = samples(sets["hub"] / "shards" / "train-000000.tar")[f"room__{view}"]
         about = json.loads(sample["json"])
         angle = 2 * math.atan(about["w"] / 2 / about["fl_x"])
@@ -230,52 +227,6 @@ def test_shards(folder: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(sample["normal.npy"][covered], [[0, 0, 1]] * int(covered.sum()), atol=1e-3)
         assert sample["json"]["part"] == "seen"
     assert np.allclose(found["lamp__orbit_0003"]["json"]["point_light_position"], [-1, -0.2, 1])
-
-
-def test_stanford_orb(folder: Path, tmp_path: Path) -> None:
-    """What its loaders ask for: three channels of float32, 8-bit masks of one, other scenes beside this one."""
-    data = dataset.open(folder)
-    out = export(folder, tmp_path, "orb", "--split", "lighting", "--held-out", "0.5", "--seed", "4")
-    parts = load(out / "splits.json")["parts"]
-    held = {x.split("/")[0] for x in parts["novel_light"]}
-    own = next(x for x in ("day_1", "room", "sky", "lamp", "lamps") if x not in held)
-    place = out / "blender_HDR" / f"job_{own}"
-    novel = load(place / "transforms_novel.json")["frames"]
-    assert {x["scene_name"] for x in novel} == {f"job_{x}" for x in held} and len(novel) == 3 * len(held)
-    for entry in novel + load(place / "transforms_train.json")["frames"]:
-        folder_of = place.parent / entry.get("scene_name", place.name)
-        image = read_exr(folder_of / f"{entry['file_path']}.exr")
-        assert list(image.channels) == ["R", "G", "B"] or set(image.channels) == {"R", "G", "B"}
-        assert all(x.dtype == np.float32 for x in image.channels.values())
-        kind, number = entry["file_path"].split("/")
-        mask = Image.open(folder_of / f"{kind}_mask" / f"{number}.png")
-        assert mask.mode == "L"
-        display = Image.open(out / "blender_LDR" / folder_of.name / f"{entry['file_path']}.png")
-        assert display.mode == "RGB" and display.size == (24, 24)
-        lighting = folder_of.name.removeprefix("job_").replace("day_1", "day.1")
-        frame = data.frame(int(number), lighting)
-        np.testing.assert_array_equal(image.layer(), frame[..., :3])
-        np.testing.assert_array_equal(np.asarray(mask), np.rint(frame[..., 3] * 255))
-    assert not load(place / "transforms_test.json")["frames"]
-    rig = load(out / "lights.json")
-    low = min(
-        (x for light in rig["lights"] for x in light["parts"] if x["type"] == "sun"), key=lambda x: -x["direction"][2]
-    )
-    for number, camera in enumerate(data.cameras):
-        seen = read_environment(out / "ground_truth" / "job_sky" / "env_map" / f"{number:04d}.exr")
-        assert seen.shape == (256, 512, 3)
-        row, column = np.unravel_index(seen.sum(axis=-1).argmax(), seen.shape[:2])
-        theta, phi = np.pi * (row + 0.5) / 256, np.pi * (2 * (column + 0.5) / 512 - 1)  # skylibs
-        of_camera = np.array([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)])
-        x, y, z = camera.world_from_camera[:3, :3] @ of_camera
-        assert np.array([x, -z, y]) @ -np.array(low["direction"]) > np.cos(np.radians(1.5))
-    truth = out / "ground_truth" / f"job_{sorted(held)[0]}"
-    normal = np.load(truth / "surface_normal" / "0001.npy")
-    covered = data.geometry(1).coverage == 1
-    np.testing.assert_allclose(
-        normal[covered] @ data.cameras[1].world_from_camera[:3, :3].T, [[0, 1, 0]] * covered.sum(), atol=1e-5
-    )
-    np.testing.assert_array_equal(np.load(truth / "z_depth" / "0001.npy"), data.geometry(1).depth)
 
 
 def test_geometry_of_light_at_fewer_pixels(folder: Path, tmp_path: Path) -> None:
@@ -437,8 +388,8 @@ def test_another_way_of_relighting_is_another_picture(folder: Path, tmp_path: Pa
 def test_parts_are_in_every_layout(folder: Path, tmp_path: Path, by: str) -> None:
     """One list for all; seen frames are the training frames of each layout."""
     more = ("--split", by, "--held-out", "0.5", "--seed", "4", "--no-hdr")
-    nerf, colmap, tensoir, olat, hub, orb = (
-        export(folder, tmp_path / name, name, *more) for name in ("nerf", "colmap", "tensoir", "olat", "hub", "orb")
+    nerf, colmap, tensoir, olat, hub = (
+        export(folder, tmp_path / name, name, *more) for name in ("nerf", "colmap", "tensoir", "olat", "hub")
     )
     splits = load(nerf / "splits.json")
     parts = splits["parts"]
@@ -463,12 +414,6 @@ def test_parts_are_in_every_layout(folder: Path, tmp_path: Path, by: str) -> Non
         shard = hub / "shards" / f"{'train' if part == 'seen' else part}-000000.tar"
         assert shard.exists() == bool(frames)
         assert not frames or set(samples(shard)) == {x.replace("/", "__") for x in frames}
-    for lighting in ("day_1", "lamp"):
-        kinds = {
-            split: load(orb / "blender_LDR" / f"job_{lighting}" / f"transforms_{split}.json")["frames"]
-            for split in ("train", "test")
-        }
-        assert {x["view"] for x in kinds["test"]} == held and len(kinds["train"]) == 3 - len(held)
     trained = {x["file_path"] for x in load(olat / "transforms_train.json")["frames"]}
     assert trained == {f"./images/{x.replace('/', '__')}" for x in seen if x.startswith("lamp/")}
 
@@ -502,7 +447,7 @@ def test_the_page_s_code_loads_the_set(
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     exec(code, {})
     printed = capsys.readouterr().out.strip()
-    expected = {"nerf": "3", "colmap": "3", "tensoir": "(4, 4) RGBA", "hub": "RGBA orbit_0001", "orb": "3"}
+    expected = {"nerf": "3", "colmap": "3", "tensoir": "(4, 4) RGBA", "hub": "RGBA orbit_0001"}
     if layout == "olat":
         assert np.allclose(json.loads(printed), [-1, -0.2, 1])  # [-1, 1, 0.2] with Y up
     else:
@@ -605,7 +550,7 @@ def test_a_job_writes_its_data_sets_once_all_frames_are_there(
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (AT_END.replace('"colmap"', '"orb"').replace("[dataset]", "[dataset]\nnormalize = 3"), "dataset.normalize: "),
+        (AT_END.replace('"colmap"', '"hub"').replace("[dataset]", "[dataset]\nnormalize = 3"), "dataset.normalize: "),
         (AT_END.replace('"colmap"', '"blender"'), "dataset.layouts[1]: "),
         (AT_END.replace("cc0-1.0", "a: b"), "cannot be a licence's name"),
         (AT_END + '[output]\nstore = "frames"\n', "'frames', but data sets are mixed from layers"),

@@ -142,7 +142,7 @@ def test_only_lights_that_changed_are_filled(monkeypatch: pytest.MonkeyPatch) ->
     assert counts == [3, 1, 4, 1, 3, 3]
     lit(replace(one, cameras=one.cameras[:1]), shelf)
     assert counts[6:] == [3] and len(shelf.found) == 2
-    lit(replace(one, render=replace(one.render, indirect="near", spp=4)), shelf)
+    lit(replace(one, render=replace(one.render, spp=4)), shelf)
     assert len(counts) == 7
 
 

@@ -42,7 +42,7 @@ def job(tmp_path: Path) -> Path:
     return path
 
 
-class Noted(executor.Silent):
+class Noted(executor.Progress):
     def __init__(self) -> None:
         self.lines: list[str] = []
 

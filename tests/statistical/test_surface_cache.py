@@ -42,9 +42,8 @@ def frames(indirect: Indirect, count: int, samples: int, *, spp: int = 32) -> li
     return out
 
 
-@pytest.mark.parametrize("indirect", ["surface", "near"])
-def test_a_frame_is_the_traced_one_within_the_bias(traced: Array, indirect: Indirect) -> None:
-    read = np.stack([x.beauty.astype(np.float64) for x in frames(indirect, SEEDS, 128)])
+def test_a_frame_is_the_traced_one_within_the_bias(traced: Array) -> None:
+    read = np.stack([x.beauty.astype(np.float64) for x in frames("surface", SEEDS, 128)])
     worst, allowed = worst_and_allowed(read, traced, rounding=BIAS)
     assert worst < allowed
     worst, allowed = worst_and_allowed(1.04 * read, traced, rounding=BIAS)
@@ -69,9 +68,3 @@ def test_error_bars_hold_the_cache_s_own_error() -> None:
     sharp = frames("surface", 1, 1024, spp=64)[0]
     for k in range(3):
         assert np.mean(np.asarray(sharp.layers[k].variance)) < np.mean(np.asarray(made[0].layers[k].variance))
-
-
-def test_error_bars_hold_at_later_hits() -> None:
-    made = frames("near", 12, 32)
-    spread = np.var(np.stack([x.beauty for x in made]).astype(np.float64), axis=0, ddof=1).mean()
-    assert 0.7**2 < np.mean([np.asarray(x.variance) for x in made]) / spread < 1.3**2

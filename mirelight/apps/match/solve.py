@@ -34,39 +34,21 @@ class Column:
 
 
 def nonnegative(gram: F64, moment: F64) -> F64:
-    """The x >= 0 that minimises x G x / 2 - m x (Lawson and Hanson 1974, chapter 23, on the normal equations).
+    """The x >= 0 that minimises x G x / 2 - m x.
 
     Args:
         gram: (n, n) symmetric, not negative; columns without any power stay at 0.
         moment: (n,).
     """
-    n = len(moment)
+    from scipy.optimize import nnls
+
     power = np.sqrt(np.maximum(np.diag(gram), 0))
-    usable = power > 0
-    scale = np.where(usable, power, 1)
-    g, m = gram / np.outer(scale, scale), moment / scale
-    free = np.zeros(n, bool)
-    x = np.zeros(n)
-    for _ in range(3 * n + 3):
-        slope = np.where(free | ~usable, -np.inf, m - g @ x)
-        best = int(np.argmax(slope))
-        if slope[best] <= 1e-10 * max(float(np.abs(m).max()), 1e-300):
-            break
-        free[best] = True
-        while True:
-            found = np.zeros(n)
-            found[free] = np.linalg.lstsq(g[np.ix_(free, free)], m[free], rcond=1e-12)[0]
-            wrong = free & (found <= 0)
-            if not wrong.any():
-                break
-            step = np.min(x[wrong] / np.maximum(x[wrong] - found[wrong], 1e-300))
-            x = x + step * (found - x)
-            free &= ~(wrong & (x <= 1e-12 * max(float(x.max()), 1e-300)))
-            x[~free] = 0
-            if step == 0 and not free.any():
-                return x / scale
-        x = found
-    return np.asarray(x / scale)
+    scale = np.where(power > 0, power, 1)
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    used = values > 1e-12 * max(float(values.max(initial=0)), 1e-300)
+    roots = np.sqrt(values[used])
+    found, _ = nnls(roots[:, None] * vectors[:, used].T, vectors[:, used].T @ (moment / scale) / roots)
+    return np.where(power > 0, found / scale, 0.0)
 
 
 def closest(columns: list[Column], target: F64, rest: F64, counts: F64, gain: float) -> tuple[F64, Bool]:

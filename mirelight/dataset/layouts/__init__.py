@@ -15,7 +15,6 @@ from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.hub import check_hub, configs, write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat, write_olat
-from mirelight.dataset.layouts.orb import check_orb, write_orb
 from mirelight.dataset.layouts.pictures import Geometry, Part, Picture, Pixels, Shared, straight_rgba
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
@@ -37,7 +36,6 @@ __all__ = [
     "write_hub",
     "write_nerf",
     "write_olat",
-    "write_orb",
     "write_tensoir",
 ]
 
@@ -72,10 +70,6 @@ def _built_in(shared: Shared, lighting: str) -> str:
 
 def _webdataset(shared: Shared, lighting: str) -> str:
     return '- `webdataset.WebDataset("shards/train-000000.tar").decode("pilrgba")` reads the same shards.\n'
-
-
-def _stanford(shared: Shared, lighting: str) -> str:
-    return "- A scene is a lighting. Stanford-ORB's loaders take pictures of k times 512 pixels, most of them 2048.\n"
 
 
 WRITERS: Mapping[Layout, Writer] = {
@@ -114,12 +108,5 @@ WRITERS: Mapping[Layout, Writer] = {
         'sample = next(iter(data))\nprint(sample["png"].mode, sample["json"]["camera"])',
         configs,
         _webdataset,
-    ),
-    "orb": Writer(
-        check_orb,
-        write_orb,
-        'import json\n\nfolder = "blender_LDR/{set}_{lighting}"\n'
-        'frames = json.load(open(f"{folder}/transforms_train.json"))["frames"]\nprint(len(frames))',
-        notes=_stanford,
     ),
 }

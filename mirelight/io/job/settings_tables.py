@@ -44,7 +44,7 @@ class RenderTable(Table):
     indirect: Indirect = Field(
         default=_RENDER.indirect,
         description="Reflected light: traced anew for every picture; or gathered on the proxy once for all cameras and "
-        "read at a path's first hit (surface) or second (near). docs/explanation/surface-light.md: what is gained and "
+        "read at a path's first hit (surface). docs/explanation/surface-light.md: what is gained and "
         "lost.",
     )
     seed: int = Field(default=_RENDER.seed, ge=0, le=2**31 - 1, description="Same seed, same picture.")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,20 +17,18 @@ from mirelight import relighting
 from mirelight.model import (
     F32,
     DirectionalLight,
-    Job,
     Light,
     Lighting,
     PointLight,
-    ProxyMesh,
-    SplatCloud,
     SpotLight,
     SurfaceCells,
     SurfaceTransport,
 )
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
-from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.artefact_cache import ArtefactCache, made_once
+from mirelight.pipeline import requirements
+from mirelight.pipeline.artefact_cache import made_once
 from mirelight.pipeline.codecs import array_of
+from mirelight.pipeline.prepared import Prepared
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
@@ -44,36 +42,6 @@ SHARP_READS = 8  # samples of lights that are a point or a direction, as then on
 Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
 
 
-class Lightable(Protocol):
-    """What is needed of the prepared job."""
-
-    job: Job
-    keys: keys.Keys
-    kept: ArtefactCache
-
-    @property
-    def splats(self) -> SplatCloud | None:
-        """In world space."""
-
-    @property
-    def proxy(self) -> ProxyMesh | None:
-        """As light falls on it."""
-
-    @property
-    def glows(self) -> bool:
-        """Whether the proxy's own surfaces send out light."""
-
-    @property
-    def captured_level(self) -> float | None:
-        """Mean luminance of the captured light over the scene."""
-
-    def resolved(self, lighting: Lighting) -> Lighting:
-        """The lighting with a sun and a map in place of its sky model."""
-
-    def lighting_of(self, light_set: LightSet) -> Lighting:
-        """What to trace for a set."""
-
-
 class SplatLight:
     """Light on N splats, found or made when it is asked for.
 
@@ -83,7 +51,7 @@ class SplatLight:
         progress: hears what is traced; what it raises ends the tracing.
     """
 
-    def __init__(self, scene: Lightable, spp: int, progress: Progress | None = None) -> None:
+    def __init__(self, scene: Prepared, spp: int, progress: Progress | None = None) -> None:
         self._scene, self._spp, self._progress = scene, spp, progress
 
     def with_samples(self, spp: int) -> SplatLight:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.model.unit_lights import LightSet
@@ -24,17 +24,6 @@ _MOST_BYTES = 2**30  # of light that stays in memory
 FILL = 0x1B873593  # between the seeds of fills that are averaged
 
 
-class Lightable(Protocol):
-    """What is needed of the prepared job."""
-
-    job: Job
-    keys: keys.Keys
-    kept: ArtefactCache
-
-    def lighting_of(self, light_set: LightSet) -> Lighting:
-        """What to trace for a set."""
-
-
 class SurfaceLight:
     """Found or made when it is first asked for.
 
@@ -42,14 +31,25 @@ class SurfaceLight:
     added to a lighting is the only one that is filled.
 
     Args:
-        scene: a prepared job whose light is read from the surface.
+        job: whose light is read from the surface.
+        made: its keys.
+        kept: where light is found and kept.
         tracer: of the job's proxy.
+        lighting_of: what to trace for a set.
         tell: called with a line before something that takes long.
     """
 
-    def __init__(self, scene: Lightable, tracer: Tracer, tell: Callable[[str], None]) -> None:
-        self._job, self._keys, self._kept = scene.job, scene.keys, scene.kept
-        self._lighting_of, self._tracer, self._tell = scene.lighting_of, tracer, tell
+    def __init__(
+        self,
+        job: Job,
+        made: keys.Keys,
+        kept: ArtefactCache,
+        tracer: Tracer,
+        lighting_of: Callable[[LightSet], Lighting],
+        tell: Callable[[str], None],
+    ) -> None:
+        self._job, self._keys, self._kept = job, made, kept
+        self._lighting_of, self._tracer, self._tell = lighting_of, tracer, tell
         self._lights: dict[str, tuple[CellLight, ...]] = {}
 
     @cached_property

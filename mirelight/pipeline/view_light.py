@@ -5,17 +5,17 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from mirelight.model import Camera, DirectionalLight, Job, Lighting, LightingBuffer, SunLight, SurfaceCache
+from mirelight.model import Camera, DirectionalLight, Lighting, LightingBuffer, SunLight
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
-from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.artefact_cache import ArtefactCache
+from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import light_of
 from mirelight.pipeline.mix import Wanted, mix
+from mirelight.pipeline.prepared import Prepared
 
 if TYPE_CHECKING:
-    from mirelight.lighting import EngineTracer, Tracer
+    pass
 
 Progress = Callable[[int, int], None]  # (samples done, samples in all)
 Look = Callable[[Callable[[], LightingBuffer]], None]  # may ask for a lighting as far as it is traced
@@ -28,34 +28,6 @@ class ViewStopped(KeyboardInterrupt):
     """The user stopped a trace; what there is can be mixed."""
 
 
-class LitScene(Protocol):
-    """What a view's light needs of the prepared job: `mirelight.pipeline.scene.Scene` without its splats."""
-
-    job: Job
-    keys: keys.Keys
-    kept: ArtefactCache
-
-    @property
-    def tracer(self) -> Tracer | EngineTracer:
-        """What lights the proxy."""
-
-    @property
-    def glows(self) -> bool:
-        """Whether the proxy's own surfaces send out light."""
-
-    def mixture(self, lighting: Lighting) -> Mixture:
-        """How a lighting is made of sets of unit lights."""
-
-    def lighting_of(self, light_set: LightSet) -> Lighting:
-        """What to trace for a set."""
-
-    def resolved(self, lighting: Lighting) -> Lighting:
-        """The lighting with a sun and a map in place of its sky model."""
-
-    def surface_cache(self, light_set: LightSet, *, progress: Progress | None = None) -> SurfaceCache | None:
-        """A set's light on the surface; None where the job traces it."""
-
-
 class ViewLight:
     """What is known of the light of one view. Kept as long as frames of the same view are made.
 
@@ -64,8 +36,8 @@ class ViewLight:
         seen: the lighting's camera.
     """
 
-    def __init__(self, scene: LitScene, seen: Camera) -> None:
-        self._scene: LitScene = weakref.proxy(scene)  # the scene holds this: a cycle would outlive both
+    def __init__(self, scene: Prepared, seen: Camera) -> None:
+        self._scene: Prepared = weakref.proxy(scene)  # the scene holds this: a cycle would outlive both
         self._seen = seen
         self._there: dict[str, LightingBuffer] = {}  # by the digests of sets
         self._due: list[str] = []  # digests of sets that must be traced, in order
@@ -195,7 +167,7 @@ def _waiting(report: Progress, done: int, total: int) -> None:
     report(0, 1)
 
 
-def _sun_strengths(scene: LitScene, mixture: Mixture) -> Mapping[str, float]:
+def _sun_strengths(scene: Prepared, mixture: Mixture) -> Mapping[str, float]:
     """By the digest of a set, the illuminance of the suns that the lighting takes from it."""
     strengths: dict[str, float] = {}
     for term in mixture.terms:

@@ -1,0 +1,237 @@
+"""What is made once a scene, each part when it is first needed: splats, proxy, captured light, tracer, compositor.
+
+Parts that take long are artefacts with a key of their own (`mirelight.pipeline.keys`), kept where the caller has a
+place for them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from mirelight.model import (
+    F32,
+    EstimatedSky,
+    Job,
+    Lighting,
+    ProxyMesh,
+    SplatCloud,
+    SplatLayer,
+    SurfaceCache,
+    camera_checks,
+)
+from mirelight.model.unit_lights import LightSet, Mixture
+from mirelight.pipeline import frame_diagnostics, keys, requirements
+from mirelight.pipeline.artefact_cache import ArtefactCache
+from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.codecs import ARRAY, MESH, Codec
+from mirelight.pipeline.surface_light import SurfaceLight
+
+if TYPE_CHECKING:
+    from mirelight.compositor import Compositor
+    from mirelight.estimate import Estimate
+    from mirelight.lighting import EngineTracer, Tracer
+
+T = TypeVar("T")
+
+
+class Prepared:
+    """The parts of a job that light of views, of the surface and of splats is made from."""
+
+    def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
+        self.job = job
+        self.keys = keys.Keys(job)
+        self.kept = kept
+        self._of_user = UserCache()
+        self._report = report
+        self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
+
+    @cached_property
+    def splats(self) -> SplatCloud | None:
+        """The splats in world space."""
+        cloud = None if self.job.splats is None else self.job.splats.value
+        if cloud is not None and cloud.dropped:
+            self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
+        if cloud is not None and (line := camera_checks.too_far(cloud)):
+            self._tell(line)
+        return cloud
+
+    @cached_property
+    def mesh(self) -> ProxyMesh | None:
+        """The proxy as the job names it: read, or made from the splats unless it was kept from an earlier time."""
+        job = self.job
+        if job.proxy is None:
+            return None
+        if job.made_proxy is None:
+            if line := camera_checks.too_far(job.proxy.value):
+                self._tell(line)
+            return job.proxy.value
+        from mirelight.proxy.recipe import made_by
+
+        key = self.keys.made_proxy
+        found = self._shared(key, MESH)
+        if found is not None:
+            job.made_proxy.mesh.supply(found)
+        else:
+            self._tell("making the proxy mesh from the splats; it is kept for the next time")
+            began = time.monotonic()
+            made = made_by(job.made_proxy)
+            self._share(key, made, MESH)
+            self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
+        return job.proxy.value
+
+    @cached_property
+    def views(self) -> tuple[SplatLayer, ...]:
+        """The splats as the capture's cameras see them, where colours are taken from that and not from single splats:
+        of splats that are no discs, where the cameras are known."""
+        from mirelight.proxy.capture_views import capture_views
+
+        job = self.job
+        if self.splats is None:
+            return ()
+        return capture_views(self.splats, job.capture_cameras, job.render.variant, job.render.threads)
+
+    def _tell(self, line: str) -> None:
+        if self._report is not None:
+            self._report(line)
+
+    @cached_property
+    def proxy(self) -> ProxyMesh | None:
+        """The proxy as light falls on it: with the splats' colours where the job asks for them and they are of use."""
+        job = self.job
+        mesh = self.mesh
+        if mesh is None or self.splats is None or job.captured is None or not requirements.colors_proxy(job):
+            return mesh
+        from mirelight.lighting import albedo
+
+        colors = self.kept.get(self.keys.proxy, ARRAY)
+        if colors is None:
+            found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render, self.views)
+            finding = frame_diagnostics.of_colors(found.met, found.lit)
+            if finding is not None:
+                self._tell(str(finding))
+            colors = found.values
+            self.kept.put(self.keys.proxy, colors, ARRAY)
+        return albedo.with_vertex_colors(mesh, colors)
+
+    @cached_property
+    def glows(self) -> bool:
+        """True where the proxy's own surfaces send out light that is traced."""
+        from mirelight.lighting.materials import is_emissive
+
+        return self.proxy is not None and not requirements.follows_engine(self.job) and is_emissive(self.proxy)
+
+    @cached_property
+    def captured_level(self) -> float | None:
+        """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it."""
+        job = self.job
+        if self.proxy is None or job.captured is None or not requirements.compares(job):
+            return None
+        from mirelight.lighting.level import captured_level
+
+        found = self.kept.get(self.keys.captured_level, ARRAY)
+        if found is None:
+            level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render, self.views)
+            found = np.array([level], np.float64)
+            self.kept.put(self.keys.captured_level, found, ARRAY)
+        return float(found[0])
+
+    def resolved(self, lighting: Lighting) -> Lighting:
+        """The lighting with a sun and a map in place of its sky model, or of captured light that is to be estimated."""
+        from mirelight.lighting.sunsky import resolved
+
+        sky = lighting.sky
+        if isinstance(sky, EstimatedSky):
+            found = self._estimated(sky)
+            around = found.environment
+            assert around is not None
+            suns = tuple(replace(x, intensity=x.intensity * sky.intensity) for x in found.lights)
+            around = replace(around, intensity=around.intensity * sky.intensity)
+            lighting = replace(lighting, lights=(*lighting.lights, *suns), environment=around, sky=None)
+        return resolved(lighting, self.job.render.variant)
+
+    def _estimated(self, sky: EstimatedSky) -> Lighting:
+        """The light that the splats were captured under: found where it was kept, or estimated."""
+        from mirelight.estimate import estimate, lighting_of
+
+        key = self.keys.estimate(sky)
+        known = self._estimates.get(key)
+        if known is None:
+            packed = self._shared(key, ARRAY)
+            if packed is None:
+                splats, mesh = self.splats, self.mesh
+                assert splats is not None and mesh is not None
+                self._tell("estimating the captured light from the splats; it is kept for the next time")
+                settings = replace(self.job.render, seed=sky.seed)
+                found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
+                packed = self.keep_estimate(sky, found)
+            known = self._estimates[key] = lighting_of(packed.astype(np.float64), sky.lights)
+        return known
+
+    def keep_estimate(self, sky: EstimatedSky, found: Estimate) -> F32:
+        """Keep what was found for every job that asks for the same; says what is kept."""
+        key, packed = self.keys.estimate(sky), found.packed().astype(np.float32)
+        self._share(key, packed, ARRAY)
+        return packed
+
+    def _shared(self, key: str, codec: Codec[T]) -> T | None:
+        """What is kept for this job, or else for all of the user's; from then on for this job, too."""
+        found = self.kept.get(key, codec)
+        if found is None:
+            found = self._of_user.get(key, codec)
+            if found is not None:
+                self.kept.put(key, found, codec)
+        return found
+
+    def _share(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keep what takes long for this job, and for all of the user's."""
+        self.kept.put(key, value, codec)
+        self._of_user.put(key, value, codec)
+
+    def mixture(self, lighting: Lighting) -> Mixture:
+        """How a lighting is made of sets of unit lights."""
+        return self.keys.mixture(lighting)
+
+    def lighting_of(self, light_set: LightSet) -> Lighting:
+        """What to trace for a set: its lights, each with the name of its unit's layer."""
+        return light_set.as_lighting(self.resolved)
+
+    def surface_cache(
+        self, light_set: LightSet, *, progress: Callable[[int, int], None] | None = None
+    ) -> SurfaceCache | None:
+        """A set's light on the surface; None where the job traces it."""
+        return None if self.surface_light is None else self.surface_light.cache(light_set, progress)
+
+    @cached_property
+    def surface_light(self) -> SurfaceLight | None:
+        """Light on the surface, for all of the job's cameras; None where the job traces it."""
+        from mirelight.lighting import Tracer
+
+        if not requirements.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
+            return None
+        return SurfaceLight(self.job, self.keys, self.kept, self.tracer, self.lighting_of, self._tell)
+
+    @cached_property
+    def compositor(self) -> Compositor:
+        """The splats on the compute device."""
+        from mirelight.compositor import Compositor
+
+        render = self.job.render
+        assert self.splats is not None
+        return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
+
+    @cached_property
+    def tracer(self) -> Tracer | EngineTracer:
+        """The proxy on the compute device, and what lights it."""
+        from mirelight.lighting import tracer
+
+        assert self.proxy is not None
+        job = self.job
+        return tracer(
+            self.proxy, job.render, layers=requirements.keeps_lights_apart(job), aovs=requirements.wants_aovs(job)
+        )

@@ -133,6 +133,7 @@ def _picture(facts: PictureFacts) -> Rows:
     yield "kind", "image"
     yield "size", f"{facts.width} x {facts.height} px"
     yield "channels", _listed(facts.channels)
+    yield "colours", facts.color_space
     if facts.mean is not None and facts.brightest is not None:
         yield "linear", f"mean {_vector(facts.mean)}, brightest {facts.brightest:g}"
     yield "memory", size(facts.memory)

@@ -12,7 +12,7 @@ import numpy as np
 from mirelight.base.errors import InputError
 from mirelight.compare.types import Bool, Picture
 from mirelight.io.decoding import opened
-from mirelight.io.exr import read_exr
+from mirelight.io.exr import read_exr, to_rec709
 from mirelight.io.frame_texts import PROVENANCE
 from mirelight.io.safety import open_binary, read_file
 from mirelight.model import PROFILES
@@ -86,7 +86,7 @@ def _read_exr(path: Path) -> Picture:
     main = layers.get("")
     if main is None or not {"R", "G", "B"} <= set(image.channels):
         raise InputError(path, "an EXR without channels R, G and B", "give a picture")
-    rgb = np.ascontiguousarray(main[..., :3])
+    rgb = to_rec709(path, image.metadata, np.ascontiguousarray(main[..., :3]))
     alpha = main[..., 3] if "A" in image.channels else np.ones(rgb.shape[:2], dtype=np.float32)
     lighting = layers.get("lighting")
     return Picture(

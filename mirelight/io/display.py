@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError
 from mirelight.io.decoding import opened
-from mirelight.io.exr import read_exr
+from mirelight.io.exr import read_exr, to_rec709
 from mirelight.io.frame_texts import PROVENANCE, profile_of
 from mirelight.io.png import encode_display
 from mirelight.io.safety import existing, open_binary
@@ -27,8 +27,8 @@ _EACH = 4 * 4 + 4 + 3  # bytes a pixel: the picture, black and both together as 
 def read_display(path: str | Path) -> NDArray[np.uint8]:
     """A picture file as display values.
 
-    A frame's EXR is shown by its job's display settings, which the file holds; another program's as linear Rec.709,
-    premultiplied, at exposure 0. What is transparent lies over black.
+    A frame's EXR is shown by its job's display settings, which the file holds; another program's as linear light in
+    the primaries that it names, premultiplied, at exposure 0. What is transparent lies over black.
 
     Returns:
         (H, W, 3) uint8.
@@ -48,10 +48,12 @@ def read_display(path: str | Path) -> NDArray[np.uint8]:
 def _exr(path: Path) -> NDArray[np.uint8]:
     image = read_exr(path)
     try:
-        rgba = _rgba(image.layer())
+        values = image.layer()
     except (KeyError, ValueError):
         found = f"an EXR without a picture (layers {', '.join(image.layers[:5])})"
         raise InputError(path, found, "give one with R, G and B") from None
+    rgba = _rgba(values)
+    rgba[..., :3] = to_rec709(path, image.metadata, rgba[..., :3])
     profile, linear = profile_of(path, image.metadata)
     return encode_display(rgba, _display_of(image.metadata), profile, whole=linear)
 

@@ -19,9 +19,10 @@ _LDR_MAGICS = (b"\x89PNG", b"\xff\xd8\xff", b"RIFF")
 def read_environment(path: str | Path) -> F32:
     """An equirectangular map, told apart by content.
 
-    Colours are taken as linear Rec.709: an EXR file's chromaticities are not converted (as in Blender), EXPOSURE lines
-    of Radiance files are not applied, and PNG, JPEG and WebP pictures are sRGB decoded. Negative values, which
-    resampling leaves in some maps, become 0. Any aspect is taken; 2:1 is the full sphere without distortion.
+    Colours come in linear Rec.709: an EXR file's chromaticities and a Radiance file's PRIMARIES are converted, what has
+    none is taken as Rec.709. EXPOSURE lines of Radiance files are not applied, and PNG, JPEG and WebP pictures are sRGB
+    decoded. Negative values, of colours that Rec.709 does not hold or left by resampling, become 0. Any aspect is
+    taken; 2:1 is the full sphere without distortion.
 
     Args:
         path: the file.
@@ -83,7 +84,8 @@ def _read_exr_rgb(path: Path) -> F32:
     else:
         found = ", ".join(image.channels)[:200]
         raise InputError(path, f"no R, G and B channels of one picture (it has {found})", "save one RGB layer")
-    return np.stack([image.channels[name].astype(np.float32) for name in names], axis=-1)
+    rgb = np.stack([image.channels[name].astype(np.float32) for name in names], axis=-1)
+    return exr.to_rec709(path, image.metadata, rgb)
 
 
 def _name(layer: str, channel: str) -> str:

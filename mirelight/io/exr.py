@@ -11,12 +11,14 @@ import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base import primaries
 from mirelight.base.errors import InputError, OutputError
+from mirelight.base.primaries import Chromaticities
 from mirelight.io.atomic import atomic_path
 from mirelight.io.exr_bytes import DIGEST, NO_DIGEST, is_whole, seal
 from mirelight.io.exr_noise import silenced
@@ -24,7 +26,7 @@ from mirelight.io.safety import existing, open_binary, require_memory
 from mirelight.model import Compression, shown
 
 MAGIC = b"\x76\x2f\x31\x01"
-_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # chromaticities of R, G, B and D65 (ITU-R BT.709-6)
+CHROMATICITIES, INTEROP_ID = "chromaticities", "colorInteropID"  # standard attributes: eight numbers, and a name
 _MAX_HALF = 65504.0  # brighter half floats would become infinite
 _COMPRESSIONS: Mapping[Compression, str] = {
     "zip": "ZIP_COMPRESSION",
@@ -99,7 +101,7 @@ def write_exr(
     header = {
         "compression": getattr(OpenEXR, _COMPRESSIONS[compression]),
         "type": OpenEXR.scanlineimage,
-        "chromaticities": _REC709,
+        CHROMATICITIES: primaries.REC709,
         "displayWindow": _box(range(height), range(width)),
         "dataWindow": _box(rows, columns),
         DIGEST: NO_DIGEST,
@@ -125,7 +127,7 @@ def read_exr(path: str | Path) -> ExrImage:
     """Read every channel of every part; a part's name goes before its channels' names unless it is there already.
 
     Channels have the size of the display window: zero where the data window leaves it out, cut where that is larger. No
-    colour conversion is made, whatever chromaticities the file names.
+    colour conversion is made, whatever chromaticities the file names: see :func:`to_rec709`.
 
     Raises:
         InputError: not an OpenEXR image, damaged, deep, subsampled, or larger than memory.
@@ -174,6 +176,36 @@ def read_header(path: str | Path) -> list[dict[str, Any]]:
         raise InputError(
             path, f"an EXR header that cannot be read ({type(e).__name__})", "the file is damaged"
         ) from None
+
+
+def chromaticities_of(path: str | Path, header: Mapping[str, Any]) -> Chromaticities | None:
+    """The primaries and the white that a part's colours are in; None where it does not say ("Rec.709" then, by
+    OpenEXR's rule).
+
+    Raises:
+        InputError: numbers that no colours can be in.
+    """
+    found = header.get(CHROMATICITIES)
+    if found is None:
+        named = (space for space, known in primaries.INTEROP_IDS.items() if known == header.get(INTEROP_ID))
+        return next((primaries.PRIMARIES[space] for space in named), None)
+    numbers = tuple(float(x) for x in np.asarray(found, np.float64).ravel())
+    if not primaries.are_usable(numbers):
+        shown_numbers = ", ".join(f"{x:g}" for x in numbers[:8])
+        remedy = "save it with those of its colour space, or without the attribute if it is Rec.709"
+        raise InputError(path, f"primaries that span no colours ({shown_numbers})", remedy, field=CHROMATICITIES)
+    space = primaries.known(numbers)
+    return primaries.PRIMARIES[space] if space is not None else cast(Chromaticities, numbers)
+
+
+def to_rec709(path: str | Path, header: Mapping[str, Any], rgb: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Colours (..., 3) of a part, linear, premultiplied or not, in Rec.709: the given array where they are in it.
+
+    Raises:
+        InputError: chromaticities that no colours can be in.
+    """
+    found = chromaticities_of(path, header)
+    return rgb if found is None else primaries.converted(rgb, found, primaries.REC709)
 
 
 def _has_utf8_name(path: str | Path) -> bool:

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base import primaries
 from mirelight.base.errors import InputError
+from mirelight.base.primaries import Chromaticities
 from mirelight.io.atomic import atomic_path
-from mirelight.io.safety import existing, read_whole, require_memory
+from mirelight.io.safety import existing, open_binary, read_whole, require_memory
 from mirelight.model import F32
 
 Rgbe = NDArray[np.uint8]
@@ -27,7 +30,7 @@ _EXPONENT_BIAS = 128 + 8  # value = mantissa byte * 2^(exponent byte - 136)
 
 
 def read_hdr(path: str | Path) -> F32:
-    """A Radiance picture as linear RGB.
+    """A Radiance picture as linear RGB in Rec.709; without a PRIMARIES line its colours are taken as that.
 
     Returns:
         (h, w, 3) float32, row 0 the top.
@@ -37,9 +40,17 @@ def read_hdr(path: str | Path) -> F32:
     """
     path = existing(path)
     data = read_whole(path, "its bytes")
-    width, height, start = _read_header(path, data)
+    width, height, start, space = _read_header(path, data)
     require_memory(path, width * height * 16, f"{width} x {height} pixels")
-    return _decoded(_read_pixels(path, data, start, width, height))
+    rgb = _decoded(_read_pixels(path, data, start, width, height))
+    return rgb if space is None else primaries.converted(rgb, space, primaries.REC709)
+
+
+def read_hdr_primaries(path: str | Path) -> Chromaticities | None:
+    """What the PRIMARIES line says; None where there is none. Raises InputError."""
+    path = existing(path)
+    with open_binary(path) as stream:
+        return _read_header(path, stream.read(_MAX_HEADER))[3]
 
 
 def write_hdr(path: str | Path, radiance: F32) -> None:
@@ -63,8 +74,8 @@ def write_hdr(path: str | Path, radiance: F32) -> None:
         temporary.write_bytes(head + body)
 
 
-def _read_header(path: Path, data: bytes) -> tuple[int, int, int]:
-    """Width, height and where the pixels start."""
+def _read_header(path: Path, data: bytes) -> tuple[int, int, int, Chromaticities | None]:
+    """Width, height, where the pixels start, and the primaries that are named."""
     end = data.find(b"\n\n", 0, _MAX_HEADER)
     if not data.startswith(MAGIC) or end < 0:
         raise InputError(path, "not a Radiance picture", "check the file")
@@ -81,7 +92,22 @@ def _read_header(path: Path, data: bytes) -> tuple[int, int, int]:
     height, width = int(match[1]), int(match[2])
     if not (1 <= width <= _MAX_SIDE and 1 <= height <= _MAX_SIDE):
         raise InputError(path, f"{width} x {height} pixels", f"at most {_MAX_SIDE} along each side are read")
-    return width, height, stop + 1
+    return width, height, stop + 1, _primaries(path, lines)
+
+
+def _primaries(path: Path, lines: list[str]) -> Chromaticities | None:
+    named = [line.partition("=")[2] for line in lines if line.startswith("PRIMARIES=")]
+    if not named:
+        return None
+    try:
+        numbers = tuple(float(x) for x in named[-1].split())
+    except ValueError:
+        numbers = ()
+    if not primaries.are_usable(numbers):
+        remedy = "give x and y of red, green, blue and white, or leave the line out if it is Rec.709"
+        raise InputError(path, f"primaries {named[-1].strip()[:60]!r}", remedy, field="PRIMARIES")
+    space = primaries.known(numbers)
+    return primaries.PRIMARIES[space] if space is not None else cast(Chromaticities, numbers)
 
 
 def _read_pixels(path: Path, data: bytes, at: int, width: int, height: int) -> Rgbe:

@@ -157,6 +157,7 @@ class PictureFacts:
     channels: tuple[str, ...]
     mean: Numbers | None  # (3,) linear, every pixel alike
     brightest: float | None  # largest value of a channel, linear
+    color_space: str  # of the file's colours; `mean` and `brightest` are in Rec.709
     memory: int  # bytes once read
     fingerprint: str | None  # of a frame that mirelight wrote
 

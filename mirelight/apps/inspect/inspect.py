@@ -26,7 +26,9 @@ from mirelight.apps.inspect.facts import (
     numbers,
     rounded,
 )
+from mirelight.base import primaries
 from mirelight.base.errors import InputError
+from mirelight.base.primaries import Chromaticities
 from mirelight.io.safety import existing, open_binary, read_bytes
 from mirelight.io.suffixes import GLTF
 from mirelight.model import Job, ProxyMesh, SplatCloud, camera_checks
@@ -153,19 +155,23 @@ def _picture(path: Path) -> PictureFacts:
 
     fingerprint = read_fingerprint(path) if path.suffix.lower() in (".exr", ".png") else None
     if path.suffix.lower() == ".exr":
-        from mirelight.io.exr import read_exr
+        from mirelight.io.exr import chromaticities_of, read_exr, to_rec709
 
         image = read_exr(path)
         first = next(iter(image.channels.values()))
         own = [image.channels[c] for c in "RGB" if c in image.channels]
         pixels = np.stack(own, axis=-1).astype(np.float32) if len(own) == 3 else None
+        pixels = None if pixels is None else to_rec709(path, image.metadata, pixels)
+        space = _space(chromaticities_of(path, image.metadata))
         names, (height, width) = tuple(image.channels), first.shape[:2]
         memory = sum(channel.nbytes for channel in image.channels.values())
     else:
         from mirelight.io.environment import read_environment
+        from mirelight.io.hdr import read_hdr_primaries
 
         pixels = read_environment(path)
         names, (height, width), memory = ("R", "G", "B"), pixels.shape[:2], pixels.nbytes
+        space = _space(read_hdr_primaries(path)) if path.suffix.lower() == ".hdr" else "sRGB"
     with np.errstate(invalid="ignore", over="ignore"):  # a file may hold both infinities
         mean = None if pixels is None else numbers(pixels.mean(axis=(0, 1), dtype=np.float64))
     return PictureFacts(
@@ -175,9 +181,14 @@ def _picture(path: Path) -> PictureFacts:
         channels=names,
         mean=mean,
         brightest=None if pixels is None else rounded(pixels.max()),
+        color_space=space,
         memory=int(memory),
         fingerprint=fingerprint,
     )
+
+
+def _space(found: Chromaticities | None) -> str:
+    return "not named, taken as lin_rec709" if found is None else primaries.name_of(found)
 
 
 # --- jobs ------------------------------------------------------------------------------------------------------------

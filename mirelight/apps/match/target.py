@@ -10,7 +10,7 @@ import numpy as np
 from mirelight.apps.match.tone import CURVES, inverse
 from mirelight.base import colour
 from mirelight.base.errors import InputError
-from mirelight.io.exr import read_exr
+from mirelight.io.exr import read_exr, to_rec709
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.safety import existing, open_binary
 from mirelight.model import F32, F64, DisplaySettings, ToneCurve
@@ -68,7 +68,8 @@ def read_target(path: str | Path, mask: str | Path | None, tone: ToneCurve) -> T
     """Read a picture, and a mask: white counts, black does not.
 
     Args:
-        path: .exr (linear, premultiplied light) or an 8- or 16-bit picture (display values).
+        path: .exr (linear, premultiplied light in the primaries that it names) or an 8- or 16-bit picture (display
+            values).
         mask: a picture of the same shape; None: all of it counts.
         tone: the curve that the display values have gone through.
 
@@ -78,10 +79,12 @@ def read_target(path: str | Path, mask: str | Path | None, tone: ToneCurve) -> T
     path = existing(path)
     linear = path.suffix.lower() == ".exr"
     if linear:
-        channels = read_exr(path).channels
+        image = read_exr(path)
+        channels = image.channels
         if not {"R", "G", "B"} <= channels.keys():
             raise InputError(path, "an EXR without the channels R, G and B", "give a colour picture")
         values = np.stack([np.asarray(channels[x], np.float32) for x in "RGB"], axis=-1)
+        values = to_rec709(path, image.metadata, values)
         if not np.isfinite(values).all():
             raise InputError(path, "pixels that are no numbers", "mend them, e.g. in the program that wrote it")
     else:

@@ -12,8 +12,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
+from mirelight.apps.inspect.facts import PictureFacts
+from mirelight.apps.inspect.inspect import inspect
+from mirelight.apps.match.target import read_target
 from mirelight.base import backend, colour
 from mirelight.base.errors import InputError, OutputError
+from mirelight.base.primaries import INTEROP_IDS, PRIMARIES, REC709, ColorSpace, converted
+from mirelight.compare.pictures import read_picture
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.hdr import read_hdr, write_hdr
 
@@ -62,10 +67,45 @@ def test_half_tiled_and_named_channels(tmp_path: Path) -> None:
     assert np.array_equal(read_environment(tiled), before)
 
 
-def test_chromaticities_are_not_converted(tmp_path: Path) -> None:
+@pytest.mark.parametrize("space", PRIMARIES)
+def test_a_map_is_the_same_light_in_any_primaries(tmp_path: Path, space: ColorSpace) -> None:
+    before = RNG.uniform(0.1, 4, (16, 32, 3)).astype(np.float32)
+    stored = converted(before, REC709, PRIMARIES[space]).astype(np.float16)
+    found = read_environment(save_exr(tmp_path / "a.exr", {"RGB": stored}, chromaticities=PRIMARIES[space]))
+    assert np.allclose(found, before, rtol=0, atol=4 * 2**-10)  # a half float's step at 4
+    alone = save_exr(tmp_path / "id.exr", {"RGB": stored}, colorInteropID=INTEROP_IDS[space])
+    assert np.array_equal(read_environment(alone), found)
+    assert np.array_equal(read_picture(tmp_path / "a.exr").rgb, found)
+    assert np.array_equal(read_target(tmp_path / "a.exr", None, "none").values, found)
+    facts = inspect(tmp_path / "a.exr")
+    assert isinstance(facts, PictureFacts) and facts.color_space == space
+
+
+def test_colours_without_primaries_are_taken_as_rec709(tmp_path: Path) -> None:
     before = radiance()
-    aces = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
-    assert np.array_equal(read_environment(save_exr(tmp_path / "a.exr", {"RGB": before}, chromaticities=aces)), before)
+    path = save_exr(tmp_path / "a.exr", {"RGB": before})
+    assert np.array_equal(read_environment(path), before)
+    facts = inspect(path)
+    assert isinstance(facts, PictureFacts) and facts.color_space == "not named, taken as lin_rec709"
+
+
+@pytest.mark.parametrize("bad", [(0.0,) * 8, (np.nan,) * 8, (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.9, 0.05)])
+def test_primaries_without_colours_are_refused(tmp_path: Path, bad: tuple[float, ...]) -> None:
+    path = save_exr(tmp_path / "a.exr", {"RGB": radiance()}, chromaticities=bad)
+    with pytest.raises(InputError, match="chromaticities: primaries that span no colours"):
+        read_environment(path)
+
+
+def test_radiance_pictures_say_their_primaries(tmp_path: Path) -> None:
+    write_hdr(tmp_path / "plain.hdr", radiance())
+    plain = (tmp_path / "plain.hdr").read_bytes()
+    line = "PRIMARIES=" + " ".join(str(x) for x in PRIMARIES["ACEScg"])
+    (tmp_path / "aces.hdr").write_bytes(plain.replace(b"FORMAT=", line.encode() + b"\nFORMAT=", 1))
+    expected = converted(read_hdr(tmp_path / "plain.hdr"), PRIMARIES["ACEScg"], REC709)
+    assert np.array_equal(read_hdr(tmp_path / "aces.hdr"), expected)
+    (tmp_path / "bad.hdr").write_bytes(plain.replace(b"FORMAT=", b"PRIMARIES=1 2\nFORMAT=", 1))
+    with pytest.raises(InputError, match="PRIMARIES: primaries '1 2'"):
+        read_hdr(tmp_path / "bad.hdr")
 
 
 def test_two_pictures_in_one_file_are_ambiguous(tmp_path: Path) -> None:

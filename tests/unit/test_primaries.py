@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import PyOpenColorIO as ocio
+import PyOpenColorIO
 import pytest
 
 from mirelight.base.primaries import PRIMARIES, REC709, ColorSpace, are_usable, conversion, name_of
@@ -18,7 +18,7 @@ NAMES: dict[ColorSpace, str] = {
 
 @pytest.mark.parametrize("space", PRIMARIES)
 def test_matrices_are_those_of_opencolorio(space: ColorSpace) -> None:
-    config = ocio.Config.CreateFromBuiltinConfig("studio-config-latest")
+    config = PyOpenColorIO.Config.CreateFromBuiltinConfig("studio-config-latest")
     processor = config.getProcessor(NAMES[space], NAMES["lin_rec709"]).getDefaultCPUProcessor()
     theirs = np.array([processor.applyRGB(unit) for unit in np.eye(3).tolist()]).T
     assert np.allclose(conversion(PRIMARIES[space], REC709), theirs, rtol=0, atol=2e-7)

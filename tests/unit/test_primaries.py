@@ -23,7 +23,7 @@ def test_matrices_are_those_of_opencolorio(space: ColorSpace) -> None:
     theirs = np.array([processor.applyRGB(unit) for unit in np.eye(3).tolist()]).T
     assert np.allclose(conversion(PRIMARIES[space], REC709), theirs, rtol=0, atol=2e-7)
     assert np.allclose(conversion(PRIMARIES[space], REC709) @ np.ones(3), 1, rtol=0, atol=1e-12)
-    assert name_of(np.float32(PRIMARIES[space]).tolist()) == space
+    assert name_of(np.asarray(PRIMARIES[space], np.float32).tolist()) == space
 
 
 def test_what_cannot_be_primaries() -> None:

@@ -6,6 +6,7 @@ shape; tone curves that mix channels want (..., 3). Nothing here clips to 1: the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -71,6 +72,7 @@ def shown(
     tone: ToneCurve = "none",
     background: ArrayLike = 0.0,
     whole: bool = False,
+    view: Callable[[F32], F32] | None = None,
 ) -> F32:
     """Display values of a premultiplied linear picture: the one way from light to what a screen or an 8-bit file shows.
 
@@ -86,6 +88,7 @@ def shown(
         background: display-encoded, broadcast to (..., 3).
         whole: the splats were blended in linear light, as the engine's linear pipeline does: the background lies behind
             them in linear light too, and what both make together is exposed, tone mapped and encoded.
+        view: from linear light (..., 3) to display values, in place of the tone curve and the transfer curve.
 
     Returns:
         (..., 3), 0 to 1; what is no number is 0.
@@ -93,11 +96,16 @@ def shown(
     if whole:
         share = np.float32(1) - alpha[..., None]
         light = (rgb + decode(background, transfer) * share) * np.float32(gain)
-        return laid_over(encode(tone_map(light, tone), transfer), np.ones_like(alpha), 0.0)
+        return laid_over(displayed(light, transfer, tone, view), np.ones_like(alpha), 0.0)
     own = straight(rgb, alpha)
     if gain != 1:
         own *= np.float32(gain)
-    return laid_over(encode(tone_map(own, tone), transfer), alpha, background)
+    return laid_over(displayed(own, transfer, tone, view), alpha, background)
+
+
+def displayed(light: F32, transfer: Transfer, tone: ToneCurve, view: Callable[[F32], F32] | None = None) -> F32:
+    """(..., 3) display values of exposed light: by a view, or by tone curve and transfer curve."""
+    return encode(tone_map(light, tone), transfer) if view is None else view(light)
 
 
 def straight(rgb: F32, alpha: F32) -> F32:

@@ -70,9 +70,8 @@ def _rgba(values: F32) -> F32:
 def _display_of(texts: Mapping[str, Any]) -> DisplaySettings:
     """The settings that the frame's own PNG would be made with; the defaults where the file does not say."""
     try:
-        values = dict(json.loads(texts[PROVENANCE])["settings"]["display"])
-        return DisplaySettings(**{**values, "background": tuple(values["background"])})
-    except (KeyError, TypeError, ValueError, RecursionError):
+        return DisplaySettings.of(json.loads(texts[PROVENANCE])["settings"]["display"])
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         return DisplaySettings()
 
 

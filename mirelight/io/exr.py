@@ -35,7 +35,7 @@ _COMPRESSIONS: Mapping[Compression, str] = {
 }
 _ORDER = {name: i for i, name in enumerate("RGBAXYZ")}
 
-Metadata = Mapping[str, str | int | float | tuple[float, float] | NDArray[np.float32]]
+Metadata = Mapping[str, str | int | float | tuple[float, ...] | NDArray[np.float32]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

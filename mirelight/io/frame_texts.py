@@ -69,7 +69,7 @@ def texts_of(frame: Frame, *, noise: bool) -> dict[str, str]:
 def attributes_of(frame: Frame, *, noise: bool) -> Metadata:
     """The texts, and OpenEXR's standard attributes of the camera."""
     camera = frame.camera
-    found: dict[str, str | int | float | tuple[float, float] | NDArray[np.float32]] = {
+    found: dict[str, str | int | float | tuple[float, ...] | NDArray[np.float32]] = {
         **texts_of(frame, noise=noise),
         "worldToCamera": world_to_camera(camera),
         "worldToNDC": world_to_ndc(camera),

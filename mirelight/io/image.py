@@ -13,9 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base import primaries
 from mirelight.base.errors import InputError, OutputError
+from mirelight.base.primaries import INTEROP_IDS, PRIMARIES, REC709, Chromaticities
 from mirelight.io import cryptomatte, exr_bytes
-from mirelight.io.exr import ExrImage, read_exr, read_header, write_exr
+from mirelight.io.exr import (
+    CHROMATICITIES,
+    INTEROP_ID,
+    ExrImage,
+    chromaticities_of,
+    read_exr,
+    read_header,
+    write_exr,
+)
 from mirelight.io.frame_texts import (
     FINGERPRINT,
     LIGHTS,
@@ -57,7 +67,7 @@ def write(
         frame: what to write.
         path: a name ending in .exr or .png in an existing folder; appears whole or not at all.
         display: PNG only: exposure, tone curve and background.
-        output: EXR only: which layers, whether colours are 16-bit, and how it is compressed.
+        output: EXR only: which layers, in which colour space, whether colours are 16-bit, and how it is compressed.
 
     Raises:
         OutputError: another suffix, or the file cannot be written.
@@ -65,13 +75,18 @@ def write(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        images: dict[str, NDArray[Any]] = {"": frame.rgba}  # without a name, so that simple readers show it
+        space = PRIMARIES[output.color_space]
+        images: dict[str, NDArray[Any]] = {"": _colors(frame.rgba, REC709, space)}  # no name: simple readers show it
         half, noise = {""}, output.wants("noise", "variance")
         for name, plane, values in _wanted(frame, output):
             if plane.half:
                 half.add(name)
-            images |= _channels(name, plane, values)
-        texts = dict(attributes_of(frame, noise=noise))
+            images |= _channels(name, plane, _colors(values, REC709, space) if plane.color else values)
+        texts = {
+            **attributes_of(frame, noise=noise),
+            CHROMATICITIES: space,
+            INTEROP_ID: INTEROP_IDS[output.color_space],
+        }
         for matte in (x for x in frame.mattes if output.wants(x.name)):
             images |= cryptomatte.layers(matte)
             texts |= cryptomatte.attributes(matte)
@@ -87,7 +102,8 @@ def write(
 def read(path: str | Path) -> Frame:
     """A frame back from the EXR file that :func:`write` made of it.
 
-    Every value is what was written: to the bit for 32-bit files ("zip" or "none"). What the file leaves out:
+    Every value is what was written: to the bit for 32-bit files ("zip" or "none") in lin_rec709; from another colour
+    space colours come back as near as single precision has them. What the file leaves out:
 
     - `unlit`, `factor`, `noise`, variances, samples, sun visibility and ambient occlusion are None;
     - `splats` is None unless all four planes of a SplatLayer are there;
@@ -116,6 +132,7 @@ def frame_of(path: Path, image: ExrImage) -> Frame:
     """
     texts = image.metadata
     camera = camera_of(path, texts)
+    image = _in_rec709(path, image)
     try:
         profile, linear = profile_of(path, texts)
         pictures: dict[str, Any] = _fields(image, "frame")
@@ -206,7 +223,33 @@ def _channels(name: str, plane: Plane, values: F32) -> dict[str, F32]:
     return {f"{name}.{channel}": separate[..., k] for k, channel in enumerate(plane.channels)}
 
 
+def _colors(values: F32, source: Chromaticities, target: Chromaticities) -> F32:
+    """(..., 3) or (..., 4) in another colour space; alpha stays."""
+    if source == target:
+        return values
+    rgb = primaries.converted(values[..., :3], source, target)
+    return rgb if values.shape[-1] == 3 else np.concatenate([rgb, values[..., 3:]], axis=-1)
+
+
 # --- read ------------------------------------------------------------------------------------------------------------
+
+
+def _in_rec709(path: Path, image: ExrImage) -> ExrImage:
+    """The file with its colours in Rec.709; what is data stays."""
+    space = chromaticities_of(path, image.metadata)
+    if space is None or space == REC709:
+        return image
+    planes = {"": "RGB", **{x.name: x.channels[:3] for x in PLANES if x.color}}
+    lights = [x for x in image.layers if x.startswith("light_") and not x.removesuffix(_NOISY).endswith("_variance")]
+    planes |= dict.fromkeys(lights, "RGB")
+    channels = dict(image.channels)
+    for layer, letters in planes.items():
+        names = [f"{layer}.{x}" if layer else x for x in letters]
+        if all(name in channels for name in names):
+            own = np.stack([np.asarray(channels[name], np.float32) for name in names], axis=-1)
+            rgb = primaries.converted(own, space, REC709)
+            channels |= {name: np.ascontiguousarray(rgb[..., k]) for k, name in enumerate(names)}
+    return ExrImage(channels, image.metadata)
 
 
 def _values(image: ExrImage, name: str, plane: Plane) -> F32 | None:

@@ -16,6 +16,7 @@ from mirelight.base.errors import InputError
 from mirelight.base.png import END, SIGNATURE, png_bytes
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import open_file
+from mirelight.io.views import curve_of
 from mirelight.model import F32, DisplaySettings, Profile, rules_of
 
 
@@ -28,12 +29,15 @@ def encode_display(
 
     Args:
         rgba: (H, W, 4) linear, premultiplied.
-        display: exposure in stops, tone curve, background.
-        profile: whose transfer curve: sRGB for physical, a 2.2 power for playcanvas.
+        display: exposure in stops, tone curve or view, background.
+        profile: whose transfer curve, without a view: sRGB for physical, a 2.2 power for playcanvas.
         whole: the splats were blended in linear light.
 
     Returns:
         (H, W, 3) uint8, rounded half to even.
+
+    Raises:
+        BackendError, InputError: see :func:`mirelight.io.views.curve_of`.
     """
     shown = colour.shown(
         rgba[..., :3],
@@ -43,6 +47,7 @@ def encode_display(
         tone=display.tone,
         background=display.background,
         whole=whole,
+        view=curve_of(display),
     )
     shown *= np.float32(255)
     return np.rint(shown, out=shown).astype(np.uint8)

@@ -23,6 +23,7 @@ class Plane:
     meaning: str  # as docs/reference/outputs.md says it, with the unit
     upsampling: Upsampling = "none"  # from a smaller lighting to the frame's pixels, see relight.upsample
     half: bool = False  # a colour that `output.half` stores in 16 bits
+    color: bool = False  # linear colour, which files hold in `output.color_space`; all else is data
     exact: bool = False  # of no use when rounded: not in files of the lossy compression, which rounds R, G, B and Y
 
     @property
@@ -39,6 +40,7 @@ PLANES: tuple[Plane, ...] = (
         field="unlit",
         meaning="the splats as captured, decoded to linear light, premultiplied",
         half=True,
+        color=True,
     ),
     Plane(
         name="factor",
@@ -92,6 +94,7 @@ PLANES: tuple[Plane, ...] = (
         field="rgba",
         meaning="the lit proxy, linear radiance, premultiplied; A = its coverage (antialiased)",
         half=True,
+        color=True,
     ),
     Plane(
         name="lighting_noisy",
@@ -101,6 +104,7 @@ PLANES: tuple[Plane, ...] = (
         meaning="with `render.denoise`: the lit proxy before denoising; `output.layers` adds each light's layers with "
         "`_noisy` behind their names",
         half=True,
+        color=True,
     ),
     Plane(
         name="depth",
@@ -145,6 +149,7 @@ PLANES: tuple[Plane, ...] = (
         meaning="the proxy's albedo as rendered, linear",
         upsampling="covered",
         half=True,
+        color=True,
     ),
     Plane(
         name="sun_visibility",
@@ -194,6 +199,7 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         "linear radiance, premultiplied",
         upsampling="bilinear",
         half=True,
+        color=True,
     ),
     Plane(
         name="light_NAME_indirect",
@@ -203,6 +209,7 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         meaning="the same after more reflections. Direct and indirect of all lights together are `lighting`",
         upsampling="bilinear",
         half=True,
+        color=True,
     ),
     Plane(
         name="light_NAME_variance",

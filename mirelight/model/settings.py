@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from mirelight.base.backend import Variant
 from mirelight.base.colour import ToneCurve
+from mirelight.base.primaries import ColorSpace
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.lights import Lighting
@@ -74,12 +75,30 @@ class CompositorSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DisplayView:
+    """A view of OpenColorIO, found in its config."""
+
+    config: str  # "ocio://…", or a file
+    display: str  # as the config calls it
+    view: str
+    identity: str  # OpenColorIO's digest of what the transform computes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DisplaySettings:
     """How linear light becomes a PNG."""
 
     exposure: float = 0.0  # stops
     tone: ToneCurve = "none"
+    view: DisplayView | None = None  # in place of the tone curve and the profile's transfer curve
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # display-encoded, behind the splats
+
+    @staticmethod
+    def of(values: Mapping[str, Any]) -> DisplaySettings:
+        """From `dataclasses.asdict` of some, as files hold it. TypeError, KeyError or ValueError: it is none."""
+        view = values.get("view")
+        chosen = {"view": None if view is None else DisplayView(**view), "background": tuple(values["background"])}
+        return DisplaySettings(**{**values, **chosen})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +113,7 @@ class OutputSettings:
     layers: bool = True  # direct and indirect of each light or group, and `lighting`, which is their sum
     aovs: bool | tuple[str, ...] = True  # of `planes.NAMEABLE`; True: all AOVS that the compression allows, False: none
     half: bool = False  # 16-bit colour (positions and depth stay 32-bit)
+    color_space: ColorSpace = "lin_rec709"  # of the EXR's colours; data stay as they are
     compression: Compression = "zip"  # of the EXR; dwaa is lossy and holds none of `planes.EXACT`
 
     def __post_init__(self) -> None:

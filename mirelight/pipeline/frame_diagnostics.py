@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base import colour
+from mirelight.io.views import curve_of
 from mirelight.model import F32, DisplaySettings, Frame, rules_of
 from mirelight.model.profiles import BRIGHTEST
 
@@ -226,7 +227,8 @@ def _shown(rgba: F32, frame: Frame, display: DisplaySettings, step: int) -> F32:
     whole = frame.splats is not None and frame.splats.linear
     gain = 2.0**display.exposure
     transfer = rules_of(frame.profile).transfer
-    return colour.shown(few[..., :3], few[..., 3], transfer, gain=gain, tone=display.tone, whole=whole)
+    view = curve_of(display)
+    return colour.shown(few[..., :3], few[..., 3], transfer, gain=gain, tone=display.tone, whole=whole, view=view)
 
 
 def _shares(display: F32) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from mirelight import relighting
 from mirelight.model import (
     Camera,
     CompositorSettings,
+    DisplaySettings,
     Environment,
     EstimatedSky,
     Job,
@@ -305,7 +306,7 @@ class Keys:
         """By suffix, how a file is written."""
         job = self.job
         exr = digest(".exr", exr_settings(job.output), self._mattes, self._versions("OpenEXR"))
-        return {".exr": exr, ".png": digest(".png", job.display, self._versions("numpy"))}
+        return {".exr": exr, ".png": digest(".png", _display_reads(job.display), self._versions("numpy"))}
 
     @cached_property
     def _mattes(self) -> str:
@@ -353,6 +354,14 @@ def exr_settings(output: OutputSettings) -> dict[str, object]:
 
 def _read(settings: object, names: Iterable[str]) -> dict[str, object]:
     return {name: getattr(settings, name) for name in sorted(names)}
+
+
+def _display_reads(settings: DisplaySettings) -> tuple[object, ...]:
+    """What decides a PNG's pixels: of a view not where its config lies, but what it computes."""
+    view = settings.view
+    if view is None:
+        return (settings,)
+    return replace(settings, view=None), view.display, view.view, view.identity
 
 
 def _compositor_reads(settings: CompositorSettings) -> set[str]:

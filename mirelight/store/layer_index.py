@@ -193,8 +193,6 @@ def _packed(value: Any) -> Any:
 
 
 def _index(data: dict[str, Any]) -> Index:
-    display = dict(data["display"])
-    display["background"] = tuple(display["background"])
     captured = data["captured"]
     return Index(
         job=str(data["job"]),
@@ -204,7 +202,7 @@ def _index(data: dict[str, Any]) -> Index:
         captured=None if captured is None else _weighted(captured),
         captured_level=None if data["captured_level"] is None else _key(data["captured_level"]),
         relight=RelightSettings(**data["relight"]),
-        display=DisplaySettings(**display),
+        display=DisplaySettings.of(data["display"]),
         denoised=bool(data["denoised"]),
         profile=str(data["profile"]),
         linear=bool(data["linear"]),

@@ -19,6 +19,7 @@ from mirelight.dataset.layouts.world import scale_of
 from mirelight.dataset.surroundings import Surroundings
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.io.cameras.transforms import Z_UP
+from mirelight.io.views import curve_of
 from mirelight.model import F32, Camera, DisplaySettings
 from mirelight.model.arrays import freeze
 
@@ -86,8 +87,9 @@ class Pixels:
     @cached_property
     def rgb(self) -> U8:
         """(H, W, 3) sRGB over black."""
-        shown = colour.tone_map(self.linear[..., :3] * np.float32(2.0**self._stops), self._tone)
-        return _bytes(colour.encode(shown, "srgb"))
+        light = self.linear[..., :3] * np.float32(2.0**self._stops)
+        view = curve_of(self._display) if self._display else None
+        return _bytes(colour.displayed(light, "srgb", self._tone, view))
 
     @property
     def alpha(self) -> U8:
@@ -200,14 +202,14 @@ def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
 
     Args:
         rgba: (H, W, 4) linear, premultiplied.
-        display: exposure in stops and tone curve; its background has no part in it.
+        display: exposure in stops, tone curve or view; its background has no part in it.
 
     Returns:
         (H, W, 4) uint8, rounded half to even; black where alpha is 0.
     """
     display = display or DisplaySettings()
     own = colour.straight(rgba[..., :3], rgba[..., 3]) * np.float32(2.0**display.exposure)
-    shown = colour.encode(colour.tone_map(own, display.tone), "srgb")
+    shown = colour.displayed(own, "srgb", display.tone, curve_of(display))
     return _bytes(np.concatenate([shown, rgba[..., 3:]], axis=-1))
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from mirelight import model
+from mirelight.base.primaries import ColorSpace
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import Compression, HdrFormat, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
@@ -145,9 +146,35 @@ class DisplayTable(Table):
 
     exposure: float = Field(default=_DISPLAY.exposure, ge=-64, le=64, description="In stops.")
     tone: ToneCurve = Field(default=_DISPLAY.tone, description="Tone curve.")
+    view: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="View of an OpenColorIO config, by its name there, in place of a tone curve; needs the extra "
+        "`ocio`.",
+    )
+    display: str | None = Field(
+        default=None, min_length=1, max_length=200, description="Display of that config. Default: the config's own."
+    )
+    config: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="OpenColorIO config: a file, relative to the job file, or a built-in one, `ocio://NAME`. "
+        "Default: what the environment variable OCIO names, or else OpenColorIO's built-in ACES config.",
+    )
     background: DisplayColor = Field(
         default=list(_DISPLAY.background), description="Display-encoded [r, g, b] behind the splats, 0 to 1."
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> DisplayTable:
+        alone = next((name for name in ("display", "config") if getattr(self, name) is not None), None)
+        if self.view is None and alone is not None:
+            raise wrong("no view to go with it", "name one, or leave it out", at=alone)
+        if self.view is not None and self.tone != "none":
+            raise wrong("a tone curve beside a view, which has its own", "leave one out", at="tone")
+        return self
 
 
 class OutputTable(Table):
@@ -177,6 +204,9 @@ class OutputTable(Table):
         json_schema_extra={"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(NAMEABLE)}}]},
     )
     half: bool = Field(default=_OUTPUT.half, description="EXR: 16-bit colour; depth and position stay 32-bit.")
+    color_space: ColorSpace = Field(
+        default=_OUTPUT.color_space, description="EXR: primaries of its linear colours; data stay as they are."
+    )
     compression: Compression = Field(
         default=_OUTPUT.compression,
         description="EXR: zip (lossless), dwaa (lossy, small; only for what may be rounded) or none (fast, large).",

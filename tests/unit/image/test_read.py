@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from mirelight.base.errors import InputError
+from mirelight.base.primaries import INTEROP_IDS, PRIMARIES, REC709, ColorSpace, conversion
 from mirelight.io.exr import read_exr, write_exr
 from mirelight.io.image import read, write
 from mirelight.model import Compression, Frame, LightLayer, OutputSettings, RelightSettings
@@ -55,6 +56,35 @@ def test_what_is_written_is_read_to_the_bit(frame: Frame, tmp_path: Path, compre
     for one in wilder:
         write(one, tmp_path / "a.exr", output=OutputSettings(compression=compression))
         same(one, read(tmp_path / "a.exr"))
+
+
+@pytest.mark.parametrize("space", [x for x in PRIMARIES if x != "lin_rec709"])
+def test_colours_are_stored_in_the_space_asked_for_and_data_as_they_are(
+    frame: Frame, tmp_path: Path, space: ColorSpace
+) -> None:
+    write(frame, tmp_path / "a.exr", output=OutputSettings())
+    write(frame, tmp_path / "b.exr", output=OutputSettings(color_space=space))
+    plain, other = read_exr(tmp_path / "a.exr"), read_exr(tmp_path / "b.exr")
+    assert np.allclose(other.metadata["chromaticities"], PRIMARIES[space], rtol=0, atol=1e-6)
+    assert (plain.metadata["colorInteropID"], other.metadata["colorInteropID"]) == (
+        "lin_rec709_scene",
+        INTEROP_IDS[space],
+    )
+    matrix = conversion(REC709, PRIMARIES[space])
+    colours = {"", "unlit", "lighting", "lighting_noisy", "albedo"}
+    for layer in plain.layers:
+        old, new = plain.layer(layer), other.layer(layer)
+        lit = layer.startswith("light_") and "variance" not in layer
+        if layer in colours or lit:
+            assert np.allclose(new[..., :3], old[..., :3] @ matrix.T, rtol=1e-5, atol=1e-5), layer
+            assert np.array_equal(new[..., 3:], old[..., 3:]), layer
+        else:
+            assert np.array_equal(new, old), layer
+    back = read(tmp_path / "b.exr")
+    assert np.allclose(back.rgba, frame.rgba, rtol=1e-5, atol=1e-5)
+    assert back.lighting is not None and frame.lighting is not None
+    assert np.allclose(back.lighting.layers[0].direct, frame.lighting.layers[0].direct, rtol=1e-5, atol=1e-5)
+    assert np.array_equal(back.lighting.position, frame.lighting.position)
 
 
 def test_layers_on_disk_are_reweighted_as_those_in_memory(frame: Frame, tmp_path: Path) -> None:

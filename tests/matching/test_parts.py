@@ -15,7 +15,7 @@ from mirelight.apps.match.uncertain import tiles, uncertainties
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.io.png import encode_display, write_png
-from mirelight.model import DisplaySettings, ToneCurve
+from mirelight.model import DisplaySettings, DisplayView, ToneCurve
 
 
 def test_no_light_shows_on_black_splats() -> None:
@@ -103,6 +103,9 @@ def test_pictures_of_another_shape_or_curve_are_refused(tmp_path: Path) -> None:
     target = read_target(tmp_path / "a.png", None, "none")
     with pytest.raises(InputError, match="30 x 20 pixels"):
         target.light(np.ones((20, 20), np.float32), DisplaySettings())
+    with pytest.raises(InputError, match=r"display\.view is 'ACES', which is not turned back"):
+        view = DisplayView(config="ocio://default", display="screen", view="ACES", identity="1")
+        target.light(np.ones((20, 30), np.float32), DisplaySettings(view=view))
     with pytest.raises(InputError, match="agx"):
         read_target(tmp_path / "a.png", None, "agx")
     write_png(tmp_path / "mask.png", np.full((20, 20, 3), 255, np.uint8), {})

@@ -42,11 +42,14 @@ class Target:
             the mask, or where splats are thin over a background.
 
         Raises:
-            InputError: another shape than the frame's, or nothing left that counts.
+            InputError: another shape than the frame's, or nothing left that counts; display values of a view.
         """
         rows, columns = alpha.shape
         self.require_shape(rows, columns)
         counts = np.repeat(resized(self.mask, (rows, columns))[..., None], 3, axis=2)
+        if display.view is not None and not self.linear:
+            found = f"a displayed picture, and display.view is {display.view.view!r}, which is not turned back"
+            raise InputError(self.path, found, "give an EXR")
         if self.linear:
             light = resized(self.values, (rows, columns))
         else:

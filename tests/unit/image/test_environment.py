@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -36,7 +37,7 @@ def radiance(height: int = 16, width: int = 32) -> NDArray[np.float32]:
     return out
 
 
-def save_exr(path: Path, channels: dict[str, NDArray[np.float32]], **header: object) -> Path:
+def save_exr(path: Path, channels: dict[str, NDArray[Any]], **header: object) -> Path:
     with OpenEXR.File(
         {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}, channels
     ) as file:

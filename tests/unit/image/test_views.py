@@ -19,7 +19,6 @@ from mirelight.model import F32, Camera, DisplaySettings, Frame, OutputSettings,
 from mirelight.pipeline.keys import Keys
 
 SPLATS = Path(__file__).resolve().parents[2] / "data" / "splats" / "small.glb"
-NOTHING: dict[str, None] = dict.fromkeys(("unlit", "factor", "lighting", "splats"))
 STUDIO = "ocio://studio-config-latest"
 CONFIG = PyOpenColorIO.Config.CreateFromBuiltinConfig("studio-config-latest")
 SDR = [(d, v) for d in CONFIG.getDisplays() for v in CONFIG.getViews(d) if "HDR" not in v]
@@ -69,7 +68,8 @@ def test_built_in_sdr_views_are_the_librarys_own(display: str, view: str) -> Non
 def frame_of(alpha: float = 1.0) -> Frame:
     rgba = np.random.default_rng(1).uniform(0, 3, (4, 8, 4)).astype(np.float32)
     rgba[..., 3] = alpha
-    return Frame(camera=Camera.look_at((0, 0, 3), (0, 0, 0), 8, 4, name="front"), rgba=rgba, **NOTHING)
+    camera = Camera.look_at((0, 0, 3), (0, 0, 0), 8, 4, name="front")
+    return Frame(camera=camera, rgba=rgba, unlit=None, factor=None, lighting=None, splats=None)
 
 
 def test_pictures_lie_over_the_background_in_display_space(tmp_path: Path) -> None:
@@ -136,5 +136,6 @@ def test_a_view_of_a_file_and_of_the_environment(tmp_path: Path, monkeypatch: py
     assert named.display == by_environment.display != built_in.display  # another place, but the same transform
     keys = [Keys(x).file("frame", x.cameras[0], None, ".png") for x in (named, by_environment, built_in)]
     assert keys[0] == keys[1] == keys[2]
+    assert named.display.view is not None
     other = replace(named, display=replace(named.display, view=replace(named.display.view, identity="other")))
     assert Keys(other).file("frame", other.cameras[0], None, ".png") != keys[0]

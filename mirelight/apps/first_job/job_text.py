@@ -13,6 +13,7 @@ from mirelight.apps.first_job import beside, captured, lighting, up, view
 from mirelight.apps.first_job.toml_text import Names, position, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
+from mirelight.base.pages import page
 from mirelight.model import SplatCloud
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
@@ -70,7 +71,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
     which_way = _up(cloud, found)
     lines = [
-        f"# {printable(capture.name)}: written by `mirelight new`. docs/reference/job-file.md has every key.",
+        f"# {printable(capture.name)}: written by `mirelight new`. Every key: {page('job file')}",
         *_splats(capture, which_way, found, named),
         *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
         *_cameras(cameras, unread, wish, named),
@@ -110,7 +111,7 @@ def _splats(capture: Path, which_way: str, found: up.Up, named: Names) -> Iterat
     yield ""
     yield f"# {which_way}"
     if found.guessed:
-        yield "# If the picture stands on its head or lies on its side, change rotation_euler: [0, 0, 0], [90, 0, 0], …"
+        yield "# Upside down, or on its side? Change rotation_euler: [0, 0, 0], [90, 0, 0], …"
     place = _placed(found)
     yield f"splats = {{ path = {named(capture)}{place} }}" if place else f"splats = {named(capture)}"
 
@@ -123,13 +124,12 @@ def _placed(found: up.Up) -> str:
 def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, named: Names) -> Iterator[str]:
     """A mesh beside the capture, and the light that is known by it."""
     yield ""
-    yield "# The mesh that light falls on. This one was beside the capture, and fits it."
+    yield "# The mesh that light falls on, found beside the capture."
     colours = ', albedo = "splats"' if known is not None else ""
     yield f"proxy = {{ path = {named(proxy.path)}{_placed(found) if proxy.turned else ''}{colours} }}"
     if known is not None:
         yield ""
-        yield f"# The light of the capture is estimated from its shading and shadows: {known.said}."
-        yield "# `mirelight estimate` writes it out with a picture to judge it by (docs/guides/captured-light.md)."
+        yield f"# The capture's own light, estimated: {known.said}."
         yield 'captured = "estimate"'
 
 
@@ -140,21 +140,21 @@ def _made(
     yield ""
     if misfit is not None:
         yield f"# {misfit}"
-    yield "# The mesh that light falls on, made from the splats once (docs/guides/proxy.md). Or name a mesh file."
+    yield "# The mesh that light falls on, made from the splats once; or name a mesh file."
     if cameras is None:
         yield 'proxy = "splats"'
         return
     with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)} }}'
     if not beside.look_at(cameras, cloud):
         name = printable(cameras.path.name)
-        yield f"# {name}: few of its cameras have splats before them, so they are left out of it."
+        yield f"# {name} is left out: few of its cameras see splats."
         yield 'proxy = "splats"'
     elif room:
-        yield "# In a room whose walls the pictures show, its cameras gain nothing. Where they leave walls out:"
+        yield "# Where the pictures leave walls out:"
         yield f"# {with_them}"
         yield 'proxy = "splats"'
     else:
-        yield "# The capture's cameras tell what no picture shows: walls there are closed against light."
+        yield "# Walls that no picture shows are closed against light."
         yield with_them
 
 
@@ -202,16 +202,14 @@ def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.
     if known is not None:
         return
     if seen.room:
-        yield "# The light they were captured under is not known, and within walls none comes from all around. It is"
-        yield "# taken as even on every surface: new light multiplies their colours (mode tint)."
-        yield "# Where you know it, or which lamps there were, say it in [captured] (docs/guides/captured-light.md)."
+        yield "# A room, whose own light is not known: new light multiplies its colours (mode tint)."
+        yield f"# Where you know its lamps, name them in [captured]: {page('captured light')}"
         return
-    yield "# The light they were captured under is not known, so an even one all around is assumed. New light is"
-    yield "# divided by it: a mean of 1 cd/m² keeps the capture's exposure. Where you know better, say it here."
+    yield "# Its own light is not known: an even one is assumed, so that a mean of 1 cd/m² keeps the exposure."
     if proxy is None:
-        yield "# `mirelight estimate` finds it in shading and shadows and says how well: docs/guides/captured-light.md."
+        yield "# `mirelight estimate` can find it."
     else:
-        yield "# Shading and shadows tell too little of it to estimate it from them: `mirelight estimate` says why."
+        yield "# `mirelight estimate` says why it cannot be found."
     yield "[captured]"
     yield "environment = { radiance = 1.0 }"
 
@@ -219,7 +217,7 @@ def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.
 def _rest() -> Iterator[str]:
     yield ""
     yield "[render]"
-    yield "spp = 64 # samples per pixel; more is cleaner and slower"
+    yield "spp = 64 # samples a pixel; more is cleaner and slower"
     if find_spec("pyoidn") is not None:
         yield "denoise = true"
     yield ""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.apps.first_job import beside, view
-from mirelight.apps.first_job.toml_text import Names, position, vector
+from mirelight.apps.first_job.toml_text import Names, position
 from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError
 from mirelight.base.sh import C0
@@ -107,6 +107,8 @@ def _towards_light(camera: Camera) -> F64:
 
 
 def _sun(seen: view.FirstView, level: float) -> Iterator[str]:
+    from mirelight.io.job.sun_position import of_direction
+
     fill = _FILL * level
     yield ""
     yield "# A sun from the left, and the sky's light all around."
@@ -116,7 +118,9 @@ def _sun(seen: view.FirstView, level: float) -> Iterator[str]:
     yield ""
     yield "[[lightings.lights]]"
     yield 'type = "sun"'
-    yield f"direction = {vector(-_towards_light(seen.camera))} # the way the light travels"
+    elevation, azimuth = of_direction(_towards_light(seen.camera))
+    yield f"elevation = {elevation:.0f} # degrees above the horizon"
+    yield f"azimuth = {azimuth:.0f} # degrees clockwise from north, which is -Z"
     yield "color = [1, 0.9, 0.74]"
     yield f"intensity = {_SUN * level:.3g} # lux"
     yield "angular_diameter = 1.5 # degrees; more gives softer shadows"

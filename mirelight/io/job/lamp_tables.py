@@ -15,6 +15,7 @@ from mirelight.io.job.fields import (
     Degrees,
     Direction,
     DisplayColor,
+    Elevation,
     Kelvin,
     LightName,
     NotNegative,
@@ -26,6 +27,7 @@ from mirelight.io.job.fields import (
     wrong,
 )
 from mirelight.io.job.light_units import AreaUnit, LampUnit, Shape, SunUnit, candela, nits
+from mirelight.io.job.sun_position import SOUTH, to_sun
 from mirelight.model import F64, Falloff, cones
 from mirelight.model.playcanvas_lights import DEFAULT_RANGE
 
@@ -94,22 +96,47 @@ class ColouredTable(LightTable):
         return np.asarray(self.color) if self.kelvin is None else blackbody(self.kelvin)
 
 
-class DirectionalTable(ColouredTable):
+class ParallelTable(ColouredTable):
+    """Lights so far away that they come from one direction: as a vector, or by where they stand in the sky."""
+
+    direction: Direction | None = Field(default=None, description=_DIRECTION)
+    elevation: Elevation | None = Field(
+        default=None, description="Degrees above the horizon at which it stands; instead of direction."
+    )
+    azimuth: Degrees | None = Field(
+        default=None,
+        description="With elevation: degrees clockwise from north, seen from above. North is -Z, east (90) +X. "
+        "Default: 180, south, +Z.",
+    )
+    intensity: NotNegative = Field(default=1.0, description=_LUX)
+    unit: SunUnit = Field(default="lux", description=_SUN_UNIT)
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        if self.azimuth is not None and self.elevation is None and self.direction is None:
+            raise wrong("an azimuth without an elevation", "add elevation", at="azimuth")
+        one_way(self, ("direction",), ("elevation", "azimuth"), needed="add elevation and azimuth, or direction")
+        return self
+
+    @property
+    def way(self) -> F64:
+        """(3,) the way the light travels."""
+        if self.direction is not None:
+            return np.asarray(self.direction)
+        assert self.elevation is not None
+        return -to_sun(self.elevation, SOUTH if self.azimuth is None else self.azimuth)
+
+
+class DirectionalTable(ParallelTable):
     """Parallel light with hard shadows (KHR directional)."""
 
     type: Literal["directional"]
-    direction: Direction = Field(description=_DIRECTION)
-    intensity: NotNegative = Field(default=1.0, description=_LUX)
-    unit: SunUnit = Field(default="lux", description=_SUN_UNIT)
 
 
-class SunTable(ColouredTable):
+class SunTable(ParallelTable):
     """A far disc: parallel light with soft shadow edges."""
 
     type: Literal["sun"]
-    direction: Direction = Field(description=_DIRECTION)
-    intensity: NotNegative = Field(default=1.0, description=_LUX)
-    unit: SunUnit = Field(default="lux", description=_SUN_UNIT)
     angular_diameter: float = Field(
         default=0.53, gt=0, le=90, allow_inf_nan=False, description="Size of the disc in the sky, in degrees."
     )

@@ -13,14 +13,47 @@ show, an area light what P / (pi A) nits show, a sun of E W/m² what E lux show 
 from __future__ import annotations
 
 import math
-from typing import Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BeforeValidator
 
 from mirelight.io.job.fields import wrong
 from mirelight.io.safety import BRIGHTEST
 
-SunUnit: TypeAlias = Literal["lux", "watt"]
-LampUnit: TypeAlias = Literal["candela", "lumen", "watt"]
-AreaUnit: TypeAlias = Literal["nit", "candela", "lumen", "watt"]
+# What people write, and data sheets and programs, for the names below.
+_NAMES = {
+    **dict.fromkeys(("cd", "candelas"), "candela"),
+    **dict.fromkeys(("lm", "lumens"), "lumen"),
+    **dict.fromkeys(("lx",), "lux"),
+    **dict.fromkeys(("cd/m²", "cd/m2", "nits"), "nit"),
+    **dict.fromkeys(("W", "watts", "W/m²", "W/m2"), "watt"),
+}
+
+
+def _named(value: Any) -> Any:
+    return _NAMES.get(value, value) if isinstance(value, str) else value
+
+
+SunUnit: TypeAlias = Annotated[
+    Literal["lux", "watt"],
+    BeforeValidator(_named, json_schema_input_type=Literal["lux", "watt", "lx", "watts", "W/m²", "W/m2"]),
+]
+LampUnit: TypeAlias = Annotated[
+    Literal["candela", "lumen", "watt"],
+    BeforeValidator(
+        _named,
+        json_schema_input_type=Literal["candela", "lumen", "watt", "cd", "candelas", "lm", "lumens", "W", "watts"],
+    ),
+]
+AreaUnit: TypeAlias = Annotated[
+    Literal["nit", "candela", "lumen", "watt"],
+    BeforeValidator(
+        _named,
+        json_schema_input_type=Literal[
+            "nit", "candela", "lumen", "watt", "nits", "cd/m²", "cd/m2", "cd", "candelas", "lm", "lumens", "W", "watts"
+        ],
+    ),
+]
 Shape: TypeAlias = Literal["rectangle", "disk", "sphere"]
 
 

@@ -165,7 +165,7 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 group=table.group,
                 color=color,
                 intensity=table.intensity,
-                direction=np.asarray(table.direction),
+                direction=table.way,
             )
         case SunTable():
             return SunLight(
@@ -173,7 +173,7 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 group=table.group,
                 color=color,
                 intensity=table.intensity,
-                direction=np.asarray(table.direction),
+                direction=table.way,
                 angular_diameter=table.angular_diameter,
             )
         case PointTable():

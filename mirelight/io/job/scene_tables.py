@@ -26,7 +26,7 @@ from mirelight.io.job.fields import (
     paths_as_tables,
     wrong,
 )
-from mirelight.io.job.sun_position import sun_position
+from mirelight.io.job.sun_position import SOUTH, sun_position
 from mirelight.io.job.words import shown
 
 SMALLEST = 1e-6  # scale: below, float32 positions fall together
@@ -214,7 +214,7 @@ class SkyTable(Table):
     def sun(self) -> tuple[float, float]:
         """Elevation and azimuth of the sun in degrees."""
         if self.elevation is not None:
-            return self.elevation, 180.0 if self.azimuth is None else self.azimuth
+            return self.elevation, SOUTH if self.azimuth is None else self.azimuth
         assert self.latitude is not None and self.longitude is not None and self.time is not None
         return sun_position(self.latitude, self.longitude, self.time)
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from mirelight.base.conventions import Matrix
 
+SOUTH = 180.0  # degrees: the azimuth of a sun whose azimuth is not given
+
 
 def sun_position(latitude: float, longitude: float, time: datetime) -> tuple[float, float]:
     """Elevation and azimuth of the sun's centre in degrees; azimuth is clockwise from north, 0..360.
@@ -42,3 +44,9 @@ def to_sun(elevation: float, azimuth: float, rotation: float = 0.0) -> Matrix:
     +Y, counter-clockwise seen from above. All in degrees."""
     height, turn = np.radians(elevation), np.radians(azimuth - rotation)
     return np.array([np.cos(height) * np.sin(turn), np.sin(height), -np.cos(height) * np.cos(turn)])
+
+
+def of_direction(towards: Matrix) -> tuple[float, float]:
+    """Elevation and azimuth in degrees of what a direction (3,) points at: :func:`to_sun` back."""
+    x, y, z = towards / np.linalg.norm(towards)
+    return float(np.degrees(np.arcsin(np.clip(y, -1, 1)))), float(np.degrees(np.arctan2(x, -z)) % 360)

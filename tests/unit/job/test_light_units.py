@@ -35,6 +35,25 @@ def test_a_suns_watts_per_square_metre_are_its_lux(write_job: WriteJob, kind: st
     assert found.intensity == 3
 
 
+@pytest.mark.parametrize(
+    ("head", "names"),
+    [
+        ('type = "sun"\ndirection = [0, -1, 0]', (("lux", "lx"), ("watt", "W/m²", "W/m2", "watts"))),
+        (
+            'type = "point"\nposition = [0, 1, 0]',
+            (("candela", "cd"), ("lumen", "lm", "lumens"), ("watt", "W", "watts")),
+        ),
+        (AREA + "target = [0, 0, 0]", (("nit", "nits", "cd/m²", "cd/m2"), ("candela", "cd"), ("lumen", "lm"))),
+    ],
+)
+def test_units_have_the_names_that_people_write(
+    write_job: WriteJob, head: str, names: tuple[tuple[str, ...], ...]
+) -> None:
+    for same in names:
+        found = {light(write_job, f'{head}\nintensity = 30\nunit = "{name}"').intensity for name in same}
+        assert len(found) == 1
+
+
 @pytest.mark.parametrize("unit", ["lumen", "watt"])
 def test_a_lamp_shines_all_around(write_job: WriteJob, unit: str) -> None:
     found = light(write_job, f'type = "point"\nposition = [0, 1, 0]\nintensity = 800\nunit = "{unit}"')

@@ -9,8 +9,8 @@ import pytest
 
 from mirelight.apps.inspect.facts import lighting_facts
 from mirelight.io import job
-from mirelight.io.job.sun_position import sun_position, to_sun
-from mirelight.model import SkyModel
+from mirelight.io.job.sun_position import of_direction, sun_position, to_sun
+from mirelight.model import DirectionalLight, SkyModel, SunLight
 
 from .conftest import WriteJob
 
@@ -43,6 +43,30 @@ def test_north_is_minus_z_and_east_plus_x() -> None:
         np.testing.assert_allclose(to_sun(0, azimuth), axis, atol=1e-12)
     np.testing.assert_allclose(to_sun(90, 77), [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(to_sun(0, 90, rotation=90), [0, 0, -1], atol=1e-12)  # +X goes to -Z, as a map's light
+
+
+def test_a_direction_and_where_it_points_are_the_same() -> None:
+    for elevation, azimuth in ((12, 270), (-30, 45), (40, 181)):
+        assert of_direction(3 * to_sun(elevation, azimuth)) == pytest.approx((elevation, azimuth))
+
+
+@pytest.mark.parametrize("kind", ["sun", "directional"])
+def test_a_sun_by_elevation_and_azimuth_stands_where_the_skys_does(write_job: WriteJob, kind: str) -> None:
+    text = f'''\
+lights = [
+    {{ type = "{kind}", elevation = 30, azimuth = 250 }},
+    {{ type = "{kind}", elevation = 30 }},
+    {{ type = "{kind}", direction = [0, -1, 0] }},
+]
+[environment]
+sky = {{ elevation = 30, azimuth = 250 }}
+'''
+    lighting = job.load(write_job(SCENE + text)).lightings[0]
+    assert isinstance(lighting.sky, SkyModel)
+    ways = [light.direction for light in lighting.lights if isinstance(light, DirectionalLight | SunLight)]
+    np.testing.assert_allclose(ways[0], -lighting.sky.to_sun, atol=1e-12)
+    np.testing.assert_allclose(ways[1], -to_sun(30, 180), atol=1e-12)
+    np.testing.assert_allclose(ways[2], [0, -1, 0])
 
 
 def test_a_sky_is_a_sun_and_a_sky_beside_the_jobs_lights(write_job: WriteJob) -> None:

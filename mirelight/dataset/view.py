@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -24,11 +24,13 @@ from mirelight.model import (
     Camera,
     DirectionalLight,
     LightingBuffer,
+    LightLayer,
     Profile,
     RelightSettings,
     SplatLayer,
     SunLight,
 )
+from mirelight.pipeline.captured_sun import one_distant, strongest, sun_of
 from mirelight.pipeline.codecs import ARRAY, composite_of, light_of
 from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
@@ -307,23 +309,52 @@ class DataSet:
         whole = np.array([unit.kind == "whole" for unit in index.units], dtype=np.bool_)
         splats, size = self._composite(view), (seen.height, seen.width)
         first = buffers[index.lightings[0].groups[0] if index.lightings else 0]
-        captured: relighting.Lit | None = None
+        captured: LightingBuffer | None = None
         if index.captured is not None:
             own = _Ready(planes, constant, whole, size, lambda beauty, _: beauty)
-            surface = relighting.Lit.of(buffers[index.captured.groups[0]])
             beauty = own.frame(self._weights(index.captured))
-            captured = relighting.Lit(beauty=beauty, coverage=surface.coverage, albedo=surface.albedo)
+            layer = LightLayer(name="captured", direct=beauty, indirect=np.zeros_like(beauty))
+            captured = replace(buffers[index.captured.groups[0]], layers=(layer,), noisy=())
         level = None  # there is none where the machine that rendered could not tell it
         if index.captured_level is not None and self._scene.has(index.captured_level, ARRAY):
             level = self._kept_array(index.captured_level)
         surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
 
+        @cache
+        def compared(repair: bool) -> relighting.Lit | None:
+            if captured is None or splats is None or not repair:
+                return None if captured is None else relighting.Lit.of(captured)
+            shown = relighting.repaired(captured, self._captured_sun(buffers), relighting.unlit_rgba(splats))
+            return relighting.Lit.of(shown)
+
         @lru_cache(_MOST_RELIGHTS)
         def relighter(settings: RelightSettings) -> Callable[[F32], F32]:
-            known = None if level is None else float(level[0])
-            return relighting.relighter(splats, surface, settings, captured=captured, captured_level=known)
+            known, old = None if level is None else float(level[0]), compared(relighting.repairs(settings))
+            return relighting.relighter(splats, surface, settings, captured=old, captured_level=known)
 
         return _Ready(planes, constant, whole, size, lambda beauty, own: relighter(own or index.relight)(beauty))
+
+    def _captured_sun(self, buffers: Sequence[LightingBuffer]) -> relighting.Sun | None:
+        """The strongest distant lamp of the captured light, in a view with these sets."""
+        captured = self._index.captured
+        assert captured is not None
+        found: list[relighting.Sun] = []
+        for place, weight in zip(captured.units, captured.weights, strict=True):
+            unit = self._index.units[place]
+            lamp = self._distant_lamp(unit)
+            own = [x for x in buffers[unit.group].layers if x.name == unit.layer]
+            if lamp is not None and own:
+                found.append(sun_of(lamp, own[0].direct, np.asarray(weight, np.float32)))
+        return strongest(found)
+
+    def _distant_lamp(self, unit: UnitLight) -> DirectionalLight | SunLight | None:
+        if unit.kind != "sun":
+            return None
+        if unit.lights:
+            return one_distant(unit.lights)
+        rows = [row for around in unit.around for row in self._kept_array(around.key).astype(np.float64)]
+        lamps = [SunLight(name="sun", direction=x[:3], color=x[3:6], angular_diameter=float(x[6])) for x in rows]
+        return one_distant(lamps)
 
     def _light_camera(self, view: indexing.KeptView) -> Camera:
         rows, columns = view.light_size

@@ -21,4 +21,5 @@ class RelightSettings:
     delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
     max_ratio: float = 16.0  # ratio: upper clamp
     per: Per = "pixel"  # light is found for each pixel of a view, for each splat, or as the module `shadows` says
+    repair: bool = True  # captured light has the shadows and the white that the picture shows (ratio, albedo)
     sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)

@@ -288,7 +288,7 @@ class Keys:
                 "relit",
                 _read(settings, relighting.reads(settings)),
                 denoised,
-                self._versions("numpy"),
+                self._versions("numpy", *(("scipy",) if relighting.repairs(settings) else ())),
                 job.splats is None,
                 requirements.wants_noise(job),
                 job.output.wants_layers,  # layers are added up one by one, else before they are mixed: other roundings

@@ -58,6 +58,7 @@ class Scene(Prepared):
     def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
         super().__init__(job, kept, report)
         self._view: ViewLight | None = None
+        self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # the same of what is repaired
         self._softened: tuple[LightingBuffer, LightingBuffer] | None = None  # as it was traced, and as it became
         self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
 
@@ -152,6 +153,13 @@ class Scene(Prepared):
             made = relighting.softened(captured, lamps, on_splats, 1 - seen.transmittance)
         self._softened = captured, made
         return made
+
+    def repaired(self, captured: LightingBuffer, sun: relighting.Sun | None, splats: SplatLayer) -> LightingBuffer:
+        """A view's captured light as its splats show it; that of the last view is kept."""
+        if self._repaired is None or self._repaired[0] is not captured or self._repaired[1] is not splats:
+            made = relighting.repaired(captured, sun, relighting.unlit_rgba(splats))
+            self._repaired = captured, splats, made
+        return self._repaired[2]
 
     def mattes(self, camera: Camera) -> tuple[Matte, ...]:
         """The cryptomattes that the job's files hold, of one camera; those of the last camera are kept."""

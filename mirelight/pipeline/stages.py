@@ -30,6 +30,7 @@ class Lit:
     lighting: Lighting
     new: LightingBuffer
     captured: LightingBuffer | None = None
+    sun: relighting.Sun | None = None  # of the captured light, where its shadows take their places from the picture
     factor: F32 | None = None  # (N, 3) of each splat, linear, where splats are relit one by one
 
     def __repr__(self) -> str:
@@ -91,13 +92,15 @@ def light(
     view = scene.view_light(seen)
     view.expect([lighting] if compared is None else [compared, lighting], progress)
     captured: LightingBuffer | None = None
+    sun: relighting.Sun | None = None
+    settings = job.relight_of(lighting)
     try:
         factor = _factor(scene, lighting)
     except KeyboardInterrupt:
         raise Stopped(None) from None
 
     def lit(buffer: LightingBuffer) -> Lit:
-        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured, factor=factor)
+        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured, sun=sun, factor=factor)
 
     def offer(so_far: Callable[[], LightingBuffer]) -> None:
         assert look is not None
@@ -105,12 +108,16 @@ def light(
 
     try:
         captured = None if compared is None else view.mixed(compared)
-        if captured is not None and relighting.softens(job.relight_of(lighting)):
-            captured = _softened(scene, captured)
+        if captured is not None and compared is not None:
+            if relighting.softens(settings):
+                captured = _softened(scene, captured)
+            sun = view.sun(compared) if relighting.repairs(settings) else None
         return lit(view.mixed(lighting, None if look is None else offer))
     except ViewStopped:
         so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None
         raise Stopped(None if so_far is None else lit(so_far)) from None
+    except KeyboardInterrupt:
+        raise Stopped(None) from None
 
 
 def _softened(scene: Scene, captured: LightingBuffer) -> LightingBuffer:
@@ -176,11 +183,14 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     if splats is not None and lit is not None and lit.factor is not None:
         made = relighting.frame_of_splats(splats, _blended(scene, splats, lit.factor, settings), lit.new, made_by)
     else:
+        captured = lit.captured if lit else None
+        if splats is not None and lit is not None and captured is not None and relighting.repairs(settings):
+            captured = scene.repaired(captured, lit.sun, splats)
         made = relighting.apply(
             splats,
             lit.new if lit else None,
             settings,
-            captured=lit.captured if lit else None,
+            captured=captured,
             captured_level=scene.captured_level if lit and lit.captured else None,
             made_by=made_by,
             noise=requirements.wants_noise(job),

@@ -5,17 +5,19 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from mirelight import relighting
 from mirelight.model import Camera, DirectionalLight, Lighting, LightingBuffer, SunLight
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 from mirelight.pipeline import requirements
+from mirelight.pipeline.captured_sun import seen_sun
 from mirelight.pipeline.codecs import light_of
 from mirelight.pipeline.mix import Wanted, mix
 from mirelight.pipeline.prepared import Prepared
 
 if TYPE_CHECKING:
-    pass
+    from mirelight.lighting import Tracer
 
 Progress = Callable[[int, int], None]  # (samples done, samples in all)
 Look = Callable[[Callable[[], LightingBuffer]], None]  # may ask for a lighting as far as it is traced
@@ -44,6 +46,8 @@ class ViewLight:
         self._progress: Progress | None = None
         self.is_broken = False  # a trace was interrupted: what it left is no whole set
         self._captured: LightingBuffer | None = None  # the captured light, which every frame of a ratio asks for
+
+        self._sun: tuple[relighting.Sun | None] | None = None  # of the captured light, once it was looked for
 
     @property
     def camera(self) -> Camera:
@@ -85,6 +89,22 @@ class ViewLight:
         if is_captured:
             self._captured = finished
         return finished
+
+    def sun(self, captured: Lighting) -> relighting.Sun | None:
+        """The strongest distant lamp of the captured light, which has been mixed before; that of one view is kept."""
+        scene = self._scene
+        if self._sun is None and not requirements.follows_engine(scene.job):
+            found = seen_sun(
+                scene.mixture(captured),
+                self._there,
+                self._seen,
+                cast("Tracer", scene.tracer),
+                resolved=scene.resolved,
+                denoised=scene.job.render.denoise,
+                apart=requirements.keeps_lights_apart(scene.job),
+            )
+            self._sun = (found,)
+        return None if self._sun is None else self._sun[0]
 
     def trace(self, lightings: Sequence[Lighting], progress: Progress | None) -> None:
         """Trace what is not kept yet, and keep it. What glows comes first: with all the rest there, it is, too.

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.mode import Lit, Mode, Task
-from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, softens
+from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, repairs, softens
+from mirelight.relighting.repair import Sun, repaired
 from mirelight.relighting.resample import upsample
 from mirelight.relighting.shadows import softened
 from mirelight.relighting.splats import captured_color, frame_of_splats, relit_colors, splat_relighter
@@ -19,6 +20,7 @@ __all__ = [
     "MODES",
     "Lit",
     "Mode",
+    "Sun",
     "Task",
     "apply",
     "captured_color",
@@ -30,6 +32,8 @@ __all__ = [
     "reads",
     "relighter",
     "relit_colors",
+    "repaired",
+    "repairs",
     "softened",
     "softens",
     "splat_relighter",

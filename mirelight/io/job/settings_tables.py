@@ -134,6 +134,11 @@ class RelightTable(Table):
         "pixels, but captured lamps' direct light for splats (docs/explanation/relighting.md: which is better where). "
         "playcanvas: pixel.",
     )
+    repair: bool = Field(
+        default=_RELIGHT.repair,
+        description="ratio, albedo, light found for pixels: captured light takes the place of the sun's shadows, and "
+        "the white that it ends at, from the picture. playcanvas: false.",
+    )
     sh: Gloss = Field(
         default=_RELIGHT.sh,
         description="Colour that changes with the view (SH above degree 0): keep (relit as all else), fade (darkened "

@@ -24,6 +24,7 @@ from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (
     Camera,
+    DirectionalLight,
     Indirect,
     Lighting,
     LightingBuffer,
@@ -31,9 +32,11 @@ from mirelight.model import (
     RelightSettings,
     RenderSettings,
     SplatLayer,
+    SunLight,
     SurfaceCache,
     digest,
 )
+from mirelight.pipeline import captured_sun
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Soup
 
@@ -75,7 +78,7 @@ class Way:
 
 
 WHOLE_PIXEL = 0.999  # coverage by surfaces, from which no sky is in it
-BOTH = "ratio, per both"
+REPAIRED = "ratio, repaired"
 BEST = Way("traced", 2, 32)  # by which proxies are compared
 KEPT = replace(BEST, indirect="surface")
 WAYS = tuple(Way(way, *cut) for way in ("traced", "surface") for cut in ((1, 16), (2, 4), (1, 64), (2, 16), (2, 32)))
@@ -86,7 +89,7 @@ class Row:
     """One way to relight, on one capture."""
 
     capture: str
-    mode: str  # unchanged, tint, ratio; `BOTH`: ratio with relight.per = "both"
+    mode: str  # unchanged, tint, ratio; `REPAIRED`: ratio with relight.repair
     proxy: Surface
     light: Known
     way: Way
@@ -283,10 +286,10 @@ class Bench:
                 share = 2 / len(lightings)  # a frame needs its new and the captured light
                 filled = fill if way.indirect == "surface" else 0.0
                 yield replace(row, trace=trace * share, clean=wash * share if denoised else 0.0, fill=filled)
-            if self._more and surface in ESTIMATED and known == "known" and way == BEST and light.lights:
-                soft = cost("captured lamps on splats", partial(self._softened, tracer, colored, light, clean[0]))
-                factors = self._factors(soft, clean[1:], settings, level)
-                yield self._row(BOTH, surface, known, way, True, factors, len(mesh.faces))
+            if surface in ESTIMATED and way == BEST:
+                shown = cost("captured light as shown", partial(self._repaired, tracer, light, clean[0]))
+                factors = self._factors(shown, clean[1:], settings, level)
+                yield self._row(REPAIRED, surface, known, way, True, factors, len(mesh.faces))
 
     def _factors(
         self, captured: LightingBuffer, lit: Sequence[LightingBuffer], settings: RelightSettings, level: float
@@ -299,14 +302,15 @@ class Bench:
 
         return [_there(factor(x)) for x in lit]
 
-    def _softened(self, tracer: Tracer, proxy: ProxyMesh, light: Lighting, captured: LightingBuffer) -> LightingBuffer:
-        """The captured light with its lamps as the splats show them."""
-        splats = self.capture.splats
-        own = splat_light.tracer_for(proxy, RenderSettings())
-        values = splat_light.lamps_on(own, light, splat_light.places_of(splats, proxy, own, light))
-        lamps = denoise(splat_light.lamps_in_view(tracer, light, captured.camera), layers=False)
-        seen, blended = Compositor(splats).composite_with(captured.camera, values, depth=False)
-        return relighting.softened(captured, lamps, blended, 1 - seen.transmittance)
+    def _repaired(self, tracer: Tracer, light: Lighting, captured: LightingBuffer) -> LightingBuffer:
+        """The captured light as the splats' picture shows it."""
+        lamps = [x for x in light.lights if isinstance(x, DirectionalLight | SunLight)]
+        lamp = max(lamps, key=lambda x: x.intensity * float(x.color.mean()), default=None)
+        sun = None
+        if lamp is not None:
+            alone = splat_light.lamps_in_view(tracer, Lighting(name="sun", lights=(lamp,)), captured.camera)
+            sun = captured_sun.sun_of(lamp, denoise(alone, layers=False).beauty, np.ones(3, np.float32))
+        return relighting.repaired(captured, sun, relighting.unlit_rgba(self.splats))
 
     def _row(
         self,

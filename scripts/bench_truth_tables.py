@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from bench_truth_rows import BEST, BOTH, ORDER, Row
+from bench_truth_rows import BEST, ORDER, REPAIRED, Row
 from bench_truth_scores import mean
 
 
@@ -31,9 +31,9 @@ def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
     """What docs/benchmarks/truth.md is made from."""
 
     def proxy_label(row: Row) -> str:
-        if row.mode not in ("ratio", BOTH):
+        if row.mode not in ("ratio", REPAIRED):
             return row.mode
-        return f"{row.proxy}, light {row.light}{', lamps on splats' if row.mode == BOTH else ''}"
+        return f"{row.proxy}, light {row.light}{', repaired' if row.mode == REPAIRED else ''}"
 
     def way_label(row: Row) -> str:
         return f"{row.way.label}{', denoised' if row.denoised else ''}"
@@ -42,7 +42,7 @@ def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
     known = [r for r in rows if r.mode == "ratio" and r.proxy == "exact" and r.light == "known"]
     ways = [r for r in known if r.capture in compared and (r.denoised or r.way.scale == 1)]
     proxies = [r for r in rows if r.mode != "ratio" or (r.denoised and r.way == BEST)]
-    order = {"unchanged": 0, "tint": 1, "ratio": 2, BOTH: 3}
+    order = {"unchanged": 0, "tint": 1, "ratio": 2, REPAIRED: 3}
     best = sorted(proxies, key=lambda r: (order[r.mode], r.light == "estimated", ORDER.index(r.proxy)))
     parts = "\n".join(f"| {part} | {seconds:.0f} |" for part, seconds in spent.items())
     costs = f"| part | CPU s |\n|---|---|\n{parts}"

@@ -99,7 +99,7 @@ class DataSet:
         self.folder, self._memory = Path(folder), memory
         self._index: Index = indexing.read(self.folder)
         ways = [self._index.relight, *(x.relight for x in self._index.lightings if x.relight is not None)]
-        if any(relighting.per_splat(x) or relighting.softens(x) for x in ways):
+        if any(relighting.per_splat(x) for x in ways):
             found = "frames whose light is found for splats"
             raise InputError(self.folder, found, 'render with relight.per = "pixel"')
         self._kept = Artefacts(self.folder / indexing.LIGHT)

@@ -35,7 +35,6 @@ from mirelight.model import (
 Int = NDArray[np.intp]
 
 REACH = 0.02  # of the bounds' diagonal
-LAMP_SAMPLES = 16  # samples a splat of lamps' direct light: many splats share a pixel
 MARGIN = 2.0**-18  # of the largest coordinate plus the longest edge: how far off edges points must lie for rays
 TINY = np.finfo(np.float64).tiny
 FEW, MANY = 4, 32  # samples a splat, to tell the dark side: of all, and of those that few have found dark
@@ -60,23 +59,10 @@ def tracer_for(proxy: ProxyMesh, settings: RenderSettings) -> Tracer:
     return Tracer(proxy, own, aovs=False)
 
 
-def lamps_of(lighting: Lighting) -> Lighting:
-    """The lights of a lighting without what lies all around; a sky model must have become a sun and a map before."""
-    return Lighting(name=lighting.name, lights=lighting.lights)
-
-
-def lamps_on(tracer: Tracer, lighting: Lighting, places: Places) -> F32:
-    """(N, 3) the direct light of a lighting's lamps at splats, irradiance / pi; reflected light is not in it."""
-    direct = tracer.tuned(replace(tracer.settings, max_depth=1), layers=False, aovs=False)
-    lamps = lamps_of(lighting)
-    made = direct.point_layers(lamps, places.points, places.normals, LAMP_SAMPLES, emission=False)
-    return np.asarray(made.total * np.float32(1 / np.pi), np.float32)
-
-
 def lamps_in_view(tracer: Tracer, lighting: Lighting, camera: Camera) -> LightingBuffer:
-    """The proxy by the same light, seen by a camera with as many samples as the tracer's frames."""
+    """The proxy by the direct light of a lighting's lamps, seen with as many samples as frames."""
     settings = replace(tracer.settings, max_depth=1, noise=None, denoise=False)
-    return tracer.tuned(settings, layers=False, aovs=False).trace(lamps_of(lighting), camera, emission=False)
+    return tracer.tuned(settings, layers=False, aovs=False).trace(lighting, camera, emission=False)
 
 
 def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: Lighting | None) -> Places:

@@ -19,7 +19,7 @@ RelightMode: TypeAlias = Literal["tint", "ratio", "albedo"]  # names; `mirelight
 COMPARING: frozenset[RelightMode] = frozenset({"ratio", "albedo"})  # must know the light of the capture
 COLOURING: frozenset[RelightMode] = frozenset({"albedo"})  # splats colour the proxy unless the job says else
 BRIGHTEST = 0.95  # albedo: no surface reflects more, fresh snow as much
-Per: TypeAlias = Literal["pixel", "splat", "both"]  # what light is found for; both: the captured lamps for splats
+Per: TypeAlias = Literal["pixel", "splat"]  # what light is found for
 Gloss: TypeAlias = Literal["keep", "fade", "remove"]  # what becomes of colour that changes with the view
 Space: TypeAlias = Literal["linear", "display"]
 

@@ -20,6 +20,6 @@ class RelightSettings:
     texture_scale: float = 1.0  # lighting pixels per frame pixel along each axis, (0, 2]
     delta: float = 0.003  # ratio: regularisation, share of the captured light's mean luminance
     max_ratio: float = 16.0  # ratio: upper clamp
-    per: Per = "pixel"  # light is found for each pixel of a view, for each splat, or as the module `shadows` says
+    per: Per = "pixel"  # light is found for each pixel of a view, or for each splat
     repair: bool = True  # captured light has the shadows and the white that the picture shows (ratio, albedo)
     sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)

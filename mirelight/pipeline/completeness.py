@@ -47,4 +47,4 @@ def _relights(job: Job) -> list[RelightSettings]:
 
 
 def _asks_splats(settings: RelightSettings) -> bool:
-    return relighting.per_splat(settings) or relighting.softens(settings)
+    return relighting.per_splat(settings)

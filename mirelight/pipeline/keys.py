@@ -115,12 +115,6 @@ class Keys:
         return digest("places", *parts, job.render.max_depth, self._device)
 
     @cached_property
-    def captured_lamps(self) -> str:
-        """The direct light of the captured lamps on each splat."""
-        assert self.job.captured is not None
-        return digest("captured lamps on splats", self.splat_places, _light(self.job.captured))
-
-    @cached_property
     def splat_sets(self) -> LightSets:
         """The sets of unit lights whose light on splats makes the job's lightings, then the captured one."""
         job = self.job
@@ -247,8 +241,6 @@ class Keys:
             if seen not in self._old:
                 self._old[seen] = [*self._lit(captured, seen), self.captured_level]
             parts += self._old[seen]
-            if relighting.softens(job.relight_of(lighting)):
-                parts.append(self.captured_lamps)
         if job.splats is not None and relighting.per_splat(job.relight_of(lighting)):
             parts += self._on_splats(lighting)
         return _joined("frame", *parts)

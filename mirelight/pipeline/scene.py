@@ -13,6 +13,7 @@ from mirelight.model import (
     Job,
     LightingBuffer,
     Matte,
+    SplatLayer,
 )
 from mirelight.pipeline import keys, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
@@ -58,8 +59,7 @@ class Scene(Prepared):
     def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
         super().__init__(job, kept, report)
         self._view: ViewLight | None = None
-        self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # the same of what is repaired
-        self._softened: tuple[LightingBuffer, LightingBuffer] | None = None  # as it was traced, and as it became
+        self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # was, seen in, is
         self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
 
     def __repr__(self) -> str:
@@ -130,29 +130,6 @@ class Scene(Prepared):
                 self._tell(f"light on {len(self.splats or ()):,} splats: {what}; it is kept for the next time")
 
         return SplatLight(self, self.job.render.spp, say)
-
-    def softened(self, captured: LightingBuffer) -> LightingBuffer:
-        """A view's captured light with shadows as soft as the splats show them; that of the last view is kept."""
-        if self._softened is not None and self._softened[0] is captured:
-            return self._softened[1]
-        from mirelight.lighting import Tracer
-        from mirelight.lighting.splat_light import lamps_in_view
-
-        job, tracer = self.job, self.tracer
-        assert job.captured is not None and isinstance(tracer, Tracer)
-        known = self.resolved(job.captured)
-        made = captured
-        if known.lights:
-            lamps = lamps_in_view(tracer, known, captured.camera)
-            if job.render.denoise:
-                from mirelight.lighting.denoise import denoise
-
-                lamps = denoise(lamps, layers=False)
-            values = self.splat_light.captured_lamps
-            seen, on_splats = self.compositor.composite_with(captured.camera, values, depth=False)
-            made = relighting.softened(captured, lamps, on_splats, 1 - seen.transmittance)
-        self._softened = captured, made
-        return made
 
     def repaired(self, captured: LightingBuffer, sun: relighting.Sun | None, splats: SplatLayer) -> LightingBuffer:
         """A view's captured light as its splats show it; that of the last view is kept."""

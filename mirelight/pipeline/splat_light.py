@@ -141,25 +141,6 @@ class SplatLight:
         assert self._scene.proxy is not None
         return splat_light.tracer_for(self._scene.proxy, self._scene.job.render)
 
-    @property
-    def captured_lamps(self) -> F32:
-        """(N, 3) direct light of the lamps that the splats were captured under, irradiance / pi.
-
-        Raises:
-            RenderError: no splat lies on the proxy.
-        """
-        from mirelight.lighting import splat_light
-
-        scene = self._scene
-        assert scene.job.captured is not None
-        captured = scene.resolved(scene.job.captured)
-
-        def make() -> F32:
-            self._say("lamps of the capture", 0, 1)
-            return splat_light.lamps_on(self.tracer, captured, self.places)
-
-        return self._made_once(scene.keys.captured_lamps, (len(self.places.points), 3), make)
-
     @cached_property
     def places(self) -> Places:
         """Where the splats lie on the proxy.

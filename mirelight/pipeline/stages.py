@@ -108,22 +108,12 @@ def light(
 
     try:
         captured = None if compared is None else view.mixed(compared)
-        if captured is not None and compared is not None:
-            if relighting.softens(settings):
-                captured = _softened(scene, captured)
-            sun = view.sun(compared) if relighting.repairs(settings) else None
+        if compared is not None and relighting.repairs(settings):
+            sun = view.sun(compared)
         return lit(view.mixed(lighting, None if look is None else offer))
     except ViewStopped:
         so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None
         raise Stopped(None if so_far is None else lit(so_far)) from None
-    except KeyboardInterrupt:
-        raise Stopped(None) from None
-
-
-def _softened(scene: Scene, captured: LightingBuffer) -> LightingBuffer:
-    """Captured light with its lamps as the splats show them; without it there is nothing to compare with."""
-    try:
-        return scene.softened(captured)
     except KeyboardInterrupt:
         raise Stopped(None) from None
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.mode import Lit, Mode, Task
-from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, repairs, softens
+from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, repairs
 from mirelight.relighting.repair import Sun, repaired
 from mirelight.relighting.resample import upsample
-from mirelight.relighting.shadows import softened
 from mirelight.relighting.splats import captured_color, frame_of_splats, relit_colors, splat_relighter
 
 __all__ = [
@@ -34,8 +33,6 @@ __all__ = [
     "relit_colors",
     "repaired",
     "repairs",
-    "softened",
-    "softens",
     "splat_relighter",
     "unlit_rgba",
     "upsample",

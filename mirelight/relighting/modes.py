@@ -38,12 +38,6 @@ def per_splat(settings: RelightSettings) -> bool:
     return settings.per == "splat" and rules_of(settings.profile).path_traced
 
 
-def softens(settings: RelightSettings) -> bool:
-    """Whether pixels are compared with captured light whose shadows are as soft as the splats show them."""
-    compares = mode_of(settings).needs_captured and settings.blend > 0
-    return settings.per == "both" and compares and rules_of(settings.profile).path_traced
-
-
 def repairs(settings: RelightSettings) -> bool:
     """Whether pixels are compared with captured light as the picture shows it."""
     compares = mode_of(settings).needs_captured and settings.blend > 0

@@ -254,7 +254,6 @@ ARTEFACTS: dict[str, Artefact] = {
     "sky": lambda made: made.sky_of(SKY_MODEL, "sky"),
     "sky of an estimate": lambda made: made.sky_of(estimated(made), "sky"),
     "places": lambda made: made.splat_places,
-    "captured lamps": lambda made: made.captured_lamps,
     "splat light": _splat_light,
     "cells": lambda made: made.surface_cells,
     "surface transport": lambda made: made.surface_transport,
@@ -270,12 +269,12 @@ ARTEFACTS: dict[str, Artefact] = {
     "exported picture": _exported,
 }
 # Public names of Keys: those that are keys of an artefact, and those that only help to find one.
-KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places", "captured_lamps"}
+KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places"}
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
 HELPING = {"job", "splat_sets", "sets", "lights", "needs", "mixture", "files"}
 
 FILES = {"frame", "EXR", "PNG", "exported picture"}
-ON_SPLATS = {"places", "captured lamps", "splat light"}
+ON_SPLATS = {"places", "splat light"}
 ON_SURFACE = {"cells", "surface transport", "surface light"}
 ON_PROXY = {"captured level", "light", *ON_SPLATS, *ON_SURFACE, *FILES}  # on one with the splats' colours
 UNLIT = {"composite", "unlit frame", "unlit EXR", "unlit PNG"}
@@ -313,6 +312,7 @@ DECIDES: dict[str, set[str]] = {
     "relight.delta": FILES,
     "relight.max_ratio": FILES,
     "relight.per": FILES,
+    "relight.repair": FILES,
     "relight.sh": UNLIT | FILES,
     "display.exposure": {"PNG", "unlit PNG", "exported picture"},
     "display.tone": {"PNG", "unlit PNG", "exported picture"},

@@ -23,6 +23,7 @@ OTHER: dict[str, Any] = {  # another value for every setting
     "max_ratio": 1.5,
     "sh": "remove",
     "per": None,  # decides who is asked, not what comes of it
+    "repair": None,  # decides what captured light is compared with
     "texture_scale": 0.5,
 }
 

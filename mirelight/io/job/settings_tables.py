@@ -130,9 +130,8 @@ class RelightTable(Table):
     max_ratio: Positive = Field(default=_RELIGHT.max_ratio, description="ratio: largest factor.")
     per: Per = Field(
         default=_RELIGHT.per,
-        description="What light is found for: each pixel of a view; each splat, wherever it is seen from; or both: "
-        "pixels, but captured lamps' direct light for splats (docs/explanation/relighting.md: which is better where). "
-        "playcanvas: pixel.",
+        description="What light is found for: each pixel of a view, or each splat, wherever it is seen from "
+        "(docs/explanation/relighting.md: which is better where). playcanvas: pixel.",
     )
     repair: bool = Field(
         default=_RELIGHT.repair,

@@ -132,6 +132,7 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
 WITHOUT_BOUNDS = {
     "indirect",
     "per",
+    "repair",
     "sh",
     "variant",
     "denoise",

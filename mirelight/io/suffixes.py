@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 GLTF = (".glb", ".gltf")
-MESHES = (*GLTF, ".ply", ".obj", ".stl")
+USD = (".usd", ".usda", ".usdc", ".usdz")
+SCENES = (*GLTF, *USD)  # of meshes, lights and cameras in a world of their own, perhaps splats too
+MESHES = (*SCENES, ".ply", ".obj", ".stl")
 CONVERTED = (".ksplat", ".lcc", ".lcc2")  # splats that splat-transform reads
-SPLATS = (".ply", ".spz", ".sog", ".splat", *GLTF, *CONVERTED)  # not .json, which may be a SOG's, and cameras as well
+SPLATS = (".ply", ".spz", ".sog", ".splat", *SCENES, *CONVERTED)  # not .json, which may be a SOG's, and cameras as well

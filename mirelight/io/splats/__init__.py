@@ -1,7 +1,7 @@
 """Gaussian-splat files: one module per format, all giving :class:`mirelight.model.SplatCloud`.
 
-Splats come in the axes of a PLY capture (usually Y down), whatever the format, except glTF, which has a world of its
-own (Y up). Turn a capture upright with :func:`transform`, as a viewer's 180-degree rotation does.
+Splats come in the axes of a PLY capture (usually Y down), whatever the format, except glTF and OpenUSD, which have
+worlds of their own (Y up). Turn a capture upright with :func:`transform`, as a viewer's 180-degree rotation does.
 ``docs/reference/splat-formats.md`` says what each format keeps.
 """
 
@@ -18,14 +18,16 @@ from mirelight.io.splats import compressed_ply, dot_splat, external, ply, sog, s
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import read_ply_header
-from mirelight.io.suffixes import CONVERTED, GLTF, SPLATS
+from mirelight.io.suffixes import CONVERTED, GLTF, SPLATS, USD
 from mirelight.model import SplatCloud
 
 __all__ = ["SUFFIXES", "SplatFileInfo", "merge", "read", "summary", "transform", "write"]
 
 SUFFIXES = (*SPLATS, ".json")  # of what can be read: a SOG may be a folder, with its meta.json
 
-_READABLE = "read are PLY, compressed PLY, SPZ, SOG, .splat, glTF with KHR_gaussian_splatting and lod-meta.json"
+_READABLE = (
+    "read are PLY, compressed PLY, SPZ, SOG, .splat, glTF with KHR_gaussian_splatting, OpenUSD and lod-meta.json"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +71,9 @@ def summary(path: str | Path, *, lod: int | None = None) -> SplatFileInfo:
 def write(cloud: SplatCloud, path: str | Path, *, comments: Sequence[str] = ()) -> None:
     """Write splats; the suffix names the format.
 
-    They are .compressed.ply, .ply, .spz (version 3), .sog (version 2), .splat and .glb (KHR_gaussian_splatting).
-    Values go as they are: a cloud moved by :func:`transform` is written moved. SPZ is written in its own axes. A .glb
-    is read as glTF's world, so give it a cloud with Y up.
+    They are .compressed.ply, .ply, .spz (version 3), .sog (version 2), .splat, .glb (KHR_gaussian_splatting)
+    and .usd, .usda, .usdc, .usdz. Values go as they are: a cloud moved by :func:`transform` is written moved. SPZ is
+    written in its own axes. A .glb or a stage is read as a world of its own, so give it a cloud with Y up.
     `comments` are lines of text in PLY headers; other formats have no place for them.
 
     Raises:
@@ -87,6 +89,7 @@ def write(cloud: SplatCloud, path: str | Path, *, comments: Sequence[str] = ()) 
         ".sog": sog_write.write,
         ".glb": _write_glb,
         ".splat": dot_splat.write,
+        **dict.fromkeys(USD, _write_stage),
     }
     for suffix, writer in writers.items():
         if name.endswith(suffix):
@@ -98,6 +101,12 @@ def _write_glb(cloud: SplatCloud, path: Path) -> None:
     from mirelight.io.splats import khr
 
     khr.write(cloud, path)
+
+
+def _write_stage(cloud: SplatCloud, path: Path) -> None:
+    from mirelight.io.usd.write import write_splats
+
+    write_splats(cloud, path)
 
 
 def _recognise(path: Path, lod: int | None) -> _Format:
@@ -117,6 +126,10 @@ def _by_content(path: Path, lod: int | None) -> _Format:
         raise InputError(path, "empty file", "give a capture")
     if suffix in CONVERTED:
         return _Format(lambda: external.summary(path, lod), lambda: external.read(path, lod), levels=True)
+    if suffix in USD:
+        from mirelight.io.usd import splats as stage
+
+        return _Format(lambda: stage.summary(path), lambda: stage.read(path))
     if head[:3] == b"ply":
         form = compressed_ply if compressed_ply.is_compressed(read_ply_header(path)) else ply
         return _Format(lambda: form.summary(path), lambda: form.read(path))

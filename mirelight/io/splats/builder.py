@@ -16,6 +16,7 @@ FARTHEST = 1e9  # world units: no position or size of a splat is larger, as none
 BRIGHTEST = 1e4  # no coefficient of a display-encoded colour is larger: as light it is 4e9 there
 FAINTEST = 1e-4  # opacity: thousands of such splats one behind the other would not be seen
 
+_UNIT = 4e-7  # of the square of a length: three steps of single precision
 ROWS = 1 << 13  # splats converted at a time; their values stay in the processor's cache
 
 
@@ -106,13 +107,14 @@ class CloudBuilder:
 
 
 def _normalise(quats: F32) -> None:
-    """Scale rotations to length 1 in place; length zero becomes the identity, infinite ones become NaN."""
+    """Scale rotations to length 1 in place; length zero becomes the identity, infinite ones become NaN. What has that
+    length in single precision stays as it is, bit for bit, so that a cloud that was written comes back."""
     square = np.einsum("ij,ij->i", quats, quats)
     odd = ~((square > 1e-30) & (square < 1e30))  # where float32 squares lose their meaning, and NaN
     if odd.any():
         quats[odd] = _normalised_extremes(quats[odd])
         square[odd] = 1
-    quats *= (1 / np.sqrt(square))[:, None]
+    quats *= np.where(np.abs(square - 1) < _UNIT, np.float32(1), 1 / np.sqrt(square))[:, None]
 
 
 def _normalised_extremes(quats: F32) -> NDArray[np.float64]:

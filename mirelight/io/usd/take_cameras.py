@@ -1,0 +1,73 @@
+"""Cameras of an open stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mirelight.io.usd.rows import Answer, CameraRow, Request
+from mirelight.io.usd.stage import Stage, rows
+
+_LENS = ("focalLength", "horizontalAperture", "verticalAperture")
+
+
+def cameras(stage: Stage, request: Request) -> Answer:
+    """Every camera; with times, each camera once for each, the cameras of a time together."""
+    from pxr import UsdGeom
+
+    found = [prim for prim in stage.prims() if prim.IsA(UsdGeom.Camera)]
+    codes = [stage.at(time) for time in request.times] or [None]
+    return Answer(cameras=[_row(stage, prim, code) for code in codes for prim in found], times=keys(stage, found))
+
+
+def _row(stage: Stage, prim: Any, code: Any) -> CameraRow:
+    from pxr import UsdGeom
+
+    camera = UsdGeom.Camera(prim)
+    at = stage.code if code is None else code
+
+    def number(attribute: Any) -> float:
+        return float(attribute.Get(at) or 0.0)
+
+    near, far = camera.GetClippingRangeAttr().Get(at)
+    stop = number(camera.GetFStopAttr())
+    if stop > 0:
+        stage.note(f"{prim.GetPath()}: f-stop {stop:g} and its focus, which are not followed; all is sharp")
+    return CameraRow(
+        name=prim.GetName(),
+        prim=str(prim.GetPath()),
+        world=rows(stage.world(prim, code)),
+        orthographic=camera.GetProjectionAttr().Get(at) == "orthographic",
+        focal=number(camera.GetFocalLengthAttr()),
+        apertures=[number(camera.GetHorizontalApertureAttr()), number(camera.GetVerticalApertureAttr())],
+        offsets=[number(camera.GetHorizontalApertureOffsetAttr()), number(camera.GetVerticalApertureOffsetAttr())],
+        clipping=[float(near) * stage.unit, float(far) * stage.unit],
+        unit=stage.unit / 10,
+        moves=len(_samples(prim, _LENS)) > 1,
+        f_stop=stop,
+    )
+
+
+def keys(stage: Stage, prims: Iterable[Any]) -> list[float]:
+    """First and last moment (s) of an animation: the stage's range, else from key to key; empty where nothing moves."""
+    times = sorted({x for prim in prims for x in _samples(prim, ())})
+    if len(times) < 2:
+        return []
+    first, last = times[0], times[-1]
+    if stage.stage.HasAuthoredTimeCodeRange():
+        first, last = stage.stage.GetStartTimeCode(), stage.stage.GetEndTimeCode()
+    return [float(first) / stage.rate, float(last) / stage.rate]
+
+
+def _samples(prim: Any, only: tuple[str, ...]) -> set[float]:
+    """Time codes at which a prim's own values (all, or those of these names) or its place have keys."""
+    from pxr import UsdGeom
+
+    own = [prim.GetAttribute(name) for name in only] if only else prim.GetAttributes()
+    found = {float(x) for attribute in own for x in attribute.GetTimeSamples()}
+    at = prim
+    while at and not at.IsPseudoRoot():
+        if at.IsA(UsdGeom.Xformable):
+            found |= {float(x) for x in UsdGeom.Xformable(at).GetTimeSamples()}
+        at = at.GetParent()
+    return found

@@ -1,4 +1,4 @@
-"""Proxy meshes of every format: glTF, GLB and OBJ by this package's own readers, PLY and STL by trimesh's."""
+"""Proxy meshes of every format: glTF, GLB, OBJ and OpenUSD by this package's own readers, PLY and STL by trimesh's."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.obj import obj_companions, read_obj
 from mirelight.io.safety import contained, existing, open_binary, read_whole, require_memory
-from mirelight.io.suffixes import GLTF, MESHES
+from mirelight.io.suffixes import GLTF, MESHES, USD
 from mirelight.io.surface import filled_normals, transformed_normals
 from mirelight.model import F32, I32, Material, ProxyMesh, triangles
 
@@ -38,7 +38,7 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
     of glTF files are linear by specification. An OBJ material's map_Kd replaces its Kd.
 
     Args:
-        path: .glb, .gltf, .ply, .obj or .stl.
+        path: .glb, .gltf, .usd, .usda, .usdc, .usdz, .ply, .obj or .stl.
         textures: read textures too. Without, no image is opened.
 
     Raises:
@@ -63,6 +63,13 @@ def _read(path: Path, textures: bool) -> ProxyMesh:
         if mesh is None:
             raise InputError(path, "no triangles in its scene (points and lines do not count)", "give a mesh")
         return mesh
+    if suffix in USD:
+        from mirelight.io.usd.mesh import read_proxy
+
+        found = read_proxy(path, textures=textures)
+        if found is None:
+            raise InputError(path, "no meshes in it", "give a stage with a mesh")
+        return found
     if suffix == ".obj":
         return read_obj(path, textures)
     return _read_with_trimesh(path, suffix, textures)

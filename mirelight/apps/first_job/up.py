@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base import conventions
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import SCENES
 from mirelight.model import F64, SplatCloud
 
 LEAST_FLOOR = (
@@ -60,9 +60,9 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
     if taken is not None:
         return Up(_neat(taken), f"from {len(cameras)} cameras of the capture", False)
     floor = _floor(cloud)
-    gltf = path.suffix.lower() in GLTF
-    habit = np.array([0.0, 1.0 if gltf else -1.0, 0.0])
-    usual = "+Y is up in glTF" if gltf else "-Y is up in most captures"
+    upright = path.suffix.lower() in SCENES
+    habit = np.array([0.0, 1.0 if upright else -1.0, 0.0])
+    usual = "+Y is up in glTF and as stages are read" if upright else "-Y is up in most captures"
     if floor is None:
         return Up(habit, f"a guess: there is no floor, and {usual}", True)
     if not floor.told:

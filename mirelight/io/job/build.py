@@ -14,6 +14,7 @@ from mirelight import model
 from mirelight.base.conventions import Matrix
 from mirelight.io.job import camera_files, cameras, lighting, mixing, moments, moving, placing, sweep
 from mirelight.io.job.camera_file_tables import CamerasFromTable
+from mirelight.io.job.camera_files import SceneCamera
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.light_tables import LightUnit, Lit
@@ -23,7 +24,7 @@ from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.settings_tables import DisplayTable, RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import GLTF, SCENES, USD
 from mirelight.model import (
     F32,
     Deferred,
@@ -42,7 +43,6 @@ from mirelight.model.recipe import not_made_yet
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
-    from mirelight.io.gltf.cameras import GltfCamera
     from mirelight.io.gltf.moving_lights import Shot
     from mirelight.io.ies import IesFile
 
@@ -85,7 +85,7 @@ class Assets:
         albedo = "gray" if table.albedo == "splats" else table.albedo
         return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
 
-    def gltf_lights(
+    def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
     ) -> tuple[tuple[Light, ...], Matrix]:
         """See :class:`lighting.LightFiles`."""
@@ -93,7 +93,9 @@ class Assets:
         from mirelight.io.gltf.moving_lights import Shot
         from mirelight.io.gltf.scene import read_lights_of
 
-        file, default = self._gltf(path)
+        file, default = self._scene(path)
+        if file.suffix.lower() in USD:
+            return self._stage_lights(file, time), default
         if time is not None and file not in self.shots:
             self.shots[file] = Shot.of(file)
         found = read_lights_of(file) if time is None else self.shots[file].at(time)
@@ -104,25 +106,50 @@ class Assets:
             self.notes[blender.note(file.name, found.blender, remedy)] = None
         return found.lights, default
 
+    def _stage_lights(self, file: Path, time: float | None) -> tuple[Light, ...]:
+        from mirelight.io.usd.lights import read_lights
+
+        found = read_lights(file, time)
+        self.notes |= dict.fromkeys(f"{file.name}: {note}" for note in found.notes)
+        return found.lights
+
     def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
         """See :class:`lighting.LightFiles`."""
+        file, _ = self._scene(path)
+        if file.suffix.lower() in USD:
+            from mirelight.io.usd.lights import light_times as stage_times
+
+            return stage_times(file, fps, frames)
         from mirelight.io.gltf.moving_lights import light_times
 
-        return [float(t) for t in light_times(self._gltf(path)[0], fps=fps, count=frames)]
+        return [float(t) for t in light_times(file, fps=fps, count=frames)]
 
-    def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
+    def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
         """See :class:`cameras.CameraFiles`."""
+        file, default = self._scene(path)
+        if file.suffix.lower() in USD:
+            from mirelight.io.usd.cameras import read_cameras as stage_cameras
+
+            return stage_cameras(file), default
         from mirelight.io.gltf.scene import read_cameras
 
-        file, default = self._gltf(path)
         return read_cameras(file), default
 
-    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[tuple[float, Matrix], ...]:
+    def sampled(
+        self, path: str, name: str, fps: float | None, frames: int | None
+    ) -> tuple[tuple[float, SceneCamera], ...]:
         """See :class:`cameras.CameraFiles`."""
-        from mirelight.io.gltf.animation import sample_cameras
+        file, _ = self._scene(path)
+        if file.suffix.lower() in USD:
+            from mirelight.io.usd.cameras import sample_cameras as sampled_stage
 
-        file, _ = self._gltf(path)
-        return sample_cameras(file, name, fps=fps, count=frames)
+            return sampled_stage(file, name, fps=fps, count=frames)
+        from mirelight.io.gltf.animation import sample_cameras
+        from mirelight.io.gltf.scene import read_cameras
+
+        poses = sample_cameras(file, name, fps=fps, count=frames)  # says where there is no such camera
+        camera = next(x for x in read_cameras(file) if x.name == name)
+        return tuple((time, replace(camera, world=pose)) for time, pose in poses)
 
     def camera_file(self, path: str) -> CameraFile:
         """See :class:`cameras.CameraFiles`. Of a folder, the digests are those of the files that are read."""
@@ -149,7 +176,7 @@ class Assets:
             model.digest("picture", self.digests[path]), partial(_panorama, file, self.digests[path]), keep=False
         )
 
-    def _gltf(self, path: str) -> tuple[Path, Matrix]:
+    def _scene(self, path: str) -> tuple[Path, Matrix]:
         if path == PROXY and self.proxy is not None:
             return self.path(self.proxy.path), placing.matrix(self.proxy.transform)
         return self.path(path), placing.matrix(Transform())
@@ -286,6 +313,10 @@ def _mesh(path: Path, m: Matrix, albedo: list[float] | str) -> ProxyMesh:
 
 @lru_cache(maxsize=2)  # neighbouring frames share theirs; a job may name hundreds
 def _panorama(path: Path, sha256: str) -> F32:
+    if path.suffix.lower() in USD:
+        from mirelight.io.usd.lights import read_domes
+
+        return read_domes(path)
     from mirelight.io.environment import read_environment
 
     return read_environment(path)
@@ -348,8 +379,8 @@ def _of_proxy(table: JobTable, assets: Assets) -> tuple[Lighting, ...]:
     """The lights of the proxy's file, where the job says nothing of light."""
     lights: tuple[Light, ...] = ()
     is_silent = not {"lights", "lights_from", "environment", "lightings"} & table.model_fields_set
-    if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(GLTF):
-        found, m = assets.gltf_lights(PROXY)
+    if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(SCENES):
+        found, m = assets.scene_lights(PROXY)
         lights = lighting.unique([placing.placed_light(light, m) for light in found])
     return (Lighting(name="lighting", lights=lights),) if lights else ()
 

@@ -19,31 +19,47 @@ from mirelight.io.job.placing import matrix
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import SplatsTable, Transform
 from mirelight.io.job.words import shown_path
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import SCENES, USD
 from mirelight.model import Camera
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile, FileCamera
-    from mirelight.io.gltf.cameras import GltfCamera
 
 # The kinds of file that an option is for; the others refuse it.
 _FOR = {
     "axes": ("transforms.json", "CSV"),
     "world": ("transforms.json", "camera_path.json"),
-    "fps": ("glTF", "SuperSplat"),
-    "frames": ("glTF", "SuperSplat"),
+    "fps": ("glTF", "OpenUSD", "SuperSplat"),
+    "frames": ("glTF", "OpenUSD", "SuperSplat"),
     "distortion": ("COLMAP", "transforms.json"),
 }
+
+
+class SceneCamera(Protocol):
+    """A camera of a file with a world of its own: glTF or OpenUSD."""
+
+    @property
+    def name(self) -> str:
+        """As the file names it."""
+
+    @property
+    def world(self) -> Matrix:
+        """(4, 4) world_from_camera, perhaps with a scale."""
+
+    def to_camera(self, width: int, height: int, world: Matrix | None = None) -> Camera:
+        """The camera on a pixel grid, at another pose."""
 
 
 class CameraFiles(Protocol):
     """Reads the cameras that a job names."""
 
-    def gltf_cameras(self, path: str) -> tuple[tuple[GltfCamera, ...], Matrix]:
-        """The cameras of a glTF file ("proxy": the proxy's), and the transform that they have by default."""
+    def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
+        """The cameras of a glTF file or a stage ("proxy": the proxy's), and the transform that they have by default."""
 
-    def sampled(self, path: str, name: str, fps: float | None, frames: int | None) -> tuple[tuple[float, Matrix], ...]:
-        """Times (s) and poses (4, 4) of an animated camera."""
+    def sampled(
+        self, path: str, name: str, fps: float | None, frames: int | None
+    ) -> tuple[tuple[float, SceneCamera], ...]:
+        """Times (s) of an animated camera, and the camera then."""
 
     def camera_file(self, path: str) -> CameraFile:
         """A file or folder of cameras of any other format."""
@@ -72,8 +88,8 @@ def cameras_from(
         files: reads them.
         wrong: gets what is wrong.
     """
-    if table.path == PROXY or table.path.lower().endswith(GLTF):
-        found = _gltf(table, at, resolution, splats, files, wrong)
+    if table.path == PROXY or table.path.lower().endswith(SCENES):
+        found = _of_scene(table, at, resolution, splats, files, wrong)
     else:
         found = _captured(table, at, resolution, splats, files, wrong)
     return [scaled(camera, table.resolution_scale) for camera in found]
@@ -86,7 +102,7 @@ def scaled(camera: Camera, factor: float) -> Camera:
     return camera.resized(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
 
 
-def _gltf(
+def _of_scene(
     table: CamerasFromTable,
     at: Path,
     resolution: tuple[int, int],
@@ -94,9 +110,10 @@ def _gltf(
     files: CameraFiles,
     wrong: list[Mistake],
 ) -> list[Camera]:
-    if not _fitting(table, at, "glTF", wrong):
+    kind = "OpenUSD" if table.path.lower().endswith(USD) else "glTF"
+    if not _fitting(table, at, kind, wrong):
         return []
-    found, default = files.gltf_cameras(table.path)
+    found, default = files.scene_cameras(table.path)
     m = default if table.transform is None else _placing(table.transform, at, splats, wrong)
     size = (table.resolution[0], table.resolution[1]) if table.resolution else resolution
     out: list[Camera] = []
@@ -105,8 +122,8 @@ def _gltf(
         if not moving:
             out.append(found[i].to_camera(*size, m @ found[i].world))
             continue
-        poses = files.sampled(table.path, found[i].name, table.fps, table.frames)
-        still = [replace(found[i].to_camera(*size, m @ pose), time=time) for time, pose in poses]
+        moments = files.sampled(table.path, found[i].name, table.fps, table.frames)
+        still = [replace(one.to_camera(*size, m @ one.world), time=time) for time, one in moments]
         out += [replace(x, name=frame_name(x.name, n)) for n, x in enumerate(still, start=1)][:: table.every]
     return out
 

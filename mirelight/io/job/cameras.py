@@ -35,7 +35,7 @@ from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand
 from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.tables import JobTable
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import SCENES
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
 from mirelight.model.camera_checks import Judge, is_room
 
@@ -115,7 +115,7 @@ class Extent:
 def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mistake]) -> tuple[Camera, ...]:
     """All cameras of a job, all names different; what is wrong is added to `wrong`.
 
-    A job that names none has those of the proxy's glTF file, else one that sees everything.
+    A job that names none has those of the proxy's file (glTF, OpenUSD), else one that sees everything.
     """
     resolution = table.resolution[0], table.resolution[1]
     splats = table.splats or []
@@ -125,8 +125,8 @@ def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mista
     around = _Around(captured, resolution, splats, files, wrong)
     found = _inline(table.cameras, resolution, scene, around) + captured
     if not table.cameras and not table.cameras_from:
-        if table.proxy is not None and table.proxy.path.lower().endswith(GLTF):
-            placed, m = files.gltf_cameras(PROXY)
+        if table.proxy is not None and table.proxy.path.lower().endswith(SCENES):
+            placed, m = files.scene_cameras(PROXY)
             found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
         found = found or [_seeing_all(scene, resolution)]
     names = FreeNames()

@@ -11,7 +11,7 @@ from mirelight.io.job.light_tables import ESTIMATE
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import SCENES
 from mirelight.model.profiles import COMPARING
 
 _LIT = ("lights", "lights_from", "environment")
@@ -106,14 +106,14 @@ def _needs_proxy(data: dict[str, Any]) -> Iterator[Mistake]:
         return  # said already
     proxy = data["proxy"]
     path = proxy.get("path") if isinstance(proxy, dict) else proxy
-    is_gltf = isinstance(path, str) and path.lower().endswith(GLTF)
-    if is_gltf:
+    is_scene = isinstance(path, str) and path.lower().endswith(SCENES)
+    if is_scene:
         return
     users = [((*where, "lights_from"), table.get("lights_from")) for where, table in _lit_tables(data)]
     for where, value in [*users, (("cameras_from",), data.get("cameras_from"))]:
         for item in value if isinstance(value, list) else [value]:
             if item == PROXY or (isinstance(item, dict) and item.get("path") == PROXY):
-                yield Mistake(where, "the proxy is not a glTF file", "name a .glb or .gltf file")
+                yield Mistake(where, "the proxy is not a glTF file or a stage", "name a .glb, .gltf or .usd file")
 
 
 def _comparing(data: dict[str, Any]) -> Iterator[Mistake]:

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 
 from mirelight.base.errors import InputError
 from mirelight.io.safety import open_binary, require_memory
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import GLTF, USD
 
 _MOST_JSON = 256 * 2**20  # bytes of JSON that the readers read
 _INDICES = ("lod-meta.json", "meta.json")  # what names the files of a folder of splats
@@ -24,8 +24,9 @@ def digest(path: Path) -> str:
     """SHA-256 (hex) of a file as `sha256sum` gives it.
 
     A file that names others (glTF its buffers and images, OBJ its material libraries and their textures, PLY its
-    texture, a SOG's meta.json or lod-meta.json) has the digest of the list ``name NUL sha256 LF`` over all of them, in
-    the order of the names. A folder has that of its lod-meta.json or meta.json. Files that nothing names are not read.
+    texture, a stage its layers and textures, a SOG's meta.json or lod-meta.json) has the digest of the list
+    ``name NUL sha256 LF`` over all of them, in the order of the names. A folder has that of its lod-meta.json or
+    meta.json. Files that nothing names are not read.
 
     Raises:
         InputError: a file cannot be read, or is larger than memory; a folder without splats.
@@ -52,6 +53,10 @@ def companions(path: Path) -> set[Path]:
     try:
         if suffix in GLTF:
             return set(_named(path, _gltf_names(path)))
+        if suffix in USD:
+            from mirelight.io.usd.files import files_of
+
+            return set(_named(path, iter(files_of(path))))
         if suffix in (".obj", ".ply"):
             from mirelight.io import mesh
 

@@ -58,14 +58,14 @@ class LightFiles(Protocol):
 
     engine: EngineSettings  # what lights in the real-time engine's terms count on
 
-    def gltf_lights(
+    def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
     ) -> tuple[tuple[Light, ...], Matrix]:
-        """The lights of a glTF file ("proxy": the proxy's) in physical units, at a time (s) of its animation, and the
-        transform that they have by default."""
+        """The lights of a glTF file or a stage ("proxy": the proxy's) in physical units, at a time (s) of its
+        animation, and the transform that they have by default."""
 
     def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
-        """Moments (s) from the first key that changes a light of a glTF file to the last one."""
+        """Moments (s) from the first key that changes a light of a file to the last one."""
 
     def panorama(self, path: str) -> Deferred[F32]:
         """An environment picture (h, w, 3), linear."""
@@ -137,11 +137,14 @@ def choose(
 
 def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[Mistake]) -> list[Light]:
     time = None if isinstance(table.time, str) else table.time
-    found, default = files.gltf_lights(table.path, table.unit, time)
+    found, default = files.scene_lights(table.path, table.unit, time)
     m = matrix(table.transform) if table.transform else default
     chosen = choose([x.name for x in found], table.names, at, "light", table.path, wrong)
     lights = [placed_light(_with_cone(found[i], table.cone), m) for i in chosen]
-    return [replace(light, intensity=light.intensity * table.intensity, group=table.group) for light in lights]
+    return [
+        replace(light, intensity=light.intensity * table.intensity, group=table.group or light.group)
+        for light in lights
+    ]
 
 
 def _with_cone(light: Light, cone: ConeName) -> Light:

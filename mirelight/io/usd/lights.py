@@ -8,7 +8,7 @@ a cylinder of narrow rectangles, a textured rectangle of small ones, shaped ligh
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from mirelight.base.errors import InputError
 from mirelight.io.environment import read_environment
 from mirelight.io.gltf.names import unique_names
 from mirelight.io.ies import read_ies
+from mirelight.io.usd.cameras import moments
 from mirelight.io.usd.dome import dome_map
 from mirelight.io.usd.process import Read, ask
 from mirelight.io.usd.rows import LightRow, Request
@@ -67,10 +68,25 @@ def read_lights(path: str | Path, time: float | None = None) -> UsdLights:
         return UsdLights(lights=tuple(lamps), environment=around, notes=tuple(read.answer.notes))
 
 
-def light_times(path: str | Path) -> list[float]:
-    """First and last moment (s) at which a light moves or changes; empty where none does. Raises InputError."""
+def read_domes(path: str | Path) -> F32:
+    """The environment that a stage's dome lights make. Raises InputError: there is none."""
+    found = read_lights(path).environment
+    if found is None:
+        raise InputError(path, "no dome light in it", "name a picture, or leave environment out")
+    return found
+
+
+def light_times(path: str | Path, fps: float | None, count: int | None) -> list[float]:
+    """Moments (s) from the stage's first time code to its last (or from key to key), as for cameras.
+
+    Raises:
+        InputError: nothing moves or changes a light.
+    """
     with ask(path, Request(path=str(path), part="times")) as read:
-        return read.answer.times
+        ends = read.answer.times
+    if not ends:
+        raise InputError(path, "nothing moves or changes a light", "leave fps and frames out, or animate one")
+    return moments(path, ends, fps, count)
 
 
 def _lamps(read: Read, row: LightRow, name: str) -> list[Light]:
@@ -163,7 +179,7 @@ def _means(picture: F32) -> F64:
         part = np.expand_dims(edges - low, tuple(x for x in range(3) if x != axis))
         at = sums.take(low, axis)
         at = at + part * (sums.take(np.minimum(low + 1, picture.shape[axis]), axis) - at)
-        picture = np.diff(at, axis=axis) / (picture.shape[axis] / cells)  # type: ignore[assignment]
+        picture = np.diff(at, axis=axis) / (picture.shape[axis] / cells)
     return np.asarray(picture, np.float64)
 
 
@@ -176,7 +192,7 @@ def _shaped(read: Read, row: LightRow, name: str, pose: F64) -> Light:
     own = conventions.map_direction(0, 0)  # shape alone
     theta = np.linspace(0, math.pi, DOWN)[None, :]
     phi = np.arange(AROUND)[:, None] * (2 * math.pi / AROUND)
-    # Directions of the table, in the light's own axes: from its -Z, around from its +X (counter-clockwise seen from +Z).
+    # Directions of the table, in the light's own axes: from its -Z, around from its +X (counter-clockwise from +Z).
     own = np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)), -1)
     table = _facing(row, own) * _factor(read, row, theta, own)
     hard = row.cone_softness == 0 and row.cone_angle <= 90
@@ -270,8 +286,3 @@ def _split(rgb: list[float]) -> tuple[F64, float]:
     values = np.array(rgb, np.float64)
     peak = float(values.max())
     return (values / peak, peak) if peak > 0 else (np.ones(3), 0.0)
-
-
-def grouped(light: Light, group: str | None) -> Light:
-    """The light in a job's group; one that is a part of another stays with that."""
-    return replace(light, group=group) if group is not None else light

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,11 +70,13 @@ def _run(path: Path, request: Request, folder: Path) -> Answer:
     paths = [home, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
     environment = dict(os.environ) | {"PYTHONPATH": os.pathsep.join(x for x in paths if x)}
     limit = str(max(free_memory(), 1 << 31) + (4 << 30))
-    command = [sys.executable, "-m", "mirelight.io.usd.child", json.dumps(asdict(request)), str(folder), limit]
+    asked = json.dumps(asdict(replace(request, path=str(path.absolute()))))
+    command = [sys.executable, "-m", "mirelight.io.usd.child", asked, str(folder), limit]
     try:
         done = subprocess.run(
             command,
             env=environment,
+            cwd=path.absolute().parent,  # where the library looks for names without a folder
             stdin=subprocess.DEVNULL,
             capture_output=True,
             encoding="utf-8",

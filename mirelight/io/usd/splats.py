@@ -26,7 +26,6 @@ _DISPLAY = (
     "raw",
     "identity",
     "data",
-    "unknown",
 )
 
 

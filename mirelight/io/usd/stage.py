@@ -187,7 +187,7 @@ def _named(path: Path, base: Path) -> set[Path]:
         for name in (x for found in UsdUtils.ExtractExternalReferences(str(at)) for x in found):
             if not name or "<UDIM>" in name:
                 continue
-            target = layer.ComputeAbsolutePath(name)
+            target = str(at.parent / layer.ComputeAbsolutePath(name))  # a bare name comes back as it is
             if "[" not in target or not target.startswith(str(at)):  # else in the same package
                 file = inside(target, base, name, "")
                 if file.is_file():

@@ -91,10 +91,10 @@ def _instances(stage: Stage, prim: Any) -> Iterator[_Carrier]:
             f"protoIndices up to {which.max()}, and {len(roots)} prototypes", "the stage is damaged", where
         )
     include, ignore = UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-    found = instancer.ComputeInstanceTransformsAtTime(stage.code, stage.code, include, ignore)
-    if found is None or len(found) != len(which):
+    matrices = instancer.ComputeInstanceTransformsAtTime(stage.code, stage.code, include, ignore)
+    if matrices is None or len(matrices) != len(which):
         raise RefusedError("positions and protoIndices of other lengths", "the stage is damaged", where)
-    places = np.array(found, dtype=np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+    places = np.array(matrices, dtype=np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
     mask = list(instancer.ComputeMaskAtTime(stage.code) or [])
     shown = np.array(mask, dtype=bool) if len(mask) == len(which) else np.ones(len(which), bool)
     own = stage.world(prim)

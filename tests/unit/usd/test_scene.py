@@ -1,0 +1,147 @@
+"""Meshes, instances, materials and cameras of OpenUSD stages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mirelight.io.environment import write_environment
+from mirelight.io.mesh import read_mesh
+from mirelight.io.usd.cameras import read_cameras, sample_cameras
+from mirelight.io.usd.lights import read_lights
+
+pytest.importorskip("pxr")
+
+_QUAD = """
+    point3f[] points = [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 3, 2, 1]
+    uniform token subdivisionScheme = "none"
+"""
+_STAGE = f"""#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Y"
+    timeCodesPerSecond = 24
+    startTimeCode = 0
+    endTimeCode = 48
+)
+def Mesh "seen"
+{{
+    {_QUAD}
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "faceVarying" )
+    rel material:binding = </mat>
+    prepend apiSchemas = ["MaterialBindingAPI"]
+}}
+def Mesh "hidden" {{
+    {_QUAD}
+    token visibility = "invisible"
+}}
+def PointInstancer "many"
+{{
+    point3f[] positions = [(10, 0, 0), (20, 0, 0), (30, 0, 0)]
+    int[] protoIndices = [0, 0, 0]
+    int64[] ids = [0, 1, 2]
+    int64[] invisibleIds = [1]
+    rel prototypes = </many/quad>
+    def Mesh "quad"
+    {{
+        {_QUAD}
+        double3 xformOp:translate = (0, 5, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+}}
+def Material "mat"
+{{
+    token outputs:surface.connect = </mat/s.outputs:surface>
+    def Shader "s"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </mat/t.outputs:rgb>
+        color3f inputs:emissiveColor = (0.5, 0, 0)
+        token outputs:surface
+    }}
+    def Shader "t"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @tex.png@
+        token inputs:wrapS = "clamp"
+        float3 outputs:rgb
+    }}
+}}
+def Camera "shot"
+{{
+    float focalLength.timeSamples = {{ 0: 50, 48: 100 }}
+    float horizontalAperture = 36
+    float verticalAperture = 24
+    float horizontalApertureOffset = 3.6
+    float2 clippingRange = (0.1, 100)
+    double3 xformOp:translate.timeSamples = {{ 0: (0, 0, 5), 48: (0, 0, 9) }}
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+def DomeLight "sky"
+{{
+    asset inputs:texture:file = @sky.exr@
+    token inputs:texture:format = "latlong"
+}}
+def RectLight "screen"
+{{
+    asset inputs:texture:file = @tex.png@
+    float inputs:width = 2
+    float inputs:height = 2
+}}
+"""
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("stage")
+    path = folder / "stage.usda"
+    text = _STAGE.replace('    prepend apiSchemas = ["MaterialBindingAPI"]\n', "")
+    path.write_text(text.replace('def Mesh "seen"', 'def Mesh "seen" (prepend apiSchemas = ["MaterialBindingAPI"])'))
+    pixels = np.zeros((2, 2, 3), np.uint8)
+    pixels[0, 0], pixels[1, 1] = (255, 0, 0), (0, 0, 255)
+    Image.fromarray(pixels).save(folder / "tex.png")
+    sky = np.zeros((4, 8, 3), np.float32)
+    sky[1, 4] = 7  # just right of the middle: towards +Z, a little to -X
+    write_environment(folder / "sky.exr", sky)
+    return path
+
+
+def test_meshes_with_instances_and_textures(stage: Path) -> None:
+    mesh = read_mesh(stage)
+    assert mesh.nodes == ("seen", "quad")
+    assert len(mesh.faces) == 2 + 2 * 2  # one of three instances and one mesh are not seen
+    placed = mesh.vertices[mesh.faces[2:]].reshape(2, -1, 3)
+    np.testing.assert_allclose(placed.mean(axis=1)[:, :2].round(1), [[10, 5], [30, 5]])
+    seen = next(x for x in mesh.materials if x.name == "mat")
+    assert seen.base_color_texture is not None
+    np.testing.assert_array_equal(seen.base_color_texture[0, 0], [1, 0, 0])
+    assert seen.base_color_wrap == ("clamp", "repeat")
+    np.testing.assert_array_equal(seen.emissive, [0.5, 0, 0])
+    assert mesh.uvs is not None
+    np.testing.assert_array_equal(mesh.uvs[0], [0, 1])  # a stage's (0, 0) is the picture's lower left
+
+
+def test_a_camera_moves_and_zooms_with_its_apertures(stage: Path) -> None:
+    still = read_cameras(stage)[0].to_camera(360, 240)
+    assert (still.fx, still.fy, still.cx, still.cy) == pytest.approx((500, 500, 144, 120))
+    assert still.near == pytest.approx(0.1)
+    moments = sample_cameras(stage, "shot", count=3)
+    assert [time for time, _ in moments] == [0, 1, 2]
+    assert [one.world[2, 3] for _, one in moments] == pytest.approx([5, 7, 9])
+    assert [one.to_camera(360, 240).fx for _, one in moments] == pytest.approx([500, 750, 1000])
+    assert len(sample_cameras(stage, "shot", fps=12)) == 25
+
+
+def test_a_dome_is_turned_to_our_axes_and_a_screen_shows_its_picture(stage: Path) -> None:
+    lights = read_lights(stage)
+    assert lights.environment is not None
+    assert np.argwhere(lights.environment[..., 0] == 7).tolist() == [[1, 6]]  # u = 0.75 looks along +Z
+    corners = {(round(x.world_from_light[0, 3], 1), round(x.world_from_light[1, 3], 1)) for x in lights.lights}
+    red = next(x for x in lights.lights if x.color[0] == 1)
+    assert len(corners) == 2
+    assert red.world_from_light[:2, 3] == pytest.approx([0.5, 0.5])  # the first pixel is at +X, +Y

@@ -162,7 +162,7 @@ def test_each_light_gives_the_irradiance_of_its_closed_form(found: tuple[UsdLigh
         got = sum(_irradiance(x, way, _FAR * unit) for x in own)
         assert got == pytest.approx(wanted, rel=5e-3), name
     assert lights.environment is not None
-    np.testing.assert_allclose(lights.environment, np.float32([[[_L, _L / 2, _L / 4]]]), rtol=1e-6)
+    np.testing.assert_allclose(lights.environment, [[[_L, _L / 2, _L / 4]]], rtol=1e-6)
 
 
 def test_shaping_follows_the_angle(found: tuple[UsdLights, float]) -> None:

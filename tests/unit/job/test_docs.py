@@ -56,6 +56,14 @@ SECTIONS = {
 }
 
 
+SHARED = {"lights of type": "keys of every light", "cameras of type": "keys of every camera"}  # said once a kind
+
+
+def shared(heading: str) -> dict[str, tuple[str, str]]:
+    """Key -> (default, meaning) of what all types of a kind have, and the table of one need not repeat."""
+    return next((rows(common) for kind, common in SHARED.items() if heading.startswith(kind)), {})
+
+
 def rows(heading: str) -> dict[str, tuple[str, str]]:
     """Key -> (default, meaning) of the table below a heading of the page."""
     section = re.split(r"^#+ ", PAGE.split(f"# {heading}\n", 1)[1], maxsplit=1, flags=re.MULTILINE)[0]
@@ -77,12 +85,19 @@ def shown_default(key: str, table: dict[str, Any]) -> str:
 def test_every_key_is_on_the_page_with_its_default(heading: str) -> None:
     schema = json_schema()
     table = schema["$defs"][SECTIONS[heading]] if SECTIONS[heading] else schema
-    listed = rows(heading)
     keys = [key for key in table["properties"] if "const" not in table["properties"][key]]
+    listed = {key: row for key, row in shared(heading).items() if key in keys} | rows(heading)
     assert sorted(listed) == sorted(keys)
     for key, (default, meaning) in listed.items():
         assert default == shown_default(key, table), key
         assert meaning == table["properties"][key]["description"], key
+
+
+@pytest.mark.parametrize(("kind", "common"), SHARED.items())
+def test_no_type_repeats_what_all_have(kind: str, common: str) -> None:
+    tables = [rows(heading) for heading in SECTIONS if heading.startswith(kind)]
+    said = [(key, row) for table in tables for key, row in table.items()]
+    assert [key for key, row in rows(common).items() if (key, row) in said] == []
 
 
 def test_every_table_of_the_schema_is_on_the_page() -> None:

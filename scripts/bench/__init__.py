@@ -1,0 +1,1 @@
+"""The benchmarks: `python scripts/bench PART`."""

@@ -55,18 +55,18 @@ def put(path: Path, tables: Sequence[Mapping[str, Any]], command: str, version: 
     """Tables that were measured now, into a file: in place of the first one of the section with their title, whose text
     stays; else as new sections at the end."""
     data = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"title": path.stem, "intro": []}
-    sections = data.setdefault("sections", [])
+    sections: list[dict[str, Any]] = data.setdefault("sections", [])
     for table in tables:
-        named = [x for x in sections if x["title"] == table["title"]]
-        if not named:
-            named = [{"title": table["title"], "blocks": []}]
-            sections += named
-        blocks = named[0]["blocks"]
+        section: dict[str, Any] | None = next((x for x in sections if x["title"] == table["title"]), None)
+        if section is None:
+            section = {"title": table["title"], "blocks": []}
+            sections.append(section)
+        blocks = section["blocks"]
         place = next((i for i, x in enumerate(blocks) if isinstance(x, dict) and "rows" in x), None)
         if place is not None:
             del blocks[place]
         blocks.insert(len(blocks) if place is None else place, {"columns": table["columns"], "rows": table["rows"]})
-        named[0] |= {"command": command, "measured": version}
+        section |= {"command": command, "measured": version}
     path.write_text(text(data), encoding="utf-8")
 
 

@@ -54,7 +54,9 @@ def text(data: Mapping[str, Any]) -> str:
 def put(path: Path, tables: Sequence[Mapping[str, Any]], command: str, version: str) -> None:
     """Tables that were measured now, into a file: in place of the first one of the section with their title, whose text
     stays; else as new sections at the end."""
-    data = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"title": path.stem, "intro": []}
+    data: dict[str, Any] = (
+        json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"title": path.stem, "intro": []}
+    )
     sections: list[dict[str, Any]] = data.setdefault("sections", [])
     for table in tables:
         section: dict[str, Any] | None = next((x for x in sections if x["title"] == table["title"]), None)

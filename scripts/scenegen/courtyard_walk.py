@@ -1,6 +1,6 @@
 """The courtyard as a person captures it who walks round in it: nearly all that casts shadows there is in a picture.
 
-It is not shipped: `scripts/bench_truth.py` makes it where it is needed.
+It is not shipped: `scripts/bench truth` makes it where it is needed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A room, captured with the sun through its windows; relit by an overcast sky, by lamps and by a low sun.
 
-It is not shipped: `scripts/bench_truth.py` makes it where it is needed.
+It is not shipped: `scripts/bench truth` makes it where it is needed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The room as a person captures it who walks round in it and looks about. Only for `scripts/bench_truth.py`."""
+"""The room as a person captures it who walks round in it and looks about. Only for `scripts/bench truth`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """A thing out of doors: a bust-like vase on a plinth with fruit, before hedges, walked round under a clear sky.
 
-It is not shipped: `scripts/bench_truth.py` makes it where it is needed.
+It is not shipped: `scripts/bench truth` makes it where it is needed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The stage as a person captures it who walks past before it, to and fro. Only for `scripts/bench_truth.py`."""
+"""The stage as a person captures it who walks past before it, to and fro. Only for `scripts/bench truth`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A room with coloured walls and one window, captured with a patch of sun on its floor that ends at white.
 
 Exposed as a camera exposes by itself: for the room, whose light comes from the patch, and not for the patch. It is not
-shipped: `scripts/bench_truth.py` makes it where it is needed.
+shipped: `scripts/bench truth` makes it where it is needed.
 """
 
 from __future__ import annotations

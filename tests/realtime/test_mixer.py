@@ -9,10 +9,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import mixer_page
 import numpy as np
 import pytest
-from mixer_page import decibels
 
 import mirelight
 from mirelight.apps import mixer as mixing
@@ -30,6 +28,8 @@ from mirelight.model import F32, Frame, Job
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import prepare
 
+from . import mixer_page
+from .mixer_page import decibels
 from .mixer_scene import walls
 from .waiting import LIMIT
 

@@ -13,7 +13,6 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from mixer_page import decibels
 from PIL import Image
 
 from mirelight.apps.mixer.bundle import export
@@ -29,6 +28,7 @@ from mirelight.model.lights import position_of
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import prepare
 
+from .mixer_page import decibels
 from .mixer_scene import walls
 from .test_mixer import JOB, displayed
 from .waiting import LIMIT, settled, until

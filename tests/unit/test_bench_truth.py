@@ -1,4 +1,4 @@
-"""The scores of `scripts/bench_truth.py`: the noise of the true pictures is not in them, errors are."""
+"""The scores of `scripts/bench truth`: the noise of the true pictures is not in them, errors are."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 @pytest.fixture
 def scores(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(SCRIPTS)
-    return importlib.import_module("bench_truth_scores")
+    return importlib.import_module("bench.truth_scores")
 
 
 def noisy(mean: NDArray[np.float32], seed: int, sigma: float) -> NDArray[np.float32]:
@@ -73,7 +73,7 @@ def test_a_mean_takes_each_figure_by_itself(scores: ModuleType) -> None:
 def storing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
     """The module that keeps things, with code of its own to look at."""
     monkeypatch.syspath_prepend(SCRIPTS)
-    module = importlib.import_module("bench_truth_store")
+    module = importlib.import_module("bench.truth_store")
     for sources in module.MAKERS.values():
         for source in sources:
             path = tmp_path / source if source.endswith(".py") else tmp_path / source / "made.py"
@@ -126,7 +126,7 @@ def test_costs_are_kept_beside_the_things(storing: ModuleType, tmp_path: Path) -
 
 def test_rows_are_the_same_from_plain_values(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(SCRIPTS)
-    rows, scores = importlib.import_module("bench_truth_rows"), importlib.import_module("bench_truth_scores")
+    rows, scores = importlib.import_module("bench.truth_rows"), importlib.import_module("bench.truth_scores")
     own = (("evening", 36.0), ("night", 35.0))
     score = scores.Score(35.5, 34, 21, 20, 0.6, 0.2)
     row = rows.Row("room", "ratio", "own", "known", rows.BEST, True, score, own, 1.5, 0.0, 0.25, 300)
@@ -135,7 +135,7 @@ def test_rows_are_the_same_from_plain_values(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_what_splats_tell_of_a_surface_is_the_part_that_they_lie_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(SCRIPTS)
-    seen = importlib.import_module("bench_truth_seen")
+    seen = importlib.import_module("bench.truth_seen")
     corners = np.array([[0, 0, 0], [4, 0, 0], [4, 1, 0], [0, 1, 0], [0.1, 0.1, 0], [0.9, 0.1, 0], [0.9, 0.9, 0]])
     corners[4:, 2] = 0.01
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6]], np.int32)
@@ -162,7 +162,7 @@ def test_what_splats_tell_of_a_surface_is_the_part_that_they_lie_on(monkeypatch:
 def test_pieces_of_triangles_are_small_and_leave_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(SCRIPTS)
     corners = np.array([[0.0, 0, 0], [4, 0, 1], [4, 1, 0], [0, 1, 0]])
-    pieces, face = importlib.import_module("bench_truth_seen").split(corners[[[0, 1, 2], [0, 2, 3]]], 0.3)
+    pieces, face = importlib.import_module("bench.truth_seen").split(corners[[[0, 1, 2], [0, 2, 3]]], 0.3)
     ahead = np.roll(pieces, -1, axis=1)
     assert np.linalg.norm(ahead - pieces, axis=2).max() <= 0.3
     area = np.linalg.norm(np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]), axis=1) / 2
@@ -179,7 +179,7 @@ def test_pieces_of_triangles_are_small_and_leave_no_seam(monkeypatch: pytest.Mon
 
 def test_no_splat_is_made_from_the_camera_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(SCRIPTS)
-    captures = importlib.import_module("bench_truth_captures")
+    captures = importlib.import_module("bench.truth_captures")
     for plan in captures.PLANS:
         recipe = importlib.import_module(f"scenegen.{plan.cloud}").recipe()
         eye = np.array(captures.APART[plan.scene][0])
@@ -187,15 +187,9 @@ def test_no_splat_is_made_from_the_camera_kept_apart(monkeypatch: pytest.MonkeyP
         assert min(away) > 0.2, plan.name
 
 
-@pytest.mark.parametrize("option", ["--pictures", "--cache", "--json"])
-def test_an_empty_path_is_not_the_working_folder(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
-    monkeypatch.syspath_prepend(SCRIPTS)
-    bench = importlib.import_module("bench_truth")
-    monkeypatch.setattr(bench, "run", lambda *_: pytest.fail("it ran"))
-    monkeypatch.setattr("sys.argv", ["bench_truth.py", "--quick", option, ""])
+@pytest.mark.parametrize("option", ["--pictures", "--cache", "--rows", "--json"])
+def test_an_empty_path_is_not_the_working_folder(capsys: pytest.CaptureFixture[str], option: str) -> None:
     with pytest.raises(SystemExit) as ended:
-        bench.main()
+        importlib.import_module("bench.__main__").main(["truth", "--quick", option, ""])
     assert ended.value.code == 2
     assert f"argument {option}: an empty path; name one" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Scores of bench_truth.py, with the noise of the true pictures taken out."""
+"""Scores of scripts/bench truth, with the noise of the true pictures taken out."""
 
 from __future__ import annotations
 

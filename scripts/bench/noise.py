@@ -1,6 +1,6 @@
-"""What layers, AOVs and a noise target cost, and whether error bars are true, on the scenes of bench_lighting.py.
+"""What layers, AOVs and a noise target cost, and whether error bars are true, on procedural scenes.
 
-    python scripts/bench_noise.py [--quick] [--only cost|layers|bars|target] [--json FILE]
+    python scripts/bench noise [--only cost|layers|bars|target]
 
 cost: CPU time of a frame with all layers and AOVs against the same sampling with neither, interleaved.
 layers: error of each layer against that of its light rendered alone, at equal samples.
@@ -12,17 +12,14 @@ target: a noise target by samples where the noise is, against equal samples ever
 from __future__ import annotations
 
 import argparse
-import json
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_lighting_scenes import BOUNCES, Array, BenchScene, scenes
 
+from bench.common import Table, error2, table, timed
+from bench.scenes import BOUNCES, BenchScene, scenes
 from mirelight.lighting import Tracer
 from mirelight.lighting.adaptive import window_sum
 from mirelight.model import Lighting, LightingBuffer, RenderSettings
@@ -38,16 +35,7 @@ def tracer(scene: BenchScene, *, spp: int, noise: float | None = None) -> Tracer
 def seeded(made: Tracer, lighting: Lighting, scene: BenchScene, seed: int) -> tuple[LightingBuffer, float]:
     """A frame, and the CPU seconds that it took."""
     made.settings = replace(made.settings, seed=seed)
-    start = time.process_time()
-    buffer = made.trace(lighting, scene.camera)
-    return buffer, time.process_time() - start
-
-
-def error2(pictures: list[Array], mean: Array) -> float:
-    """mean(variance / (r² + 0.01 mean²)) over lit pixels."""
-    seen = mean.max(axis=-1) > 0
-    variance = np.stack(pictures).var(axis=0, ddof=1)[seen]
-    return float(np.mean(variance / (mean[seen] ** 2 + 0.01 * mean[seen].mean() ** 2)))
+    return timed(lambda: made.trace(lighting, scene.camera))
 
 
 def cost(scene: BenchScene, spp: int, seeds: int) -> dict[str, Any]:
@@ -136,29 +124,26 @@ def target(scene: BenchScene, noise: float, seeds: int) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="small pictures, few seeds: does it run?")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", choices=["cost", "layers", "bars", "target"])
-    parser.add_argument("--json", type=Path, help="write the figures there")
-    chosen = parser.parse_args()
+
+
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """The tables of the parts that were asked for."""
     width, height, cells, seeds = (64, 36, 20, 4) if chosen.quick else (240, 135, 120, 8)
-    jobs: dict[str, Callable[[BenchScene], dict[str, Any]]] = {
+    parts: dict[str, Callable[[BenchScene], dict[str, Any]]] = {
         "cost": lambda scene: cost(scene, 16, seeds),
         "layers": lambda scene: layers(scene, 16, seeds),
         "bars": lambda scene: bars(scene, 64, seeds),
         "target": lambda scene: target(scene, {"interior": 0.2}.get(scene.name, 0.025), seeds),
     }
-    rows = []
-    for name, job in jobs.items():
+    found = []
+    for name, part in parts.items():
         if chosen.only in (None, name):
-            for scene in scenes(width, height, cells):
-                rows.append({"what": name, "scene": scene.name, **job(scene)})
-                print(json.dumps(rows[-1]), flush=True)
-    if chosen.json:
-        chosen.json.write_text(json.dumps(rows, indent=1))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            rows = [
+                (scene.name, figure, value)
+                for scene in scenes(width, height, cells)
+                for figure, value in part(scene).items()
+            ]
+            found.append(table(f"Noise: {name}", ("scene", "figure", "value"), rows))
+    return found

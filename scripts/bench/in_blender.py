@@ -1,4 +1,4 @@
-"""Renders a benchmark scene with Blender Cycles; run by bench_lighting.py with a Python that has `bpy` (GPL, not needed
+"""Renders a benchmark scene with Blender Cycles; run by lighting.py with a Python that has `bpy` (GPL, not needed
 by anything else here). Arguments: folder, light tree and denoising as 0 or 1. Reads "spp seed" lines, answers "DONE
 cpu-seconds" and leaves picture.npy in the folder."""
 
@@ -64,7 +64,7 @@ def build(data: Any, *, tree: bool, denoise: bool) -> Any:
 
 
 def add_light(scene: Any, number: int, row: Any) -> None:
-    """Rows as bench_lighting.write_scene makes them: kind, position, direction, strength, sun angle, half cone."""
+    """Rows as lighting.write_scene makes them: kind, position, direction, strength, sun angle, half cone."""
     kind, position, direction, strength = int(row[0]), row[1:4], row[4:7], row[7:10]
     peak = float(strength.max())
     light = bpy.data.lights.new(f"light{number}", {1: "SUN", 2: "SPOT", 3: "POINT"}[kind])

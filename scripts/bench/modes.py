@@ -1,6 +1,6 @@
 """Ways of relighting on the shipped scenes: modes, per pixel and per splat; and what formats lose of a bake.
 
-    python scripts/bench_modes.py SCENE LIGHTING [--ways] [--bake] [--spp 16] [--width 320]
+    python scripts/bench modes SCENE LIGHTING [--ways] [--bake] [--spp 16] [--width 320]
 
 The camera is the scene's first, and the truth its shipped path-traced picture. Light alone: the true captured picture
 times the frame's factor, so that the splats' own error is not in it. Light is denoised where pixels are relit.
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from bench.common import Table, table
 from mirelight import prepare
 from mirelight.apps import bake as baking
 from mirelight.base import colour
@@ -78,8 +79,8 @@ def moved(job: Job) -> Job:
     return replace(job, proxy=Deferred.of(replace(mesh, vertices=(mesh.vertices + step).astype(np.float32))))
 
 
-def ways(scene: str, job: Job, settings: Sequence[RelightSettings]) -> Iterator[str]:
-    """A line for each way to relight."""
+def ways(scene: str, job: Job, settings: Sequence[RelightSettings]) -> Iterator[tuple[str, ...]]:
+    """A row for each way to relight."""
     size = job.cameras[0].height, job.cameras[0].width
     before, after = (truth(scene, name, size) for name in (CAPTURED[scene], job.lightings[0].name))
     like: Scene | None = None
@@ -89,11 +90,11 @@ def ways(scene: str, job: Job, settings: Sequence[RelightSettings]) -> Iterator[
         assert frame.factor is not None
         alone, whole = decibels(shown(before * frame.factor), shown(after)), decibels(shown(frame.rgba), shown(after))
         seconds = time.process_time() - start
-        yield f"| {one.mode} | {one.per} | {alone:.1f} | {whole:.1f} | {seconds:.0f} |"
+        yield f"`{one.mode}`", one.per, f"{alone:.1f}", f"{whole:.1f}", f"{seconds:.0f}"
 
 
-def bake(job: Job, lighting: Lighting, spp: int) -> Iterator[str]:
-    """A line for each format: PSNR against the frame relit per splat, bytes a splat."""
+def bake(job: Job, lighting: Lighting, spp: int) -> Iterator[tuple[str, ...]]:
+    """A row for each format: PSNR against the frame relit per splat, bytes a splat."""
     frame, scene = made(replace(job, relight=replace(job.relight, per="splat")))
     factor = baking.factors(scene, lighting, spp=spp)
     (file,) = job.splat_files
@@ -107,43 +108,37 @@ def bake(job: Job, lighting: Lighting, spp: int) -> Iterator[str]:
             seen = back if in_world else splats.transform(back, file.world_from_file)
             picture: F32 = unlit_rgba(Compositor(seen).composite(job.cameras[0], depth=False))
             size = path.stat().st_size / len(back)
-            yield f"| {suffix} | {decibels(shown(picture), shown(frame.rgba)):.1f} | {size:.0f} |"
+            yield f"`{suffix}`", f"{decibels(shown(picture), shown(frame.rgba)):.1f}", f"{size:.0f}"
 
 
-def main() -> None:
-    """Print tables."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", choices=sorted(CAPTURED))
     parser.add_argument("lighting")
     parser.add_argument("--ways", action="store_true", help="modes, per pixel and per splat, proxy as it is and moved")
     parser.add_argument("--bake", action="store_true", help="formats")
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--width", type=int, default=320)
-    chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        run(chosen, Path(folder))
 
 
-def run(chosen: argparse.Namespace, folder: Path) -> None:
-    """`folder`: where light is kept meanwhile."""
-    settings = [f"render.spp={chosen.spp}", "output.layers=false", "output.aovs=false"]
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """The tables that were asked for."""
+    with tempfile.TemporaryDirectory() as folder:  # where light is kept meanwhile
+        return list(tables(chosen, Path(folder)))
+
+
+def tables(chosen: argparse.Namespace, folder: Path) -> Iterator[Table]:
+    """Ways to relight, and formats of a bake."""
+    spp, width = (1, 64) if chosen.quick else (chosen.spp, chosen.width)
+    settings = [f"render.spp={spp}", "output.layers=false", "output.aovs=false"]
     job = jobs.load(ROOT / "scenes" / chosen.scene / "job.toml", [*settings, "render.denoise=true"])
     lighting = next(x for x in job.lightings if x.name == chosen.lighting)
     job = replace(job, output=replace(job.output, directory=folder))
-    camera = job.cameras[0].resized(chosen.width, chosen.width * 9 // 16)
-    job = replace(job, cameras=(camera,), lightings=(lighting,))
-    mode = job.relight
+    job = replace(job, cameras=(job.cameras[0].resized(width, width * 9 // 16),), lightings=(lighting,))
+    name = f"{chosen.scene}, {lighting.name}"
     if chosen.ways:
-        every = [replace(mode, mode=m, per=p) for m in MODES for p in PER]
+        every = [replace(job.relight, mode=m, per=p) for m in MODES for p in PER]
         for title, one in (("as it is", job), ("moved 1 %", moved(job))):
-            print(f"proxy {title}\n| mode | per | light alone, dB | frame, dB | CPU s |\n|---|---|---|---|---|")
-            for line in ways(chosen.scene, one, every):
-                print(line, flush=True)
+            columns = ("mode", "per", "light alone, dB", "frame, dB", "CPU s")
+            yield table(f"{name}, proxy {title}", columns, ways(chosen.scene, one, every))
     if chosen.bake:
-        print("| format | dB | bytes a splat |\n|---|---|---|")
-        for line in bake(job, lighting, chosen.spp):
-            print(line, flush=True)
-
-
-if __name__ == "__main__":
-    main()
+        yield table(f"{name}, baked", ("format", "dB", "bytes a splat"), bake(job, lighting, spp))

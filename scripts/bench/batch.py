@@ -1,11 +1,10 @@
 """What a batch costs beside its light: many lightings of few traces, ten thousand frames, two workers.
 
-    python scripts/bench_batch.py [--quick] [--only light plan again workers] [--json FILE]
+    python scripts/bench batch [--only light plan again workers]
 
 The scene is `scenes/stage` on an orbit: 24 cameras under 50 lightings of 8 lamps and an HDRI at 320 x 180 and 16
 samples, as a sweep makes them. Every part runs in a process of its own; CPU seconds are those of all its threads.
-Ratios of wall times (workers) want a machine that does nothing else. `--quick`: few cameras, lightings and frames; its
-figures only show that everything runs.
+Ratios of wall times (workers) want a machine that does nothing else.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from pathlib import Path
 from unittest import mock
 
 import mirelight
+from bench.common import Table, table
 from mirelight import cli, relighting
 from mirelight.batch import executor
 from mirelight.model import Job
@@ -36,7 +36,7 @@ from mirelight.pipeline.plan import FrameTask, plan
 from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
-SCENE = Path(__file__).resolve().parents[1] / "scenes" / "stage"
+SCENE = Path(__file__).resolve().parents[2] / "scenes" / "stage"
 PARTS = ("light", "plan", "again", "workers")
 Figures = dict[str, float]
 
@@ -294,7 +294,7 @@ def environment() -> dict[str, str]:
 def child(name: str, path: Path) -> Figures:
     """A part's figures, from a process of its own."""
     done = subprocess.run(
-        [sys.executable, __file__, "--child", name, str(path)],
+        [sys.executable, str(Path(__file__).parent), "batch", "--child", name, str(path)],
         check=True,
         stdout=subprocess.PIPE,
         text=True,
@@ -304,42 +304,32 @@ def child(name: str, path: Path) -> Figures:
     return found
 
 
-def line(name: str, value: float) -> str:
-    """A figure, and its goal where it has one."""
-    text = f"{name:48} {value:10.4g}"
+def goal(name: str, value: float) -> str:
+    """The goal of a figure that has one, and whether it is met."""
     if name not in GOALS:
-        return text
-    goal, more = GOALS[name]
-    met = value >= goal if more else value <= goal
-    return f"{text}   goal {'at least' if more else 'at most'} {goal:g}: {'met' if met else 'MISSED'}"
+        return ""
+    wanted, more = GOALS[name]
+    met = value >= wanted if more else value <= wanted
+    return f"{'at least' if more else 'at most'} {wanted:g}: {'met' if met else 'missed'}"
 
 
-def main() -> None:
-    """Measure the parts that were asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a few frames of everything")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
-    chosen = parser.parse_args()
+
+
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """The figures of the parts that were asked for."""
     if chosen.child:
         name, path = chosen.child
         print(json.dumps(CHILD[name](Path(path))))
-        return
-    size = QUICK if chosen.quick else FULL
+        sys.exit()
     figures: Figures = {}
     for name in chosen.only:
         folder = Path(tempfile.mkdtemp(prefix="bench-batch-"))
         try:
-            found = RUN[name](size, folder)
+            figures |= RUN[name](QUICK if chosen.quick else FULL, folder)
         finally:
             shutil.rmtree(folder)
-        figures |= found
-        for key, value in found.items():
-            print(line(key, value), flush=True)
-    if chosen.json:
-        chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+    rows = [(name, value, goal(name, value)) for name, value in figures.items()]
+    return [table("Ten thousand frames, measured", ("figure", "value", "goal"), rows)]

@@ -1,21 +1,20 @@
-"""The tables of bench_truth.py, in Markdown: what docs/benchmarks/truth.md is made from."""
+"""The tables of the part `truth`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from bench_truth_rows import BEST, ORDER, REPAIRED, Row
-from bench_truth_scores import mean
+
+from bench.common import Table, table
+from bench.truth_rows import BEST, ORDER, REPAIRED, Row
+from bench.truth_scores import mean
 
 
-def table(title: str, rows: Sequence[Row], of: Callable[[Row], str]) -> str:
-    """Markdown: light alone by capture, then the means of all figures."""
+def by_capture(title: str, rows: Sequence[Row], of: Callable[[Row], str]) -> Table:
+    """Light alone by capture, then the means of all figures."""
     names = list(dict.fromkeys(row.capture for row in rows))
-    lines = [
-        f"| {title} | {' | '.join(names)} | **mean** | edges | frame | SSIM | FLIP | CPU s |",
-        "|---" * (len(names) + 7) + "|",
-    ]
+    lines = []
     for label in dict.fromkeys(of(row) for row in rows):
         own = {row.capture: row for row in rows if of(row) == label}
         cells = [f"{own[n].score.light:.1f}" if n in own else "" for n in names]
@@ -23,12 +22,12 @@ def table(title: str, rows: Sequence[Row], of: Callable[[Row], str]) -> str:
         cost = float(np.mean([row.trace + row.clean for row in own.values()]))
         cells += [f"**{whole.light:.1f}**", f"{whole.light_edges:.1f}", f"{whole.psnr:.1f}", f"{whole.ssim:.3f}"]
         cells += [f"{whole.flip:.3f}" if whole.flip == whole.flip else "", f"{cost:.1f}" if cost == cost else ""]
-        lines.append(f"| {label} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append([label, *cells])
+    return table(title, ["", *names, "**mean**", "edges", "frame", "SSIM", "FLIP", "CPU s"], lines)
 
 
-def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
-    """What docs/benchmarks/truth.md is made from."""
+def tables(rows: Sequence[Row], spent: dict[str, float]) -> list[Table]:
+    """Proxies and light, samples, and what it cost."""
 
     def proxy_label(row: Row) -> str:
         if row.mode not in ("ratio", REPAIRED):
@@ -44,7 +43,6 @@ def tables(rows: Sequence[Row], spent: dict[str, float]) -> str:
     proxies = [r for r in rows if r.mode != "ratio" or (r.denoised and r.way == BEST)]
     order = {"unchanged": 0, "tint": 1, "ratio": 2, REPAIRED: 3}
     best = sorted(proxies, key=lambda r: (order[r.mode], r.light == "estimated", ORDER.index(r.proxy)))
-    parts = "\n".join(f"| {part} | {seconds:.0f} |" for part, seconds in spent.items())
-    costs = f"| part | CPU s |\n|---|---|\n{parts}"
-    tried = [table("exact proxy, light known", ways, way_label)] if ways else []
-    return "\n\n".join([table("proxy and light", best, proxy_label), *tried, costs])
+    tried = [by_capture("Samples, exact proxy, light known", ways, way_label)] if ways else []
+    costs = table("CPU seconds", ("part", "CPU s"), [(part, f"{seconds:.0f}") for part, seconds in spent.items()])
+    return [by_capture("Proxy and light", best, proxy_label), *tried, costs]

@@ -1,4 +1,4 @@
-"""What bench_truth.py looks at: captures of scenes whose true pictures are known, from cameras kept apart.
+"""What scripts/bench truth looks at: captures of scenes whose true pictures are known, from cameras kept apart.
 
 True pictures come in two halves of independent noise.
 """
@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from bench_truth_store import F32, ROOT, Store
 from numpy.typing import NDArray
 from scenegen import surfels, training
 from scenegen.recipe import Recipe
@@ -20,6 +19,7 @@ from scenegen.training import Shooting, exposed
 from scenegen.truth import Looks, Truth
 from scipy.spatial import cKDTree
 
+from bench.truth_store import F32, ROOT, Store
 from mirelight.base import conventions
 from mirelight.base.colour import srgb_encode
 from mirelight.base.sh import C0

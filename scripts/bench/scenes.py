@@ -1,12 +1,12 @@
-"""The scenes of bench_lighting.py and bench_noise.py: procedural, lit by what Blender and Mitsuba have too."""
+"""The scenes of the parts on light: procedural, lit by what Blender and Mitsuba have too."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bench.common import Array
 from mirelight.model import (
     Camera,
     Environment,
@@ -20,7 +20,6 @@ from mirelight.model import (
 )
 
 BOUNCES = 8
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

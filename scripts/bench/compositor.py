@@ -1,6 +1,6 @@
 """Benchmark of the splat compositor: stages, CPU per blended fragment, and its ratio to a Numba port in the same run.
 
-    python scripts/bench_compositor.py [--quick] [--memory] [--json FILE] [--splats FILE --eye X Y Z --target X Y Z] …
+    python scripts/bench compositor [--memory] [--splats FILE --eye X Y Z --target X Y Z]
 
 Times are process CPU time on one thread (medians), so that other work on the machine disturbs them least; the ratio is
 taken interleaved. A fragment counts as blended where its alpha reaches 1/255 and its pixel is still open. Numba is an
@@ -10,22 +10,19 @@ optional extra; without it fragments are not counted and no ratio is given.
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
-import platform
 import re
 import resource
-import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
-import mitsuba_ellipsoids
 import numpy as np
 
+from bench.common import Table, table
 from mirelight.compositor import Compositor
 from mirelight.compositor.bin import Band, TileLists, sorted_records, tile_lists
 from mirelight.compositor.blend import Source, blend
@@ -40,7 +37,7 @@ from mirelight.io.splats.edit import transform
 from mirelight.model import Camera, CompositorSettings, SplatCloud
 
 try:
-    import numba_tiles
+    from bench import numba_tiles
 except ImportError:  # numba is not installed
     numba_tiles = None  # type: ignore[assignment]
 
@@ -54,6 +51,11 @@ class Scene:
     name: str
     splats: SplatCloud
     camera: Camera
+
+    @property
+    def size(self) -> str:
+        """Of its picture."""
+        return f"{self.camera.width} x {self.camera.height}"
 
 
 @dataclass
@@ -73,12 +75,6 @@ class Result:
     threads: int = 1
     fragments: int = 0
     numba: float = 0.0
-    ellipsoids: float = 0.0
-
-    @property
-    def nanoseconds(self) -> float:
-        """CPU per blended fragment."""
-        return self.whole / self.fragments * 1e6 if self.fragments else float("nan")
 
 
 def room(count: int, degree: int = 3, seed: int = 0) -> SplatCloud:
@@ -154,10 +150,10 @@ def stages(device: Device, scene: Scene, result: Result, repeats: int) -> None:
     result.stages = {name: median(times) for name, times in taken.items()}
 
 
-def bench(scene: Scene, repeats: int, *, ellipsoids: bool) -> Result:
+def bench(scene: Scene, repeats: int) -> Result:
     """Everything about one scene."""
     camera = scene.camera
-    result = Result(scene.name, len(scene.splats), f"{camera.width}x{camera.height}", 0, 0)
+    result = Result(scene.name, len(scene.splats), scene.size, 0, 0)
     device = open_device("llvm_ad_rgb", None)
     cores = device.dr.thread_count()
     device = open_device("llvm_ad_rgb", 1)
@@ -178,11 +174,6 @@ def bench(scene: Scene, repeats: int, *, ellipsoids: bool) -> Result:
             other.append(cpu(lambda: numba_tiles.rasterise(prepared, camera)))
     result.whole, result.with_depth, result.wall_one_thread = median(plain), median(deep), median(wall)
     result.numba = median(other) if other else 0.0
-
-    if ellipsoids:
-        render = mitsuba_ellipsoids.renderer(scene.splats, camera)
-        render()
-        result.ellipsoids = cpu(render)
 
     compositor = Compositor(scene.splats, SETTINGS, threads=cores)
     compositor.composite(camera, depth=False)
@@ -211,29 +202,21 @@ def peak_memory(scene: Scene) -> float:
             return pool.apply(_composite_alone, (folder, scene.camera))
 
 
-def table(results: list[Result]) -> str:
-    """Markdown."""
-    names = list(results[0].stages)
-    head = ["scene", "splats", "frame", *names, "whole frame", "with depths", "ns / fragment", "Numba port / this"]
-    traced = any(r.ellipsoids for r in results)
-    head += ["ellipsoids / this"] if traced else []
-    rows = [head, ["---"] * len(head)]
-    for r in results:
-        cells = [r.scene, f"{r.splats:,}", r.frame, *(f"{r.stages[n]:.1f}" for n in names), f"{r.whole:.1f}"]
-        cells += [f"{r.with_depth:.1f}", f"{r.nanoseconds:.1f}" if r.fragments else "–"]
-        cells.append(f"{r.numba / r.whole:.0f}x" if r.numba else "–")
-        cells += [f"{r.ellipsoids / r.whole:.0f}x"] if traced else []
-        rows.append(cells)
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    lines.append("")
-    for r in results:
-        gain = r.wall_one_thread / r.wall_all_threads
-        lines.append(
-            f"{r.scene} {r.frame}: {r.visible:,} splats visible, {r.pairs:,} pairs of splat and tile, "
-            f"{r.fragments:,} fragments blended; wall time {r.wall_one_thread:.0f} ms on one thread, "
-            f"{r.wall_all_threads:.0f} ms on {r.threads} ({gain:.2f}x)"
-        )
-    return "\n".join(lines)
+def row(r: Result) -> list[str]:
+    """A row of the table."""
+    gain = r.wall_one_thread / r.wall_all_threads
+    return [
+        r.scene,
+        f"{r.splats:,}",
+        r.frame,
+        *(f"{x:.1f}" for x in r.stages.values()),
+        f"{r.whole:.1f}",
+        f"{r.with_depth:.1f}",
+        f"{r.fragments / 1e6:.1f} M",
+        f"{r.whole / r.fragments * 1e6:.1f}" if r.fragments else "–",
+        f"{r.numba / r.whole:.0f}x" if r.numba else "–",
+        f"{gain:.2f}x",
+    ]
 
 
 def scenes(arguments: argparse.Namespace) -> list[Scene]:
@@ -252,33 +235,24 @@ def scenes(arguments: argparse.Namespace) -> list[Scene]:
     ]
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="one small scene, few repeats")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--memory", action="store_true", help="only the peak memory of each scene, in its own process")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers here")
     parser.add_argument("--splats", metavar="FILE", help="a capture instead of the synthetic rooms")
     parser.add_argument("--upside-down", action="store_true", help="turn the capture by 180 degrees about Z")
     parser.add_argument("--eye", type=float, nargs=3, default=(5.4, 2.6, 1.6), help="camera of the capture")
     parser.add_argument("--target", type=float, nargs=3, default=(0.0, 2.1, 0.0))
-    parser.add_argument("--ellipsoids", action="store_true", help="also Mitsuba's ray tracer of Gaussians (slow)")
-    arguments = parser.parse_args()
-    if arguments.memory:
-        for scene in scenes(arguments):
-            size = f"{scene.camera.width}x{scene.camera.height}"
-            print(f"{scene.name}, {len(scene.splats):,} splats, {size}: {peak_memory(scene):.2f} GiB", flush=True)
-        return
-    repeats = 3 if arguments.quick else 9
-    results = [bench(scene, repeats, ellipsoids=arguments.ellipsoids) for scene in scenes(arguments)]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 20 if sys.platform == "linux" else 1 << 30)
-    print(table(results))
-    print(
-        f"\nmilliseconds of CPU, medians, one thread; {platform.processor() or platform.machine()}, peak {peak:.1f} GiB"
-    )
-    if arguments.json:
-        arguments.json.write_text(json.dumps([asdict(r) | {"ns": r.nanoseconds} for r in results], indent=1) + "\n")
 
 
-if __name__ == "__main__":
-    main()
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """Milliseconds of CPU, medians, one thread; or GiB."""
+    if chosen.memory:
+        rows = [
+            (x.name, f"{len(x.splats):,}", f"{x.camera.width} x {x.camera.height}", peak_memory(x))
+            for x in scenes(chosen)
+        ]
+        return [table("Memory, measured", ("scene", "splats", "frame", "GiB"), rows)]
+    results = [bench(scene, 3 if chosen.quick else 9) for scene in scenes(chosen)]
+    head = ["scene", "splats", "frame", *results[0].stages, "whole frame", "with depths", "fragments", "ns / fragment"]
+    return [
+        table("Milliseconds a frame", [*head, "Numba port", f"{results[0].threads} threads, wall"], map(row, results))
+    ]

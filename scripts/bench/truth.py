@@ -6,8 +6,7 @@ a room with a patch of sun past white), three new lightings
 each, one camera each that no splat was made from. Every frame is made by mirelight's own calls in mode `ratio` with
 the splats' colours on the proxy.
 
-    python scripts/bench_truth.py [--quick] [--more] [--only NAME] [--json FILE] [--pictures DIR] [--cache DIR]
-                                  [--processes N]
+    python scripts/bench truth [--more] [--only NAME] [--rows FILE] [--pictures DIR] [--cache DIR] [--processes N]
 
 Captures run side by side. What is made is kept in the cache folder (out/bench_truth), under digests of what it is made
 from: a run that was stopped goes on where it was. Needs the extras `scenes`, `denoise`, `compare`.
@@ -27,10 +26,11 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from bench_truth_captures import NAMES, QUICK, WHOLE, Size, capture
-from bench_truth_rows import Bench, Row
-from bench_truth_store import ROOT, Store
-from bench_truth_tables import tables
+from bench.common import Table, path
+from bench.truth_captures import NAMES, QUICK, WHOLE, Size, capture
+from bench.truth_rows import Bench, Row
+from bench.truth_store import ROOT, Store
+from bench.truth_tables import tables
 
 FULL = Size(96, 54, truth_spp=256)
 SMALL = Size(96, 54, truth_spp=64, most=1)
@@ -69,7 +69,7 @@ def rows_of(
     return rows, store.costs
 
 
-def run(names: Sequence[str], chosen: argparse.Namespace, start: float) -> tuple[list[Row], Costs]:
+def relight(names: Sequence[str], chosen: argparse.Namespace, start: float) -> tuple[list[Row], Costs]:
     """All rows, in the order of the names; the captures with the most rows are begun first."""
     work = partial(
         rows_of, start=start, cache=chosen.cache, pictures=chosen.pictures, quick=chosen.quick, more=chosen.more
@@ -81,9 +81,9 @@ def run(names: Sequence[str], chosen: argparse.Namespace, start: float) -> tuple
         for name in names:
             rows[name], own = waiting[name].result()
             costs |= own
-            if chosen.json is not None:
+            if chosen.rows is not None:
                 found = [_plain(row) for made in rows.values() for row in made]
-                chosen.json.write_text(json.dumps(found, indent=1, allow_nan=False), encoding="utf-8")
+                chosen.rows.write_text(json.dumps(found, indent=1, allow_nan=False), encoding="utf-8")
     return [row for name in names for row in rows[name]], costs
 
 
@@ -92,40 +92,28 @@ def _plain(row: Row) -> dict[str, object]:
     return {name: None if value != value else value for name, value in asdict(row).items()}
 
 
-def _path(text: str) -> Path:
-    """A path as it was given; the empty one, as a variable of a shell that is not set leaves it, would be the working
-    folder."""
-    if not text:
-        raise argparse.ArgumentTypeError("an empty path; name one, or leave the option out")
-    return Path(text)
-
-
-def main() -> None:
-    """Run the protocol."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="two captures, one lighting: to see that it runs")
+def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--more", action="store_true", help="captures and rows that no goal is set for, too")
-    parser.add_argument("--json", type=_path, help="write all rows here")
-    parser.add_argument("--pictures", type=_path, help="captured | x factor | frame | truth, of every frame made anew")
-    parser.add_argument("--cache", type=_path, default=ROOT / "out" / "bench_truth", help="where things are kept")
+    parser.add_argument("--rows", type=path, metavar="FILE", help="write all rows there as they come, as JSON")
+    parser.add_argument("--pictures", type=path, help="captured | x factor | frame | truth, of every frame made anew")
+    parser.add_argument("--cache", type=path, default=ROOT / "out" / "bench_truth", help="where things are kept")
     parser.add_argument("--only", default="", help="captures whose name holds this")
     parser.add_argument("--processes", type=int, default=min(os.cpu_count() or 1, 2), help="captures at the same time")
-    chosen = parser.parse_args()
+
+
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """The protocol's tables."""
     start = time.monotonic()
     tried = QUICK if chosen.quick else NAMES if chosen.more or chosen.only else GOALS
     names = [name for name in tried if chosen.only in name]
     if not names:
-        parser.error(f"--only {chosen.only}: no capture's name holds this; there are: {'; '.join(tried)}")
-    if chosen.json is not None and not chosen.json.parent.is_dir():
-        parser.error(f"--json {chosen.json}: the folder does not exist")
-    rows, costs = run(names, chosen, start)
+        sys.exit(f"--only {chosen.only}: no capture's name holds this; there are: {'; '.join(tried)}")
+    if chosen.rows is not None and not chosen.rows.parent.is_dir():
+        sys.exit(f"--rows {chosen.rows}: the folder does not exist")
+    rows, costs = relight(names, chosen, start)
     spent: dict[str, float] = {}
     for parts in costs.values():
         for part, seconds in parts.items():
             spent[part] = spent.get(part, 0.0) + seconds
-    print(tables(rows, spent))
-    print(f"\n{time.monotonic() - start:.0f} s by the clock for what was not kept", file=sys.stderr)
-
-
-if __name__ == "__main__":
-    main()
+    print(f"{time.monotonic() - start:.0f} s by the clock for what was not kept", file=sys.stderr)
+    return tables(rows, spent)

@@ -1,4 +1,4 @@
-"""The rows of bench_truth.py: one capture relit every way, and how close each comes to the truth."""
+"""The rows of scripts/bench truth: one capture relit every way, and how close each comes to the truth."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from bench_truth_captures import Captured
-from bench_truth_scores import F32, Bool, Score, edges_of, mean, score
-from bench_truth_seen import seen_of
-from bench_truth_store import Store
 from PIL import Image
 
+from bench.truth_captures import Captured
+from bench.truth_scores import F32, Bool, Score, edges_of, mean, score
+from bench.truth_seen import seen_of
+from bench.truth_store import Store
 from mirelight import estimate, proxy, relighting
 from mirelight.base.colour import srgb_encode
 from mirelight.base.errors import InputError

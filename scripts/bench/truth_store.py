@@ -1,4 +1,4 @@
-"""What bench_truth.py keeps in a folder, under digests of what it is made from, and what making it has cost.
+"""What scripts/bench truth keeps in a folder, under digests of what it is made from, and what making it has cost.
 
 A run that was stopped goes on where it was; one after a change of code makes again what that code makes. Costs are kept
 beside the things, so a run from kept things knows what all of it takes.
@@ -25,7 +25,7 @@ F32 = NDArray[np.float32]
 Maker = Literal["scenes", "proxies", "light", "rows"]
 
 ROOT = Path(__file__).resolve().parent.parent
-SCENES = ("scripts/scenegen", "scripts/bench_truth_captures.py")
+SCENES = ("scripts/scenegen", "scripts/bench/truth_captures.py")
 MAKERS: dict[Maker, tuple[str, ...]] = {
     "scenes": SCENES,
     "proxies": (*SCENES, "mirelight/proxy", "mirelight/lighting", "mirelight/compositor", "mirelight/model"),

@@ -25,21 +25,23 @@ REC709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R
 
 
 def srgb_encode(linear: ArrayLike) -> F32:
-    """Linear light to display values by the sRGB curve (IEC 61966-2-1); negative values stay on its linear part."""
+    """Linear light, in any shape, to display values by the sRGB curve (IEC 61966-2-1); negative values stay on its
+    linear part."""
     x = np.asarray(linear, dtype=np.float32)
     curved = np.float32(1.055) * np.maximum(x, np.float32(0.0031308)) ** np.float32(1 / 2.4) - np.float32(0.055)
     return np.asarray(np.where(x <= np.float32(0.0031308), x * np.float32(12.92), curved), dtype=np.float32)
 
 
 def srgb_decode(encoded: ArrayLike) -> F32:
-    """Display values to linear light, the inverse of :func:`srgb_encode`; goes on above 1 on the power part."""
+    """Display values, in any shape, to linear light, the inverse of :func:`srgb_encode`; goes on above 1 on the power
+    part."""
     x = np.asarray(encoded, dtype=np.float32)
     curved = ((np.maximum(x, np.float32(0.04045)) + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
     return np.asarray(np.where(x <= np.float32(0.04045), x / np.float32(12.92), curved), dtype=np.float32)
 
 
 def power_encode(linear: ArrayLike) -> F32:
-    """Linear light to display values as PlayCanvas does: power 1 / 2.2, negative values become 0.
+    """Linear light, in any shape, to display values as PlayCanvas does: power 1 / 2.2, negative values become 0.
 
     Without the engine's `ENGINE_ENCODE_OFFSET`, so that :func:`power_decode` is its exact inverse.
     """
@@ -48,18 +50,19 @@ def power_encode(linear: ArrayLike) -> F32:
 
 
 def power_decode(encoded: ArrayLike) -> F32:
-    """Display values to linear light as PlayCanvas does: power 2.2, negative values become 0."""
+    """Display values, in any shape, to linear light as PlayCanvas does: power 2.2, negative values become 0."""
     x = np.maximum(np.asarray(encoded, dtype=np.float32), np.float32(0))
     return np.asarray(x ** np.float32(ENGINE_GAMMA), dtype=np.float32)
 
 
 def encode(linear: ArrayLike, transfer: Transfer) -> F32:
-    """Linear light to display values by a profile's curve: sRGB (physical) or the 2.2 power (playcanvas)."""
+    """Linear light, in any shape, to display values by a profile's curve: sRGB (physical) or the 2.2 power
+    (playcanvas)."""
     return power_encode(linear) if transfer == "power" else srgb_encode(linear)
 
 
 def decode(encoded: ArrayLike, transfer: Transfer) -> F32:
-    """Display values to linear light by a profile's curve, the inverse of :func:`encode`."""
+    """Display values, in any shape, to linear light by a profile's curve, the inverse of :func:`encode`."""
     return power_decode(encoded) if transfer == "power" else srgb_decode(encoded)
 
 

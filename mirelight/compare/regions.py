@@ -52,7 +52,7 @@ def silhouettes(covered: Bool, depth: F32 | None) -> Bool:
 
 
 def grown(mask: Bool, radius: int) -> Bool:
-    """The mask and every pixel within `radius` of it along both axes (a square)."""
+    """The mask (H, W) and every pixel within `radius` of it along both axes (a square)."""
     out = mask
     for axis in (0, 1):
         wide = np.moveaxis(out, axis, 0).copy()

@@ -65,7 +65,7 @@ class PixelProgram(Hashable, Protocol):
 
 @lru_cache(maxsize=16)
 def tile_order(columns: int, rows: int) -> NDArray[np.uint32]:
-    """Tiles along a Morton curve: what is blended at the same time shares splats, hence cache lines."""
+    """(N,) tiles along a Morton curve: what is blended at the same time shares splats, hence cache lines."""
     row, column = np.divmod(np.arange(columns * rows, dtype=np.uint64), np.uint64(columns))
     code = np.zeros(len(row), dtype=np.uint64)
     for bit in range(16):

@@ -18,7 +18,7 @@ COMPACT_COLOR_STEPS = (2047.0, 2047.0, 1023.0)  # COMPACT: levels of red, green 
 
 
 def through_half(values: NDArray[np.floating]) -> F32:
-    """Values rounded to half precision."""
+    """Values of any shape rounded to half precision."""
     return np.asarray(values, dtype=np.float16).astype(np.float32)
 
 

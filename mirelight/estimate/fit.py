@@ -85,7 +85,7 @@ def surely(d: F64, first: Chosen, second: Chosen) -> F64:
     what lies above it.
 
     Args:
-        d: logarithms of first places' albedos over second ones', written over.
+        d: (P, 3) logarithms of first places' albedos over second ones', written over.
         first, second: which of them, as masks or indices.
     """
     d[first] = np.maximum(d[first], 0)
@@ -133,7 +133,8 @@ def light_of(open_: F64, met: F64, seen: F64, sky: F64, beams: F64) -> F64:
 
 
 def judged(color: F64, light: F64, pairs: Pairs) -> float:
-    """The robust mean difference of log albedos over pairs, 0..1: what the fit makes small."""
+    """The robust mean difference, 0..1, of log albedos over pairs, which the fit makes small; colours and light (N,
+    3)."""
     return float(compared(color, light, pairs).sum())
 
 

@@ -94,7 +94,7 @@ class Search:
         return np.asarray(changed @ self.wanted() / np.maximum(changed.std(axis=1), 1e-12))
 
     def rough(self, seen: F64) -> float:
-        """The least loss of a few of :meth:`losses`."""
+        """The least of a few losses of :meth:`losses`, of a sun of these cosines (N,)."""
         return float(self.losses(seen, ALBEDOS[1:2], SHARES[1:4:2]).min())
 
     def losses(self, seen: F64, albedos: Sequence[float] = ALBEDOS, shares: Sequence[float] = SHARES) -> F64:

@@ -66,7 +66,7 @@ class Places:
         return float(1 - self.open.sum(axis=1).mean())
 
     def taken(self, rows: NDArray[np.int64]) -> Places:
-        """Some of them."""
+        """The places of some rows (N,) alone."""
         return replace(
             self,
             color=self.color[rows],

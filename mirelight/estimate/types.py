@@ -47,15 +47,15 @@ class Estimate:
         return lighting_of(self.packed(), self.named)
 
     def packed(self) -> F64:
-        """All of the light as one row of numbers, for keeping."""
+        """(N,) all of the light as one row of numbers, for keeping."""
         named = [light.color * light.intensity for light in self.named]
         lamps = *named, [len(self.lamps)], self.lamps.ravel()
         return np.concatenate([self.to_sun, self.sun, [self.sun_diameter], *lamps, self.radiance.ravel()])
 
 
 def lighting_of(packed: F64, named: Sequence[Light] = ()) -> Lighting:
-    """The lighting of :meth:`Estimate.packed`: a light "sun", which may have intensity 0, lamps in its layer (`named`
-    ones, which the estimate was given, first), and an environment "sky"."""
+    """The lighting of :meth:`Estimate.packed`, numbers (N,): a light "sun", which may have intensity 0, lamps in its
+    layer (`named` ones, which the estimate was given, first), and an environment "sky"."""
     values = np.asarray(packed, dtype=np.float64)
     to_sun, color, diameter = values[:3], values[3:6], float(values[6])
     strengths, values = np.split(values[_SUN_VALUES:], [3 * len(named)])

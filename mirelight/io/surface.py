@@ -14,7 +14,7 @@ def flat_shaded(vertices: F32, faces: I32) -> tuple[I32, F32]:
 
 
 def filled_normals(vertices: F32, faces: I32, normals: F32) -> F32:
-    """Unit normals, with those of length zero replaced by the mean of the faces around them.
+    """(V, 3) unit normals, with those of length zero replaced by the mean of the faces around them.
 
     Normals that are already unit to single precision are left as they are, bit for bit.
     """

@@ -95,7 +95,7 @@ def _sum_around(image: F64) -> F64:
 
 
 def window_sum(image: F64, reach: int) -> F64:
-    """Sum over the (2 reach + 1)² pixels round each, edges cut."""
+    """(H, W) sum over the (2 reach + 1)² pixels round each, edges cut."""
     h, w = image.shape
     table = np.zeros((h + 1, w + 1))
     np.cumsum(np.cumsum(image, axis=0), axis=1, out=table[1:, 1:])

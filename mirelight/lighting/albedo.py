@@ -111,7 +111,7 @@ def colored_by(
 
 
 def with_vertex_colors(proxy: ProxyMesh, colors: F32) -> ProxyMesh:
-    """The proxy with the values that :func:`vertex_colors` found for it."""
+    """The proxy with the values (V, 3) that :func:`vertex_colors` found for it."""
     return replace(_split_by_orientation(proxy)[0], vertex_colors=colors) if len(proxy.faces) else proxy
 
 

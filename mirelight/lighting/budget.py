@@ -87,7 +87,7 @@ def some_of(cameras: Sequence[Camera]) -> list[Camera]:
 
 
 def even(count: int) -> NDArray[np.int64]:
-    """PIXELS of so many at most, spread evenly, but not on a grid."""
+    """(N,) numbers of pixels, PIXELS of so many at most, spread evenly, but not on a grid."""
     few = min(PIXELS, count)
     return np.arange(few) * count // few + np.random.default_rng(0).integers(0, max(count // few, 1), few)
 

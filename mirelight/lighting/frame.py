@@ -103,7 +103,7 @@ class FrameInProgress:
         """Take `count` more samples of each of some pixels (None: all); yields how many there are by now, by launch.
 
         `count` is a power of two from the batch size up to PASS, so that a pixel's lanes lie in one packet or in
-        neighbouring ones. `pixels` are different and in order.
+        neighbouring ones. `pixels` (N,) are different and in order.
         """
         from mirelight.lighting.kernel.memory import integers
         from mirelight.lighting.kernel.paths import trace_pass

@@ -37,7 +37,8 @@ class LightGrid:
 def build(
     lights: tuple[Light, ...], bounds: tuple[NDArray[np.float32], NDArray[np.float32]], *, separate: bool
 ) -> LightGrid:
-    """Lists for the surface points inside `bounds`, brightest first; one list of all where every light is sampled.
+    """Lists for the surface points inside `bounds`, two corners (3,), brightest first; one list of all where every
+    light is sampled.
 
     The last ones built are kept: frames of one lighting differ in their camera.
     """

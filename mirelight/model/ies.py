@@ -43,7 +43,8 @@ class IesProfile(ArrayHolder):
         return float(2 * math.pi * np.trapezoid(mean * np.sin(theta), theta))
 
     def solid_angle_in(self, cone: Callable[[F64], F64]) -> float:
-        """The same of what a cone about the nadir leaves; `cone`: its share by the cosine of the angle to that."""
+        """The same of what a cone about the nadir leaves; `cone`: its share (N,) by cosines (N,) of the angle to
+        that."""
         theta = np.linspace(0, math.pi, DOWN)
         finer = np.linspace(0, math.pi, 16 * (DOWN - 1) + 1)
         mean = np.interp(finer, theta, self.share.mean(axis=0, dtype=np.float64)) * cone(np.cos(finer))

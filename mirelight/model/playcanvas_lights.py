@@ -118,7 +118,7 @@ class EngineLighting:
 
 
 def engine_diffuse(albedo: ArrayLike) -> F64:
-    """StandardMaterial.diffuse (display-encoded) that the engine decodes to this linear albedo."""
+    """(..., 3) StandardMaterial.diffuse (display-encoded) that the engine decodes to this linear albedo."""
     return np.asarray(np.asarray(albedo, dtype=np.float64) ** (1 / colour.ENGINE_GAMMA))
 
 

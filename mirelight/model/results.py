@@ -172,7 +172,7 @@ class LightingBuffer(ArrayHolder):
         """The same frame with its lights dimmed, brightened or tinted, without tracing again.
 
         Args:
-            weights: by the name of a layer its factor, a number or linear [r, g, b], 0 or more. Other layers stay.
+            weights: by the name of a layer its factor, a number or linear [r, g, b] (3,), 0 or more. Others stay.
 
         Returns:
             The buffer with those layers multiplied; what a fresh trace would give, but for noise. Layers of one frame

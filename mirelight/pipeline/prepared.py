@@ -174,7 +174,7 @@ class Prepared:
         return known
 
     def keep_estimate(self, sky: EstimatedSky, found: Estimate) -> F32:
-        """Keep what was found for every job that asks for the same; says what is kept."""
+        """Keep what was found, as numbers (N,), for every job that asks for the same; says what is kept."""
         key, packed = self.keys.estimate(sky), found.packed().astype(np.float32)
         self._share(key, packed, ARRAY)
         return packed

@@ -47,7 +47,8 @@ def box_of(soup: Soup, eyes: F64) -> tuple[F64, F64]:
 
 
 def cell_of(low: F64, high: F64, spacing: float) -> float:
-    """Side of the cells in which planes are looked at, in a box; `spacing` is that of the capture's splats."""
+    """Side of the cells in which planes are looked at, in a box of two corners (3,); `spacing` is that of the capture's
+    splats."""
     return max(float((high - low).max()) / _CELLS, _SPACINGS * spacing)
 
 

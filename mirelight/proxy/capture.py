@@ -96,7 +96,7 @@ def solid_part(splats: SplatCloud, source: str | Path) -> tuple[Int, F64, F64]:
 
 
 def take(splats: SplatCloud, rows: Int) -> SplatCloud:
-    """Some of the splats."""
+    """The splats of some rows (N,) alone."""
     return replace(
         splats,
         means=splats.means[rows],

@@ -30,7 +30,7 @@ class Discs:
         return self.axes[:, :, 0]
 
     def where(self, chosen: Int) -> Discs:
-        """Some of them."""
+        """The discs of some rows (N,) alone."""
         return Discs(self.at[chosen], self.axes[chosen], self.scales[chosen], self.spacing)
 
 

@@ -42,7 +42,7 @@ class Sheet:
 
     @staticmethod
     def of(plane: Plane, planes: Sequence[Plane], low: F64, high: F64, cell: float) -> Sheet:
-        """Along the plane's two axes."""
+        """A sheet of cells along the plane's two axes, in the box of the corners (3,)."""
         axes = np.stack(_axes(plane, planes))
         corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
         flat = turned(corners, axes)
@@ -69,7 +69,7 @@ class Sheet:
         return out
 
     def rectangles(self, chosen: Bool) -> Soup:
-        """Two triangles for each run of chosen cells, equal runs of neighbouring rows as one."""
+        """Two triangles for each run of chosen cells (I, J), equal runs of neighbouring rows as one."""
         i, j = np.nonzero(np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1))
         row, first, past = i[::2], j[::2], j[1::2]  # a run begins and ends
         order = np.lexsort((row, past, first))

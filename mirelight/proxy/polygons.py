@@ -96,7 +96,7 @@ class Polygons:
         return np.where(used, along, np.inf).min(axis=1), np.where(used, along, -np.inf).max(axis=1)
 
     def where(self, chosen: Int) -> Polygons:
-        """Copies of some of them."""
+        """Copies of the polygons of some rows (N,)."""
         return Polygons(self.corners[chosen], self.count[chosen])
 
     def simplified(self, near: float) -> Polygons:
@@ -137,7 +137,7 @@ class Polygons:
 
 
 def octagons(radius: F64) -> Polygons:
-    """Regular octagons about the origin with those radii of their corners."""
+    """Regular octagons about the origin with those radii (N,) of their corners."""
     turn = (np.arange(8) + 0.5) * (np.pi / 4)
     corners = np.zeros((len(radius), MOST_CORNERS, 2))
     corners[:, :8] = np.stack([np.cos(turn), np.sin(turn)], axis=1) * radius[:, None, None]

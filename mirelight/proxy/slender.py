@@ -66,7 +66,7 @@ class Slender:
 
 
 def slender_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Slender:
-    """Discs that lie on slender rods; of arguments as of :func:`mirelight.proxy.rods.rods_of`."""
+    """Which discs (N, 3) lie on slender rods; arguments as of :func:`mirelight.proxy.rods.rods_of`."""
     n = len(at)
     found = Slender.none_of(n)
     asked = [_with_few_beside(at, normals, rows, near, local) for rows in _chunks(_far_from(flats, at, local))]

@@ -23,7 +23,7 @@ _BORDER = 0.02  # of the longer side, kept free around the splats' centres
 
 
 def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
-    """Views of points about the origin from evenly spread sides, so no axis need be up.
+    """Views of points (N, 3) about the origin from evenly spread sides, so no axis need be up.
 
     Each shows just what holds the points, `pixels` along its longer side.
     """
@@ -77,7 +77,7 @@ def _enlarged(camera: Camera) -> Camera:
 
 
 def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
-    """Six views from each point, along the axes and against them."""
+    """Six views from each point (N, 3), along the axes and against them."""
     directions = np.concatenate([np.eye(3), -np.eye(3)])
     return tuple(
         Camera.look_at(p, p + way, pixels, pixels, yfov=INSIDE_YFOV, near=near, name=f"inside-{i}-{k}")
@@ -87,7 +87,7 @@ def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
 
 
 def rays(camera: Camera) -> tuple[F64, F64]:
-    """As :meth:`Camera.rays`."""
+    """Origins and directions (H, W, 3), as :meth:`Camera.rays`."""
     return camera.rays()
 
 
@@ -97,5 +97,5 @@ def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:
 
 
 def moved(camera: Camera, by: F64) -> Camera:
-    """The camera somewhere else, looking the same way."""
+    """The camera moved by (3,), looking the same way."""
     return replace(camera, world_from_camera=conventions.compose(by) @ camera.world_from_camera)

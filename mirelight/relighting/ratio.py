@@ -65,7 +65,7 @@ class Weight:
 
 
 def mean_level(light: F32, coverage: F32) -> float:
-    """Mean luminance over the covered part; 0 where nothing is."""
+    """Mean luminance of light (H, W, 3) over the covered part (H, W); 0 where nothing is."""
     covered = coverage.sum(dtype=np.float64)
     summed = (colour.luminance(light) * coverage).sum(dtype=np.float64)
     return float(summed / covered) if covered > 0 else 0.0

@@ -35,7 +35,7 @@ _PLAIN = re.compile(r"[<|][biuf][1248]")  # types
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], maker: str = "") -> None:
-    """Write a file, whole or not at all.
+    """Write a file of arrays of any shape, whole or not at all.
 
     Args:
         path: where to.
@@ -95,7 +95,8 @@ def maker_of(path: Path) -> str:
 
 
 def is_sound(values: NDArray[Any]) -> bool:
-    """Whether no value is NaN, infinite or so large that its sums would be: none is ever kept, so the file is damaged.
+    """Whether no value, in any shape, is NaN, infinite or so large that its sums would be: none is ever kept, so the
+    file is damaged.
 
     Two passes at the speed of memory.
     """

@@ -10,7 +10,8 @@ MOST_ROWS = 1024  # of a map that is kept with a data set
 
 
 def shrunk(radiance: F32, most: int = MOST_ROWS) -> F32:
-    """A map of at most so many rows and twice as many columns, each pixel the mean of those that it stands for."""
+    """A map (H, W, 3) of at most so many rows and twice as many columns, each pixel the mean of those that it stands
+    for."""
     height, width, _ = radiance.shape
     down, across = -(-height // most), -(-width // (2 * most))
     if (down, across) == (1, 1):

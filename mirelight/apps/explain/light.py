@@ -50,7 +50,7 @@ class LitSurface:
     # --- the engine's light ---
 
     def engine_lights(self, engine: EngineLighting, shadows: Literal["none", "biased", "exact"]) -> F32:
-        """The engine's lights by its own falloffs, without shadows or with traced hard ones.
+        """(H, W, 3) the engine's lights by its own falloffs, without shadows or with traced hard ones.
 
         Args:
             shadows: biased: as seen from points moved off the surface, as the engine's shadow maps are read.
@@ -65,7 +65,7 @@ class LitSurface:
         return total
 
     def engine_environment(self, engine: EngineLighting) -> F32:
-        """The engine's prefiltered environment, or its ambient colour."""
+        """(H, W, 3) the engine's prefiltered environment, or its ambient colour."""
         hit = self.surface.coverage
         out = np.zeros_like(self.albedo)
         out[hit] = self.albedo[hit] * ambient(engine, self.surface.normal[hit].astype(np.float64)).astype(np.float32)
@@ -74,7 +74,7 @@ class LitSurface:
     # --- physical light, still from points and without occlusion of the sky ---
 
     def lights(self, lights: tuple[Light, ...]) -> F32:
-        """Physical lights shrunk to their centres, with hard shadows."""
+        """(H, W, 3) physical lights shrunk to their centres, with hard shadows."""
         hit = self.surface.coverage
         total = np.zeros_like(self.albedo)
         position, normal = self.surface.position[hit].astype(np.float64), self.surface.normal[hit].astype(np.float64)
@@ -84,7 +84,7 @@ class LitSurface:
         return total
 
     def environment(self, environment: Environment | None) -> F32:
-        """The whole environment by the cosine law; nothing blocks it."""
+        """(H, W, 3) the whole environment by the cosine law; nothing blocks it."""
         hit = self.surface.coverage
         out = np.zeros_like(self.albedo)
         if environment is not None:
@@ -93,13 +93,14 @@ class LitSurface:
         return out
 
     def buffer(self, radiance: F32) -> LightingBuffer:
-        """A lighting texture as the engine has it: one sample a texel, coverage 0 or 1."""
+        """A lighting texture (H, W, 3) as the engine has it: one sample a texel, coverage 0 or 1."""
         hit = self.surface.coverage
         return texture(self.camera, np.where(hit[..., None], radiance, 0), hit.astype(np.float32))
 
 
 def texture(camera: Camera, radiance: F32, coverage: F32) -> LightingBuffer:
-    """A buffer of one layer from radiance premultiplied by coverage, with nothing known of the surface."""
+    """A buffer of one layer from radiance (H, W, 3) premultiplied by coverage (H, W), with nothing known of the
+    surface."""
     nothing = np.zeros((*coverage.shape, 3), dtype=np.float32)
     return LightingBuffer(
         camera=camera,

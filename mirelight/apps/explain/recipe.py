@@ -112,5 +112,5 @@ class Rungs:
 
 
 def as_float(values: object) -> F32:
-    """An array in the type of pictures."""
+    """An array of any shape in the type of pictures."""
     return np.asarray(values, dtype=np.float32)

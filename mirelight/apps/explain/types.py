@@ -139,7 +139,7 @@ class Rung:
 
     @property
     def independent(self) -> F32:
-        """The frame by independent samples; itself where nothing was sampled."""
+        """(H, W, 4) the frame by independent samples; itself where nothing was sampled."""
         return self.frame if self.again is None else self.again
 
 

@@ -69,7 +69,8 @@ def lightings(
 def files(
     capture: Path, middle: F64, light: str, proxy: beside.Proxy | None
 ) -> tuple[tuple[beside.Lights, ...], tuple[beside.Misfit, ...]]:
-    """Files of lights that are wished for, and those beside the capture that cannot be used. Raises InputError."""
+    """Files of lights that are wished for, and those beside the capture that cannot be used, placed about
+    `middle` (3,). Raises InputError."""
     file = _file_of(light)
     if file is not None:
         return (_asked(file, middle),), ()

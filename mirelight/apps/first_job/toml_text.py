@@ -37,11 +37,11 @@ class Names:
 
 
 def position(values: F64, seen: view.FirstView) -> str:
-    """A place, to a hundred-thousandth of what the camera is away, be it in millimetres or in kilometres."""
+    """A place (3,), to a hundred-thousandth of what the camera is away, be it in millimetres or in kilometres."""
     away = float(np.linalg.norm(seen.target - seen.camera.position))
     return vector(values, max(_DIGITS - math.floor(math.log10(away)), 0))
 
 
 def vector(values: Sequence[float] | F64, digits: int = _DIGITS) -> str:
-    """Numbers, each to so many digits after the point."""
+    """Numbers (N,), each to so many digits after the point."""
     return "[" + ", ".join(f"{round(float(v), digits) + 0.0:.12g}" for v in values) + "]"

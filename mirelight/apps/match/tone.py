@@ -12,12 +12,13 @@ _SHADOW = 0.02  # display-linear light added to all: black is no better known
 
 
 def seen_value(light: F64, gain: float) -> F64:
-    """Display values of light times `gain`: the sRGB curve without its straight piece, and even in the shadows."""
+    """Display values, in the shape of `light`, of light times `gain`: the sRGB curve without its straight piece, and
+    even in the shadows."""
     return np.asarray(1.055 * (np.maximum(light, 0) * gain + _SHADOW) ** (1 / 2.4))
 
 
 def seen_slope(light: F64, gain: float) -> F64:
-    """What a small difference of light is in values of :func:`seen_value`."""
+    """What a small difference, in the shape of `light`, of light is in values of :func:`seen_value`."""
     return np.asarray(gain * 1.055 / 2.4 * (np.maximum(light, 0) * gain + _SHADOW) ** (1 / 2.4 - 1))
 
 

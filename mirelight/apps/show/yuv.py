@@ -22,7 +22,8 @@ class Planes(NamedTuple):
 
 
 def even(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture with its last row and column twice where their number is odd: 4:2:0 has none of odd size."""
+    """The picture (H, W, 3) with its last row and column twice where their number is odd: 4:2:0 has none of odd
+    size."""
     height, width = pixels.shape[:2]
     if height % 2 or width % 2:
         return np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")

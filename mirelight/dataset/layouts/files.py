@@ -134,7 +134,7 @@ class Files:
         self.put(name, key, lambda path: exr.write_exr(path, {"": pixels()}, crop=False))
 
     def npy(self, name: str, key: str, values: Callable[[], NDArray[Any]]) -> None:
-        """An array in NumPy's format."""
+        """An array of any shape in NumPy's format."""
         self.put(name, key, lambda path: _save(path, values()))
 
     def frame(

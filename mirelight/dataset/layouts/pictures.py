@@ -214,7 +214,7 @@ def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
 
 
 def millimetres(depth: F32) -> NDArray[np.uint16]:
-    """Depth in millimetres; 0, which loaders take as unknown, where there is none and beyond 65.5 m."""
+    """(H, W) depth in millimetres; 0, which loaders take as unknown, where there is none and beyond 65.5 m."""
     mm = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64) * _MILLIMETRES)
     return np.where((mm > 0) & (mm <= _FARTHEST), mm, 0).astype(np.uint16)
 

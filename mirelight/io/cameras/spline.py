@@ -12,7 +12,8 @@ from mirelight.model import F64
 
 
 def looped(duration: float, times: F64, points: F64) -> tuple[F64, F64]:
-    """The keys with the last two before the first and the first two after the last, so that the end meets the start."""
+    """The keys (N,) and (N, K) with the last two before the first and the first two after the last, so that the end
+    meets the start."""
     times = np.concatenate([times[-2:] - duration, times, times[:2] + duration])
     return times, np.concatenate([points[-2:], points, points[:2]])
 

@@ -129,7 +129,7 @@ def animated_nodes(document: Document, nodes: dict[int, Node]) -> set[int]:
 def sample_times(
     document: Document, start: float, end: float, fps: float | None, count: int | None
 ) -> NDArray[np.float64]:
-    """Moments (s) from `start` to `end`: so many a second, or so many in all."""
+    """(N,) moments (s) from `start` to `end`: so many a second, or so many in all."""
     wanted = count if count is not None else (end - start) * (fps or 1.0) + 1
     if wanted > _MAX_SAMPLES:
         raise InputError(document.path, f"{wanted:.0f} samples", f"at most {_MAX_SAMPLES}")

@@ -88,7 +88,8 @@ def moving_lights(path: str | Path) -> tuple[bool, ...]:
 
 
 def light_times(path: str | Path, *, fps: float | None = None, count: int | None = None) -> NDArray[np.float64]:
-    """Moments (s) from the first key to the last one that changes a light, as `sample_cameras` has them for cameras.
+    """(N,) moments (s) from the first key to the last one that changes a light, as `sample_cameras` has them for
+    cameras.
 
     Raises:
         InputError: nothing moves or changes a light, or a damaged animation.

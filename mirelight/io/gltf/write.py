@@ -174,6 +174,7 @@ class GlbBuilder:
         return self.add("materials", entry)
 
     def add_texture(self, image: F32, wraps: Wraps) -> dict[str, int]:
+        """Add a picture (H, W, 3) as PNG and return what a material says of it."""
         view = self.add_view(_png(image))
         texture = {"source": self.add("images", {"bufferView": view, "mimeType": "image/png"})}
         if wraps != ("repeat", "repeat"):

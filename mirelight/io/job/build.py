@@ -88,7 +88,7 @@ class Assets:
     def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
     ) -> tuple[tuple[Light, ...], Matrix]:
-        """See :class:`lighting.LightFiles`."""
+        """A panorama (H, W, 3) that is read when it is first asked for; see :class:`lighting.LightFiles`."""
         from mirelight.io.gltf import blender
         from mirelight.io.gltf.moving_lights import Shot
         from mirelight.io.gltf.scene import read_lights_of
@@ -170,7 +170,7 @@ class Assets:
         return read_ies(self.path(path))
 
     def panorama(self, path: str) -> Deferred[F32]:
-        """See :class:`lighting.LightFiles`."""
+        """A panorama (H, W, 3), read when it is first asked for; see :class:`lighting.LightFiles`."""
         file = self.path(path)
         return Deferred(
             model.digest("picture", self.digests[path]), partial(_panorama, file, self.digests[path]), keep=False

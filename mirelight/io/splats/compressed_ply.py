@@ -114,7 +114,7 @@ def write(cloud: SplatCloud, path: Path, comments: Sequence[str] = ()) -> None:
 
 
 def morton_order(means: F32) -> NDArray[np.intp]:
-    """Indices that put positions along a Z-order curve of 2^21 cells an axis."""
+    """(N,) indices that put positions (N, 3) along a Z-order curve of 2^21 cells an axis."""
     low = means.min(axis=0).astype(np.float64)
     extent = np.maximum(means.max(axis=0) - low, 1e-30)
     code = np.zeros(len(means), dtype=np.uint64)

@@ -107,7 +107,7 @@ def read_ply_header(path: Path) -> PlyHeader:
 
 
 def blocks(path: Path, element: Element, rows: int) -> Iterator[NDArray[Any]]:
-    """The element's rows, `rows` at a time, in one buffer that is used again for each block.
+    """The element's rows (N,), `rows` at a time, in one buffer that is used again for each block.
 
     Reading beats mapping here: it needs no address space, and a file that shrinks meanwhile is an error, not a crash.
 

@@ -74,7 +74,7 @@ class SpzStream:
         self.head, self._streams, self._toc = self._parse(bytes(raw))
 
     def attributes(self) -> tuple[dict[str, NDArray[np.uint8]], int]:
-        """Every attribute's bytes, and the number of the stored coordinate system. Raises InputError."""
+        """Every attribute's bytes (N,), and the number of the stored coordinate system. Raises InputError."""
         places = self._zstd_places() if self._zstd else []
         stored = {name: np.empty(size, dtype=np.uint8) for name, size in self.head.sizes.items()}
         if self._zstd:

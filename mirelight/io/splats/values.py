@@ -24,7 +24,7 @@ _SMALLEST_SCALE = 1e-30  # a flat axis is written as this, because log(0) is not
 
 
 def sigmoid(logits: NDArray[Any], out: F32) -> None:
-    """Opacity 0–1 of logits, written into `out`; exact at ±inf."""
+    """Opacity 0–1 of logits of any shape, written into `out`; exact at ±inf."""
     with np.errstate(over="ignore"):
         np.negative(logits, out=out, casting="same_kind")
         np.exp(out, out=out)
@@ -33,7 +33,7 @@ def sigmoid(logits: NDArray[Any], out: F32) -> None:
 
 
 def logit(opacities: NDArray[Any]) -> F32:
-    """Finite logits of opacities, float32; 0 and 1 become ∓20."""
+    """Finite logits of opacities of any shape, float32; 0 and 1 become ∓20."""
     o = np.asarray(opacities, dtype=np.float64)
     with np.errstate(divide="ignore"):
         raw = np.log(o) - np.log1p(-o)
@@ -41,23 +41,24 @@ def logit(opacities: NDArray[Any]) -> F32:
 
 
 def exponential(logs: NDArray[Any], out: F32) -> None:
-    """Linear scales of log scales, written into `out`; −inf gives 0, too large gives inf (dropped later)."""
+    """Linear scales of log scales of any shape, written into `out`; −inf gives 0, too large gives inf (dropped
+    later)."""
     with np.errstate(over="ignore"):
         np.exp(logs, out=out, casting="same_kind")
 
 
 def log_scale(scales: NDArray[Any]) -> F32:
-    """Finite log scales of linear scales, float32."""
+    """Finite log scales of linear scales of any shape, float32."""
     return np.log(np.maximum(np.asarray(scales, dtype=np.float64), _SMALLEST_SCALE)).astype(np.float32)
 
 
 def dc_from_rgb(rgb: NDArray[Any]) -> NDArray[Any]:
-    """Degree-0 coefficients of a view-independent, display-encoded colour."""
+    """(..., 3) degree-0 coefficients of a view-independent, display-encoded colour."""
     return (rgb - 0.5) / C0
 
 
 def rgb_from_dc(dc: NDArray[Any]) -> NDArray[Any]:
-    """Inverse of :func:`dc_from_rgb`."""
+    """(..., 3) inverse of :func:`dc_from_rgb`."""
     return dc * C0 + 0.5
 
 

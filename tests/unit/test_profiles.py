@@ -4,25 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import get_args
-
-import numpy as np
-import pytest
 
 from mirelight import relighting
-from mirelight.base import colour
-from mirelight.model import PROFILES, CompositorSettings, Profile, rules_of
+from mirelight.model import CompositorSettings
 from mirelight.model.profiles import COLOURING, COMPARING
 
 PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
 ASKS = re.compile(r"""(?<!image\.)\b(?:mode|profile) (?:==|!=) ["']|\b(?:mode|profile) (?:not )?in \(["']""")
-
-
-def test_every_profile_has_its_rules() -> None:
-    assert set(PROFILES) == set(get_args(Profile))
-    for name, rules in PROFILES.items():
-        assert rules.name == name
-        assert rules_of(name) is rules
 
 
 def test_modes_that_must_know_the_captured_light_are_those_that_say_so() -> None:
@@ -37,13 +25,6 @@ def test_no_module_asks_for_a_profile_or_a_mode_by_name() -> None:
         if ASKS.search(path.read_text(encoding="utf-8"))
     }
     assert not asking
-
-
-@pytest.mark.parametrize("profile", get_args(Profile))
-def test_the_curve_of_a_profile_is_the_one_it_names(profile: Profile) -> None:
-    x = np.linspace(0, 1, 11, dtype=np.float32)
-    curve = {"srgb": colour.srgb_encode, "power": colour.power_encode}[rules_of(profile).transfer]
-    np.testing.assert_array_equal(colour.encode(x, rules_of(profile).transfer), curve(x))
 
 
 def test_what_only_the_engine_has_does_nothing_in_the_physical_profile() -> None:

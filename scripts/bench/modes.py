@@ -33,7 +33,7 @@ from mirelight.pipeline.scene import Scene
 from mirelight.relighting import unlit_rgba
 from mirelight.store import Store
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 CAPTURED = {"stage": "studio", "courtyard": "day"}
 AWAY = np.array([1.0, 0.8, -0.6]) / np.sqrt(2.0)  # which way a proxy is moved
 MODES: tuple[RelightMode, ...] = ("ratio", "albedo", "tint")

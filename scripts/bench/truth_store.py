@@ -24,7 +24,7 @@ T = TypeVar("T")
 F32 = NDArray[np.float32]
 Maker = Literal["scenes", "proxies", "light", "rows"]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCENES = ("scripts/scenegen", "scripts/bench/truth_captures.py")
 MAKERS: dict[Maker, tuple[str, ...]] = {
     "scenes": SCENES,
@@ -35,9 +35,9 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
         "mirelight/lighting",
         "mirelight/compositor",
         "mirelight/model",
-        "scripts/bench_truth_rows.py",
-        "scripts/bench_truth_scores.py",
-        "scripts/bench_truth_seen.py",
+        "scripts/bench/truth_rows.py",
+        "scripts/bench/truth_scores.py",
+        "scripts/bench/truth_seen.py",
     ),
 }
 

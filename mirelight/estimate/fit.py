@@ -133,7 +133,7 @@ def light_of(open_: F64, met: F64, seen: F64, sky: F64, beams: F64) -> F64:
 
 
 def judged(color: F64, light: F64, pairs: Pairs) -> float:
-    """The robust mean difference, 0..1, of log albedos over pairs, which the fit makes small; colours and light (N,
+    """The robust mean difference, 0..1, of log albedos over pairs, which the fit makes small; `color`, `light`: (N,
     3)."""
     return float(compared(color, light, pairs).sum())
 

@@ -88,7 +88,7 @@ class Assets:
     def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
     ) -> tuple[tuple[Light, ...], Matrix]:
-        """A panorama (H, W, 3) that is read when it is first asked for; see :class:`lighting.LightFiles`."""
+        """See :class:`lighting.LightFiles`."""
         from mirelight.io.gltf import blender
         from mirelight.io.gltf.moving_lights import Shot
         from mirelight.io.gltf.scene import read_lights_of

@@ -69,7 +69,7 @@ def read_lights(path: str | Path, time: float | None = None) -> UsdLights:
 
 
 def read_domes(path: str | Path) -> F32:
-    """The environment that a stage's dome lights make. Raises InputError: there is none."""
+    """(H, W, 3) the environment that a stage's dome lights make. Raises InputError: there is none."""
     found = read_lights(path).environment
     if found is None:
         raise InputError(path, "no dome light in it", "name a picture, or leave environment out")

@@ -36,7 +36,7 @@ class Read:
     folder: Path
 
     def array(self, name: str) -> NDArray[Any] | None:
-        """An array by name, mapped from its file; None where the stage has none."""
+        """An array of any shape by name, mapped from its file; None where the stage has none."""
         file = self.folder / f"{name}.npy"
         if not file.is_file():
             return None

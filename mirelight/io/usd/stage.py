@@ -93,7 +93,7 @@ class Stage:
         return own if np.array_equal(self.turn, np.eye(4)) else self.turn @ own
 
     def save(self, name: str, array: NDArray[Any]) -> None:
-        """Hand an array over."""
+        """Hand an array of any shape over."""
         np.save(self.folder / f"{name}.npy", np.ascontiguousarray(array), allow_pickle=False)
 
     def note(self, line: str) -> None:
@@ -208,7 +208,7 @@ def inside(target: str, base: Path, name: str, prim: str) -> Path:
 
 
 def rows(matrix: NDArray[np.float64]) -> Rows4:
-    """A matrix for JSON."""
+    """A matrix (4, 4) for JSON."""
     return [[float(x) for x in row] for row in matrix]
 
 

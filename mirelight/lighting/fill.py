@@ -111,7 +111,7 @@ def on_device(
     nearest: float,
     spread: sky_guiding.U16 | None = None,
 ) -> DeviceCells:
-    """Cells to be read; light (L, C, 3) and the rest as of `kernel.cells.DeviceCells`, `spread` as of `CellLight`."""
+    """Cells to be read; light (K, C, 3) and the rest as of `kernel.cells.DeviceCells`, `spread` as of `CellLight`."""
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.sky_guiding import Spread
 

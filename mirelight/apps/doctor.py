@@ -23,7 +23,7 @@ _SECONDS = 300  # a cold kernel compile takes under one; a machine under load ta
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What this machine has."""
+    """What is found on this machine."""
 
     version: str
     python: str
@@ -41,7 +41,7 @@ class Findings:
         return 0 if self.variants["llvm_ad_rgb"] is None else 2
 
     def lines(self) -> Iterator[str]:
-        """For people."""
+        """The findings as lines for people."""
         yield f"mirelight {self.version}, Python {self.python}, {self.platform}"
         yield f"cores   {self.cores}"
         yield f"memory  {self.memory}"

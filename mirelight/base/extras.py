@@ -112,7 +112,7 @@ def remedy(name: Name) -> str:
 
 
 def install(name: Name) -> str:
-    """What to type."""
+    """The command that installs an extra."""
     return f"pip install 'mirelight[{name}]'"
 
 

@@ -46,7 +46,7 @@ def read_picture(path: Path, *, premultiplied: bool = False) -> Picture:
 
 
 def existing(path: Path) -> Path:
-    """The path itself.
+    """The path, if there is a file; else an InputError.
 
     Raises:
         InputError: there is no such file.

@@ -34,7 +34,7 @@ class Picture:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(H, W)."""
+        """(H, W) of the pictures."""
         return self.rgb.shape[0], self.rgb.shape[1]
 
 
@@ -49,7 +49,7 @@ class Pair:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All that is read."""
+        """All files that the comparison reads."""
         return (self.reference, self.test, *(() if self.mask is None else (self.mask,)))
 
 

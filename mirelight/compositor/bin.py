@@ -27,7 +27,7 @@ class Band:
 
     @property
     def tiles(self) -> int:
-        """Their number."""
+        """The number of tiles in the band."""
         return self.columns * self.rows
 
 

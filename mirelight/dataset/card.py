@@ -17,7 +17,7 @@ _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is counted."""
+    """Counts of a data set, for its README."""
 
     cameras: int
     lightings: tuple[str, ...]  # file names

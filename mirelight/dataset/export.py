@@ -162,7 +162,7 @@ class _Chosen:
         return _Chosen(cameras, file_names(names, "lighting"), places, parts, len(data.lightings))
 
     def part(self, camera: int, lighting: str) -> Part:
-        """Of a frame."""
+        """The part of the split that a frame is in."""
         return self.parts[camera * self.count + self.places[lighting]]
 
     @property
@@ -180,7 +180,7 @@ class _Chosen:
         return out
 
     def described(self, settings: DatasetSettings) -> dict[str, object]:
-        """splits.json."""
+        """The content of splits.json."""
         return {"by": settings.split, "held_out": settings.held_out, "seed": settings.seed, "parts": self.frames()}
 
     def facts(self) -> card.Facts:

@@ -32,7 +32,7 @@ class Map:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sun:
-    """A far disc."""
+    """A sun as a disc far away."""
 
     direction: F64  # (3,) unit, the way its light travels
     lux: F64  # (3,) linear

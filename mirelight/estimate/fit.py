@@ -54,7 +54,7 @@ class Pairs:
         return replace(kept, a=new[kept.a], b=new[kept.b], clipped=self.clipped[rows])
 
     def farther(self) -> Pairs:
-        """Those but the nearest."""
+        """All pairs of places but the nearest."""
         return self._taken(~self.nearest)
 
     def _taken(self, kept: NDArray[np.bool_]) -> Pairs:
@@ -226,7 +226,7 @@ class _Compared:
     def of(
         color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, firm: NDArray[np.bool_], robust: float
     ) -> _Compared:
-        """Of all N places."""
+        """The pairs of all N places."""
         from scipy.sparse import csr_array
 
         pairs = pairs.of_rows(firm)

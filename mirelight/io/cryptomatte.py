@@ -59,7 +59,7 @@ def layers(matte: Matte) -> dict[str, F32]:
 
 
 def attributes(matte: Matte) -> dict[str, str]:
-    """The header's entries."""
+    """The entries of the file's header."""
     name = LAYERS[matte.name]
     key = f"cryptomatte/{murmur3(name.encode()):08x}"[: len("cryptomatte/") + 7]
     manifest = {one: f"{identity(one):08x}" for one in matte.names}

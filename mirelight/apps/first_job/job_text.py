@@ -39,7 +39,7 @@ class FirstJob:
 
 
 def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
-    """The job.
+    """The text of a first job for a capture.
 
     Args:
         capture: a splat file.

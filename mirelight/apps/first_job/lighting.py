@@ -42,7 +42,7 @@ def lightings(
     level: float,
     named: Names,
 ) -> Iterator[str]:
-    """The lightings.
+    """The lightings of a first job.
 
     Args:
         world: the splats, in world space.

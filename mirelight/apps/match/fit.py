@@ -184,7 +184,7 @@ class _Fit:
         self._gain = 2.0**scene.job.display.exposure
 
     def solved(self) -> _Solution:
-        """The weights.
+        """The lights' weights that fit the picture best.
 
         Where no light falls, the ratio leaves a little of the captured light. Another program's picture and a
         photograph lack it: then it would be taken from the faintest light, so what comes closer counts.

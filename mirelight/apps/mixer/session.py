@@ -59,7 +59,7 @@ class State:
 
 
 class Session:
-    """One page's.
+    """What one mixer page asks for, and what is traced for it.
 
     Args:
         scene: the prepared job.

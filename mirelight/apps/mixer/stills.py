@@ -23,7 +23,7 @@ _SHARE = 20  # and so many times what making one takes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """What is asked for."""
+    """The view that a still is asked for."""
 
     number: int  # the page's own
     camera: Camera
@@ -44,7 +44,7 @@ class Still:
 
 
 class Stills:
-    """Makes them.
+    """Renders stills of a view.
 
     Args:
         scene: the prepared job; what it has ready is shared.

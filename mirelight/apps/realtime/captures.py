@@ -41,7 +41,7 @@ class Handed:
 
     @property
     def world_from_file(self) -> F64:
-        """(4, 4)"""
+        """(4, 4) matrix from the file's axes to the world's."""
         return np.eye(4) if self.file is None else self.file.world_from_file
 
 

@@ -123,7 +123,7 @@ class Handler(BaseHTTPRequestHandler):
             self.give(name)
 
     def give(self, name: str) -> None:
-        """Answer with a file."""
+        """Answer a request with a file."""
         if name in self._pages:
             self.answer(200, self._pages[name], name)
             return
@@ -137,7 +137,7 @@ class Handler(BaseHTTPRequestHandler):
             self.send_error(404)
 
     def do_PUT(self) -> None:
-        """What may be sent."""
+        """Take a buffer that the page may send."""
         name = self.asked()
         if name is None:
             return
@@ -216,10 +216,10 @@ class _Captures(Handler):
         super().__init__(*args, **named)
 
     def limit(self, name: str) -> int | None:
-        """Of a buffer."""
+        """The most bytes that a buffer may have."""
         return self._limits.get(name.removeprefix("captured/")) if name.startswith("captured/") else None
 
     def take(self, name: str, body: bytes) -> None:
-        """Answers with nothing."""
+        """Put what was sent into the inbox, and answer."""
         self._inbox.put((name.removeprefix("captured/"), body))  # before the answer, or "done" could overtake a buffer
         self.answer()

@@ -26,7 +26,7 @@ _RATE = re.compile(r"[0-9]{1,9}(?:[./][0-9]{1,9})?")
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """What was written."""
+    """The film that was written."""
 
     count: int  # pictures
     size: tuple[int, int]  # width and height of the frames, pixels

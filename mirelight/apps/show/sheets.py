@@ -15,7 +15,7 @@ from mirelight.io.sheet import MOST, Tile, spread, write_sheet
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What was drawn."""
+    """The sheets that were drawn."""
 
     pages: tuple[Path, ...]
     shown: int  # frames

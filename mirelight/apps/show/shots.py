@@ -34,7 +34,7 @@ _ASIDE = re.compile(r"\.(partial|preview)$")  # stems of frames that are not don
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One frame."""
+    """One frame of a folder, as a picture."""
 
     name: str
     camera: str  # "" of pictures that do not say

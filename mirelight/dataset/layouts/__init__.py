@@ -44,7 +44,7 @@ LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 
 @dataclass(frozen=True, slots=True)
 class Writer:
-    """A layout."""
+    """Writes a data set in one layout."""
 
     check: Callable[[Sequence[Camera], Shared], None]  # raises InputError before anything is written
     write: Callable[[Files, Iterable[Picture], Shared], None]

@@ -114,7 +114,7 @@ class Files:
         self._note(name, _Row(key, path.stat().st_size))
 
     def text(self, name: str, text: str) -> None:
-        """A text file."""
+        """Write a text file."""
         self.bytes(name, text.encode())
 
     def bytes(self, name: str, data: bytes) -> None:
@@ -122,7 +122,7 @@ class Files:
         self.put(name, hashlib.sha256(data).hexdigest(), lambda path: path.write_bytes(data))
 
     def json(self, name: str, value: Any) -> None:
-        """A JSON file."""
+        """Write a JSON file."""
         self.text(name, json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def png(self, name: str, key: str, pixels: Callable[[], NDArray[Any]]) -> None:
@@ -209,7 +209,7 @@ def _line(name: str, row: _Row) -> str:
 
 
 def folder_for(*parts: Path) -> None:
-    """Make folders. Raises OutputError."""
+    """Make folders that are not there yet. Raises OutputError."""
     for path in parts:
         try:
             path.mkdir(parents=True, exist_ok=True)

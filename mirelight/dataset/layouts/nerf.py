@@ -48,7 +48,7 @@ def check_nerf(cameras: Sequence[Camera], shared: Shared) -> None:
 
 
 def write_nerf(files: Files, pictures: Iterable[Picture], shared: Shared, *, blender: bool = True) -> None:
-    """Write pictures.
+    """Write pictures and cameras in the layout `nerf`.
 
     Args:
         files: of the data set.

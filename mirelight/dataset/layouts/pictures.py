@@ -93,7 +93,7 @@ class Pixels:
 
     @property
     def alpha(self) -> U8:
-        """(H, W)."""
+        """(H, W) the alpha of the picture."""
         return _bytes(self.linear[..., 3])
 
     @property
@@ -114,7 +114,7 @@ class Pixels:
 
     @property
     def has_geometry(self) -> bool:
-        """Whether it is known."""
+        """Whether depth and normals of the view are known."""
         return self._geometry is not None
 
     @property

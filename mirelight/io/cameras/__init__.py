@@ -62,7 +62,7 @@ class CameraFile:
         fps: float | None = None,
         frames: int | None = None,
     ) -> tuple[FileCamera, ...]:
-        """The cameras.
+        """The cameras of the file.
 
         Args:
             axes: transforms.json and CSV: the cameras' own axes; None: OpenGL's.

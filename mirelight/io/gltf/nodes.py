@@ -40,7 +40,7 @@ class Pose:
     matrix: Matrix | None = None  # (4, 4)
 
     def local(self, fields: Fields) -> Matrix:
-        """parent_from_node (4, 4)."""
+        """(4, 4) matrix from the node to its parent."""
         if self.matrix is not None:
             return self.matrix
         x, y, z, w = self.rotation

@@ -97,12 +97,12 @@ class Extent:
 
     @property
     def center(self) -> Matrix:
-        """(3,) world units."""
+        """(3,) middle of the scene, in world units."""
         return np.asarray((self.low + self.high) / 2)
 
     @property
     def radius(self) -> float:
-        """World units, above 0."""
+        """How far the scene reaches from its middle, in world units, above 0."""
         return max(float(np.linalg.norm(self.high - self.low)) / 2, 1e-6)
 
     def distance(self, yfov: float, width: int, height: int) -> float:

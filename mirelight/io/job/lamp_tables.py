@@ -92,7 +92,7 @@ class ColouredTable(LightTable):
 
     @property
     def rgb(self) -> F64:
-        """(3,) linear."""
+        """(3,) linear colour of the light."""
         return np.asarray(self.color) if self.kelvin is None else blackbody(self.kelvin)
 
 

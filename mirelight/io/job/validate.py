@@ -18,7 +18,7 @@ from mirelight.io.job.tables import JobTable, json_schema
 
 
 def validated(source: Source) -> JobTable:
-    """The job's tables.
+    """The job's tables, checked.
 
     Raises:
         InputError: one thing is wrong.

@@ -42,7 +42,7 @@ class Stage:
 
     @property
     def rate(self) -> float:
-        """Time codes a second."""
+        """How many time codes a second has."""
         return float(self.stage.GetTimeCodesPerSecond()) or 24.0
 
     @property

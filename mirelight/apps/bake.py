@@ -1,8 +1,9 @@
 """Relit splats: new light written into the splats' own colours, for any viewer.
 
-Every splat's display colour c becomes enc(f dec(c)), f the factor of its place on the proxy
-(`mirelight.pipeline.splat_light`, the same light as the mixer's). Splats are blended in display space, so a surface
-whose splats share a factor keeps its look up to the curvature of enc(f dec(c)) over the colours that meet in a pixel.
+Every splat's colour c becomes enc(f dec(c)), f the factor of its place on the proxy (`mirelight.pipeline.splat_light`,
+the same light as the mixer's), enc the sRGB curve, or none where splats hold linear light. Where splats blend in
+display space, a surface whose splats share a factor keeps its look up to the curvature of enc(f dec(c)) over the colours
+that meet in a pixel.
 What a colour does with the view (SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
 """
 
@@ -12,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight.base import colour
 from mirelight.base.sh import C0
 from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
 from mirelight.pipeline import requirements
@@ -53,8 +53,8 @@ def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) ->
         settings: what becomes of colour that changes with the view: kept, faded or removed, as in a frame.
     """
     shown = 0.5 + C0 * cloud.sh[:, 0].astype(np.float64)
-    new = _relit(shown, factor)
-    slope = (_relit(shown + _STEP, factor) - _relit(shown - _STEP, factor)) / (2 * _STEP)
+    new = _relit(cloud, shown, factor)
+    slope = (_relit(cloud, shown + _STEP, factor) - _relit(cloud, shown - _STEP, factor)) / (2 * _STEP)
     gloss = gloss_of(settings)
     if gloss == "fade":  # the slope is of the display curve and of the factor: the latter is min(f, 1)
         slope *= np.minimum(factor, 1) / np.maximum(factor, _NO_FACTOR)
@@ -67,6 +67,6 @@ def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) ->
     return replace(cloud, sh=sh)
 
 
-def _relit(shown: F64, factor: F32) -> F64:
-    """enc(f dec(c)); colours below black stay there."""
-    return colour.srgb_encode(colour.srgb_decode(shown) * factor).astype(np.float64)
+def _relit(cloud: SplatCloud, shown: F64, factor: F32) -> F64:
+    """enc(f dec(c)), by the cloud's own encoding; colours below black stay there."""
+    return cloud.colors_of(cloud.light(shown.astype(np.float32)) * factor).astype(np.float64)

@@ -98,6 +98,8 @@ def _splats(facts: SplatFacts) -> Rows:
     yield "kind", f"splats, {facts.format}"
     yield "splats", f"{facts.splats:,}{_dropped(facts)}"
     yield "SH degree", f"{facts.sh_degree}"
+    if facts.color_space != "srgb_rec709_display":
+        yield "colours", f"{facts.color_space} (splats blend in linear light)"
     if facts.antialiased:
         yield "trained", "antialiased (opacity compensation)"
     if facts.levels:

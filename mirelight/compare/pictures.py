@@ -131,11 +131,15 @@ def _is_back_buffer(path: Path, settings: Mapping[str, Any]) -> bool:
 
 
 def blended_in_light(settings: Mapping[str, Any]) -> bool:
-    """True where the settings say that splats were blended in linear light, as the engine's linear pipeline does."""
+    """True where the settings say that splats were blended in linear light: by the engine's linear pipeline, or as trained."""
     if "engine" in settings:
         return settings.get("pipeline") == "linear"
     compositor = settings.get("settings", {}).get("compositor", {})
-    return isinstance(compositor, dict) and compositor.get("linear") is True and compositor.get("profile") != "physical"
+    if not isinstance(compositor, dict):
+        return False
+    if compositor.get("profile") == "physical":
+        return compositor.get("color_space") == "lin_rec709_display"
+    return compositor.get("linear") is True
 
 
 def shows_engine_colours(picture: Picture) -> bool:

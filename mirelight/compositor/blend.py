@@ -17,6 +17,7 @@ from mirelight.compositor.record import (
     DEPTH,
     EDGE_X,
     EDGE_Y,
+    HALF_LOG2E,
     OCTAVE,
     OFFSET,
     REACH,
@@ -129,6 +130,8 @@ class Source:
         dx, dy = x0 - x, y0 - y
         edge = tuple(splat[OFFSET_AT + 1 : self.values])
         across = edge_function(self.device, edge, dx, dy) if self.halves else None
+        cutoff = self.rule.cutoff
+        last = None if cutoff is None else dr.maximum(peak - (HALF_LOG2E * OCTAVE) * cutoff**2, self.least)
         first = dr.fma(s11, dx, s12 * dy)
         along = [dr.fma(s11, float(i), first) if i else first for i in range(self.device.tile_width)]
         for j in range(self.device.tile_height):
@@ -140,6 +143,8 @@ class Source:
                 if across is not None:
                     inside = dr.fma(edge[0], float(i), dr.fma(edge[1], float(j), across)) > 0
                     exponent = dr.select(inside, exponent, 0)
+                if last is not None:
+                    exponent = dr.select(exponent > last, exponent, 0)
                 yield exponent
 
     def hit(self, exponent: Array) -> Array:

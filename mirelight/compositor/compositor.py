@@ -57,8 +57,8 @@ class Compositor:
         variant: Variant = "llvm_ad_rgb",
         threads: int | None = None,
     ) -> None:
-        self.splats = splats
-        self.settings = settings
+        self.splats, space = splats, splats.color_space  # what the cloud says of itself holds
+        self.settings = settings if settings.color_space == space else replace(settings, color_space=space)
         self._device = open_device(variant, threads)
         check_indices(splats)
         allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")

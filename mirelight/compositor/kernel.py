@@ -6,7 +6,7 @@ A splat of projected covariance S (px²) and opacity o covers a pixel at offset 
     alpha = min(o E, alpha_max)                     plain
     alpha = o (E - e⁻⁴) / (1 - e⁻⁴)                 truncated: falls to 0 at d²= 8, where the engine's quad ends
 
-and a fragment with alpha below the clip is dropped.
+and a fragment with alpha below the clip is dropped. Where there is a cut-off c, so is one with dᵀ (S + low_pass I)⁻¹ d ≥ c².
 
 The numbers of each profile, and their sources, are in `mirelight.model.profiles`.
 """
@@ -31,6 +31,7 @@ class FragmentRule:
     alpha_max: float  # upper clamp of a fragment's alpha; 1: none
     truncated: bool  # the kernel minus its value at d² = 8, rescaled
     stop: float | None  # a fragment that would leave less transmittance is not blended and ends its pixel
+    cutoff: float | None  # fragments from so many standard deviations on are dropped
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,7 @@ class SplatKernel:
     alpha_max: float  # upper clamp of a fragment's alpha; 1: none
     truncated: bool  # the kernel minus its value at d² = 8, rescaled
     stop: float | None  # a fragment that would leave less transmittance is not blended and ends its pixel
+    cutoff: float | None  # fragments from so many standard deviations on are dropped
     frustum_margin: float | None  # Jacobian's slope clamp, in tangents of the half field of view; None: no clamp
     clips_depth: bool  # centres outside near..far are dropped; else only those behind the eye
     least_compensation: float  # floor of the squared opacity compensation of antialiased clouds
@@ -51,7 +53,7 @@ class SplatKernel:
     @property
     def fragment(self) -> FragmentRule:
         """What holds for single fragments, whatever the frame."""
-        return FragmentRule(self.alpha_clip, self.alpha_max, self.truncated, self.stop)
+        return FragmentRule(self.alpha_clip, self.alpha_max, self.truncated, self.stop, self.cutoff)
 
 
 def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
@@ -65,6 +67,7 @@ def splat_kernel(settings: CompositorSettings, camera: Camera) -> SplatKernel:
         alpha_max=rules.alpha_max,
         truncated=rules.truncated,
         stop=rules.stop,
+        cutoff=None if rules.truncated else settings.cutoff,
         frustum_margin=rules.frustum_margin,
         clips_depth=rules.clips_depth,
         least_compensation=rules.least_compensation,

@@ -6,7 +6,7 @@ Slow (about 40 µs a splat) and exact: the Dr.Jit compositor is tested against i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -32,6 +32,7 @@ class Footprints:
 
 def composite(splats: SplatCloud, camera: Camera, settings: CompositorSettings = DEFAULT) -> SplatLayer:
     """Front-to-back EWA splatting (Zwicker et al. 2001) by the conventions of `settings.profile`."""
+    settings = replace(settings, color_space=splats.color_space)
     color, transmittance, depth, median = _blend(
         project(splats, camera, settings), splat_colors(splats, camera, settings), camera, settings
     )
@@ -46,7 +47,7 @@ def composite(splats: SplatCloud, camera: Camera, settings: CompositorSettings =
         depth=depth.astype(np.float32),
         median_depth=median.astype(np.float32),
         profile=settings.profile,
-        linear=settings.blends_linear,
+        linear=settings.holds_light,
     )
 
 
@@ -176,7 +177,10 @@ def _fragments(f: Footprints, i: int, kernel: SplatKernel, camera: Camera) -> tu
     if kernel.truncated:
         fall = (fall - E4) / (1 - E4)
     alpha = np.minimum(f.opacity[i] * fall, kernel.alpha_max)
-    return slice(y0, y1), slice(x0, x1), np.where((alpha >= kernel.alpha_clip) & (alpha > 0), alpha, 0)
+    kept = (alpha >= kernel.alpha_clip) & (alpha > 0)
+    if kernel.cutoff is not None:
+        kept &= distance < kernel.cutoff**2
+    return slice(y0, y1), slice(x0, x1), np.where(kept, alpha, 0)
 
 
 def _blend(f: Footprints, values: F64 | F32, camera: Camera, settings: CompositorSettings) -> tuple[F64, F64, F64, F64]:

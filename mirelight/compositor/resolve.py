@@ -125,7 +125,7 @@ def layer_of(frame: Blended, camera: Camera, settings: CompositorSettings) -> Sp
         depth=mean,
         median_depth=median,
         profile=settings.profile,
-        linear=settings.blends_linear,
+        linear=settings.holds_light,
     )
 
 

@@ -67,7 +67,7 @@ def estimate(
     """The light that splats were captured under, as a sun, a sky, and up to three lamps.
 
     Args:
-        splats: world space; their colours are taken as the sRGB encoding of captured light.
+        splats: world space; their colours, in their colour space, are taken as captured light.
         proxy: world space; what casts shadows and stands in the way. Its own colours count for nothing.
         settings: seed, variant and threads of the rays.
         exposure: stops by which the light is stronger than it seems, where a person knows better.

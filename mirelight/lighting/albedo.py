@@ -93,7 +93,7 @@ def colored_by(
     (`clipped`): to leave them out alone would leave the dark ones.
 
     Args:
-        splats: in world space; their colour averaged over directions is used, decoded from sRGB.
+        splats: in world space; their colour averaged over directions is used, as linear light.
         proxy: in world space. Its own colours are left out, its glow is not.
         captured: what the splats were captured under.
         settings: seed, depth and variant of the tracing.

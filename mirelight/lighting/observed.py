@@ -121,7 +121,7 @@ class _Splats:
             face=face[near],
             corners=np.maximum(corners[near], 0),  # rounded below nothing, they would cancel what another splat tells
             weight=splats.opacities[::step][near] * np.minimum(lengths, reach).prod(axis=1) * closeness,
-            color=colour.srgb_decode(shown).astype(np.float64),
+            color=splats.light(shown).astype(np.float64),
             spread=both * lengths[:, :, None],
         )
 
@@ -135,7 +135,7 @@ class _Splats:
         return Samples(
             points=splats.means[::step].astype(np.float64),
             planes=np.take_along_axis(axes, thinnest[:, None], axis=2)[..., 0],
-            color=colour.srgb_decode(sh.mean_display(splats.sh[::step])).astype(np.float64),
+            color=splats.light(sh.mean_display(splats.sh[::step])).astype(np.float64),
             weight=splats.opacities[::step].astype(np.float64),
         )
 

@@ -31,7 +31,7 @@ from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMod
 from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
-from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatFile, Wrap, Wraps
+from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, Wrap, Wraps
 from mirelight.model.settings import (
     CompositorSettings,
     Compression,
@@ -46,6 +46,7 @@ from mirelight.model.settings import (
     Layout,
     OutputSettings,
     RenderSettings,
+    Sort,
 )
 from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells, SurfaceTransport
 
@@ -94,8 +95,10 @@ __all__ = [
     "RelightSettings",
     "RenderSettings",
     "SkyModel",
+    "Sort",
     "Space",
     "SplatCloud",
+    "SplatColorSpace",
     "SplatFile",
     "SplatLayer",
     "SplatRules",

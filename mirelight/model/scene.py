@@ -8,11 +8,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from mirelight.base import colour
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 
 _COARSEST = 1e-4  # of a capture's size: the step between its numbers (at 2e-4 frames still agree to 70 dB, at 2e-2 40)
 _SAMPLE = 20_000  # splats that are looked at
+SplatColorSpace: TypeAlias = Literal["srgb_rec709_display", "lin_rec709_display"]  # as KHR_gaussian_splatting has them
 SOLID = 0.02  # opacity below which a splat shows too little to be part of a surface
 
 
@@ -24,9 +26,10 @@ class SplatCloud(ArrayHolder):
     quats: F32  # (N, 4) wxyz, unit
     scales: F32  # (N, 3) linear standard deviations, world units
     opacities: F32  # (N,) 0..1
-    sh: F32  # (N, K, 3) coefficients of display-encoded colour; colour = 0.5 + sum sh Y
+    sh: F32  # (N, K, 3) coefficients of colour in the colour space; colour = 0.5 + sum sh Y
     dropped: int = 0  # splats left out on reading because a value was NaN, infinite or absurdly large
     antialiased: bool = False  # trained with opacity compensation (SPZ flag, Mip-Splatting)
+    color_space: SplatColorSpace = "srgb_rec709_display"  # that splats were trained in, and blend in
 
     def __post_init__(self) -> None:
         n = len(self.means)
@@ -50,6 +53,14 @@ class SplatCloud(ArrayHolder):
         """0 to 3."""
         return round(float(self.sh.shape[1] ** 0.5)) - 1
 
+    def light(self, shown: F32) -> F32:
+        """Linear light of colours in the splats' space."""
+        return shown if holds_light(self.color_space) else colour.srgb_decode(shown)
+
+    def colors_of(self, light: F32) -> F32:
+        """Colours in the splats' space, the inverse of :meth:`light`."""
+        return light if holds_light(self.color_space) else colour.srgb_encode(light)
+
     @property
     def too_far(self) -> str:
         """Why single precision is too coarse where the splats lie, in words that follow "it"; empty where it is not."""
@@ -67,6 +78,7 @@ class SplatFile(ArrayHolder):
     path: Path
     world_from_file: F64 = field(default_factory=lambda: np.eye(4))  # (4, 4) similarity
     lod: int | None = None  # level of detail, where the format has several
+    color_space: SplatColorSpace | None = None  # of its splats, where somebody knows better than the file
 
     def __post_init__(self) -> None:
         freeze(self, "world_from_file", (4, 4), np.float64)
@@ -146,6 +158,11 @@ class ProxyMesh(ArrayHolder):
     def bounds(self) -> tuple[F32, F32]:
         """Lowest and highest corner, (3,) each."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+
+def holds_light(space: SplatColorSpace) -> bool:
+    """Whether colours in a space are linear light."""
+    return space == "lin_rec709_display"
 
 
 def _too_far(low: F64, high: F64) -> str:

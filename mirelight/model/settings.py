@@ -17,9 +17,10 @@ from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, rules_of
 from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
-from mirelight.model.scene import ProxyMesh, SplatCloud, SplatFile
+from mirelight.model.scene import ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, holds_light
 
 Indirect: TypeAlias = Literal["traced", "surface"]
+Sort: TypeAlias = Literal["depth", "radial"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
 Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub"]
 HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
@@ -48,10 +49,12 @@ class CompositorSettings:
     """How splats become pixels. The playcanvas-only fields are ignored by the physical profile."""
 
     profile: Profile = "physical"
-    sort: Literal["depth", "radial"] = "depth"  # view-space z, or distance to the eye
+    sort: Sort = "depth"  # view-space z, or distance to the eye
     work_buffer: Literal["compact", "large"] = "compact"  # playcanvas: GSPLATDATA_COMPACT (its default) or _LARGE
     min_pixel_size: float = 2.0  # playcanvas: smaller splats are dropped (its doubled pixels)
     alpha_clip: float = 1.0 / 255.0  # fragments below are dropped
+    cutoff: float | None = None  # physical: fragments so many standard deviations from their splat's middle are dropped
+    color_space: SplatColorSpace = "srgb_rec709_display"  # physical: the splats', which they blend in
     tone: ToneCurve = "none"  # playcanvas, gamma pipeline: tone curve per splat
     exposure: float = 1.0  # playcanvas: linear factor before that curve
     linear: bool = False  # playcanvas: 'linear' pipeline (colours decoded by a 2.2 power before blending)
@@ -62,6 +65,11 @@ class CompositorSettings:
     def blends_linear(self) -> bool:
         """Whether splats blend in linear light: the engine's linear pipeline alone."""
         return self.linear and rules_of(self.profile).splats.pipelines
+
+    @property
+    def holds_light(self) -> bool:
+        """Whether composites hold linear light, as splats that blend in it make them."""
+        return self.blends_linear or (not rules_of(self.profile).splats.pipelines and holds_light(self.color_space))
 
     @property
     def tones_splats(self) -> bool:

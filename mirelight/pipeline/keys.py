@@ -364,8 +364,7 @@ def _compositor_reads(settings: CompositorSettings) -> set[str]:
         names.add("min_pixel_size")
     if rules.packed:
         names.add("work_buffer")
-    if rules.pipelines:
-        names |= {"linear", "eight_bit", "tone", "exposure"}
+    names |= {"linear", "eight_bit", "tone", "exposure"} if rules.pipelines else {"color_space", "cutoff"}
     return names
 
 

@@ -29,7 +29,7 @@ _MOST = np.float32(65504)  # that a splat's colour may be, as in the compositor
 
 def captured_color(splats: SplatCloud) -> F32:
     """(N, 3) the splats' colours averaged over directions, linear."""
-    return np.asarray(colour.srgb_decode(sh.mean_display(splats.sh)), np.float32)
+    return np.asarray(splats.light(sh.mean_display(splats.sh)), np.float32)
 
 
 def splat_relighter(

@@ -57,7 +57,7 @@ def describe(plan: Plan) -> Index:
         display=job.display,
         denoised=job.render.denoise,
         profile=job.compositor.profile,
-        linear=job.compositor.blends_linear,
+        linear=job.compositor.holds_light,
     )
 
 

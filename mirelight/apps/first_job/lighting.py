@@ -15,7 +15,7 @@ import numpy as np
 
 from mirelight.apps.first_job import beside, view
 from mirelight.apps.first_job.toml_text import Names, position
-from mirelight.base import colour, conventions
+from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.base.sh import C0
 from mirelight.model import F64, Camera, SplatCloud
@@ -166,7 +166,7 @@ def _candela(cloud: SplatCloud, place: F64) -> float:
     way = place - cloud.means[rows].astype(np.float64)
     squared = np.maximum((way**2).sum(axis=1), 1e-12)
     factor = np.abs((way * normals).sum(axis=1)) / squared**1.5 / np.pi  # of one candela, over a captured 1 cd/m²
-    shown = colour.srgb_decode(np.clip(cloud.sh[rows, 0] * C0 + 0.5, 0, 1)).max(axis=1)
+    shown = cloud.light(np.clip(cloud.sh[rows, 0] * C0 + 0.5, 0, 1)).max(axis=1)
     usual = _quantile(factor, area, 0.5)
     return _GAIN / max(usual, _GAIN * _quantile(factor * shown, area, 1 - _BRIGHT), 1e-12)
 

@@ -77,7 +77,8 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
         raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")
     on = layer.transmittance < 0.5
     deep = float(np.median(np.abs(layer.depth - layer.median_depth)[on])) / radius if on.any() else np.inf
-    light = colour.srgb_decode(layer.color[on] / (1 - layer.transmittance[on, None])) if on.any() else np.zeros((1, 3))
+    own = layer.color[on] / (1 - layer.transmittance[on, None])
+    light = np.zeros((1, 3)) if not on.any() else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
     return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
 

@@ -119,6 +119,7 @@ class SplatFacts:
     dropped: int  # left out on reading: NaN, infinite or absurd values
     sh_degree: int
     antialiased: bool
+    color_space: str
     levels: Numbers  # splats in each level of detail of a streamed SOG
     bounds: Bounds | None
     median_scale: float | None  # world units

@@ -91,6 +91,7 @@ def _splats(path: Path) -> SplatFacts:
         dropped=cloud.dropped,
         sh_degree=cloud.sh_degree,
         antialiased=cloud.antialiased,
+        color_space=cloud.color_space,
         levels=info.levels,
         bounds=bounds_of(cloud.means),
         median_scale=rounded(np.median(cloud.scales)) if len(cloud) else None,

@@ -185,6 +185,8 @@ def _warnings(job: Job, layers: MixLayers) -> list[str]:
     out = []
     if layers.near < 0.9:
         out.append(f"{1 - layers.near:.0%} of the splats lie off the proxy and take their neighbours' light")
+    if job.compositor.holds_light:
+        out.append("splats that hold linear light: stills are right, the page itself shows them too dark")
     if job.display.view is not None:
         out.append(f"view {job.display.view.view!r}: stills have it, the page itself has the plain curve")
     if job.display.tone == "agx":

@@ -310,6 +310,8 @@ def _settings_warnings(job: Job) -> list[str]:
         out.append(f"relight.mode {job.relight.mode}: the engine knows the tint only")
     if not rules_of(job.relight.profile).blending_space and job.splats is not None:
         out.append("profile physical: the engine tints in display space; the profile playcanvas does the same here")
+    if job.compositor.holds_light and not job.compositor.blends_linear:
+        out.append("splats that hold linear light: the engine takes their colours as display values")
     tone = job.compositor.tone if rules_of(job.compositor.profile).splats.pipelines else job.display.tone
     if tone == "agx":
         out.append("tone agx: the engine has no such curve; none is used")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirelight.base import colour
 from mirelight.base.conventions import Matrix
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.model import SplatCloud
+from mirelight.model.scene import holds_light
 
 _MOST = 100_000
 _SH0 = 0.28209479177387814  # 1 / (2 sqrt(pi))
@@ -20,7 +22,8 @@ def points_of(splats: SplatCloud, most: int = _MOST) -> Points:
         most: every so manyth splat is taken, so that no more come out.
     """
     chosen = slice(None, None, max(1, -(-len(splats) // most)))
-    colors = np.clip(0.5 + _SH0 * splats.sh[chosen, 0], 0, 1)
+    shown = 0.5 + _SH0 * splats.sh[chosen, 0]
+    colors = np.clip(colour.srgb_encode(shown) if holds_light(splats.color_space) else shown, 0, 1)
     return Points(splats.means[chosen].astype(np.float64), np.rint(255 * colors).astype(np.uint8))
 
 

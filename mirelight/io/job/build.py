@@ -12,7 +12,7 @@ import numpy as np
 
 from mirelight import model
 from mirelight.base.conventions import Matrix
-from mirelight.io.job import camera_files, cameras, lighting, mixing, moments, moving, placing, sweep
+from mirelight.io.job import camera_files, cameras, drawing, lighting, mixing, moments, moving, placing, sweep
 from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.camera_files import SceneCamera
 from mirelight.io.job.fields import PROXY, SPLATS
@@ -67,12 +67,21 @@ class Assets:
 
     def splat_files(self, tables: list[SplatsTable]) -> tuple[SplatFile, ...]:
         """The splat files, and how the job places them."""
-        placed = ((self.path(t.path), placing.matrix(t.transform), t.lod) for t in tables)
-        return tuple(SplatFile(path=path, world_from_file=m, lod=lod) for path, m, lod in placed)
+        return tuple(
+            SplatFile(
+                path=self.path(t.path),
+                world_from_file=placing.matrix(t.transform),
+                lod=t.lod,
+                color_space=t.color_space,
+            )
+            for t in tables
+        )
 
     def splats(self, tables: list[SplatsTable], files: tuple[SplatFile, ...]) -> Deferred[SplatCloud]:
         """All splat files in world space, as one cloud."""
-        known = [(self.digests[t.path], x.world_from_file, x.lod) for t, x in zip(tables, files, strict=True)]
+        known = [
+            (self.digests[t.path], x.world_from_file, x.lod, x.color_space) for t, x in zip(tables, files, strict=True)
+        ]
         return Deferred(model.digest("splats", known), partial(_cloud, files))
 
     def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
@@ -200,6 +209,7 @@ def build(source: Source, table: JobTable) -> Job:
 
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
+    compositor = drawing.compositor(table, files, wrong)
     capture_cameras = _capture_cameras(table, assets, wrong)
     made = _made_of_splats(source, table, splats, capture_cameras)
     proxy = _with_job_albedo(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
@@ -227,7 +237,7 @@ def build(source: Source, table: JobTable) -> Job:
         pooled=table.sweep is not None,
         captured=captured,
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
-        compositor=model.CompositorSettings(profile=table.profile, **_settings(table.compositor)),
+        compositor=compositor,
         relight=relight_settings(table),
         display=_display(source, table.display),
         output=_output(source, table),
@@ -253,6 +263,7 @@ def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
     clouds = []
     for file in files:
         cloud, m = splats.read(file.path, lod=file.lod), file.world_from_file
+        cloud = replace(cloud, color_space=file.color_space or cloud.color_space)
         clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
     return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
 

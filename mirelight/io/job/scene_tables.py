@@ -28,6 +28,7 @@ from mirelight.io.job.fields import (
 )
 from mirelight.io.job.sun_position import SOUTH, sun_position
 from mirelight.io.job.words import shown
+from mirelight.model import SplatColorSpace
 
 SMALLEST = 1e-6  # scale: below, float32 positions fall together
 
@@ -72,6 +73,12 @@ class SplatsTable(Table):
         ge=0,
         le=63,
         description="Level of detail of a streamed SOG (lod-meta.json), 0 the finest. Default: 0.",
+    )
+
+    color_space: SplatColorSpace | None = Field(
+        default=None,
+        description="That the splats were trained in, and blend in: display-encoded, or linear light. "
+        "Default: what the file says, else srgb_rec709_display.",
     )
 
     @model_validator(mode="after")

@@ -11,7 +11,18 @@ from mirelight import model
 from mirelight.base.primaries import ColorSpace
 from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
-from mirelight.model import Compression, HdrFormat, HeldOut, Indirect, Layout, RelightMode, Space, ToneCurve, Variant
+from mirelight.model import (
+    Compression,
+    HdrFormat,
+    HeldOut,
+    Indirect,
+    Layout,
+    RelightMode,
+    Sort,
+    Space,
+    ToneCurve,
+    Variant,
+)
 from mirelight.model.planes import EXACT, NAMEABLE
 from mirelight.model.profiles import Gloss, Per
 
@@ -68,8 +79,10 @@ class RenderTable(Table):
 class CompositorTable(Table):
     """Settings of the splat compositor. Keys marked playcanvas have no effect in the profile physical."""
 
-    sort: Literal["depth", "radial"] = Field(
-        default=_COMPOSITOR.sort, description="Order of splats: by view-space z, or by distance to the eye."
+    sort: Sort | None = Field(
+        default=None,
+        description="Order of splats: by view-space z (depth), or by distance to the eye (radial). "
+        "Default: radial for glTF, as its splats are defined, else depth.",
     )
     work_buffer: Literal["compact", "large"] = Field(
         default=_COMPOSITOR.work_buffer, description="playcanvas: precision of the engine's splat buffer."

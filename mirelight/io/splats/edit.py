@@ -43,7 +43,7 @@ def merge(clouds: Sequence[SplatCloud]) -> SplatCloud:
 
     Raises:
         ValueError: no clouds.
-        InputError: only some are `antialiased`, which is one setting for a whole composite.
+        InputError: only some are `antialiased`, or in another colour space: both hold for a whole composite.
     """
     if not clouds:
         raise ValueError("no splat clouds to merge")
@@ -52,6 +52,9 @@ def merge(clouds: Sequence[SplatCloud]) -> SplatCloud:
     if len({cloud.antialiased for cloud in clouds}) > 1:
         found = "some were trained with antialiasing and some without, which no single composite can show"
         raise InputError("splats", found, "leave one kind out, or mark the files alike")
+    if len({cloud.color_space for cloud in clouds}) > 1:
+        found = "some blend in linear light and some display-encoded, which no single composite can show"
+        raise InputError("splats", found, "leave one kind out, or train them alike")
     coefficients = max(cloud.sh.shape[1] for cloud in clouds)
     sh_all = np.zeros((sum(len(cloud) for cloud in clouds), coefficients, 3), dtype=np.float32)
     start = 0
@@ -66,6 +69,7 @@ def merge(clouds: Sequence[SplatCloud]) -> SplatCloud:
         sh=sh_all,
         dropped=sum(cloud.dropped for cloud in clouds),
         antialiased=clouds[0].antialiased,
+        color_space=clouds[0].color_space,
     )
 
 

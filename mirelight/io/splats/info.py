@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mirelight.base.sh import COEFFICIENTS
 from mirelight.io.splats.builder import cloud_bytes
+from mirelight.model import Sort, SplatColorSpace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,6 +19,9 @@ class SplatFileInfo:
     count: int  # splats that `read` would give, before any are dropped
     sh_degree: int  # 0 to 3
     antialiased: bool = False  # trained with opacity compensation
+    color_space: SplatColorSpace = "srgb_rec709_display"
+    sort: Sort | None = None  # the order of splats, where the format says it
+    cutoff: float | None = None  # standard deviations where splats end, where the format says it
     levels: tuple[int, ...] = ()  # streamed SOG: splats of each level, finest first
     notes: tuple[str, ...] = ()  # what is left out or special, a line each
 

@@ -7,14 +7,14 @@ Specification: Khronos, KHR_gaussian_splatting (ratified 2026), ellipse kernel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.base import colour
 from mirelight.base.errors import InputError, OutputError
 from mirelight.base.sh import COEFFICIENTS
 from mirelight.io.atomic import atomic_path
@@ -28,26 +28,42 @@ from mirelight.io.splats import values
 from mirelight.io.splats.builder import ROWS, CloudBuilder
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
-from mirelight.model import SplatCloud
+from mirelight.model import SplatCloud, SplatColorSpace
 
 _NAME = "KHR_gaussian_splatting"
 _MOST_INSTANCES = 1000  # of one primitive; each becomes splats of its own
-_ENCODED = "srgb_rec709_display"
+_ENCODED: SplatColorSpace = "srgb_rec709_display"
+_SPACES: Mapping[str, SplatColorSpace] = {x: x for x in get_args(SplatColorSpace)}
+_CUTOFF = 3.0  # standard deviations: where the ellipse kernel ends
+# What the base extension knows, its default first; others come with extensions of it, which are not read.
+_KNOWN: Mapping[str, tuple[str, ...]] = {
+    "kernel": ("ellipse",),
+    "projection": ("perspective",),
+    "sortingMethod": ("cameraDistance",),
+    "colorSpace": tuple(_SPACES),
+}
 
 
 def summary(path: Path) -> SplatFileInfo:
     """The head of a glTF file with splats. Raises InputError."""
     document = _open(path)
-    count, degree = 0, 0
-    for primitive, worlds, _ in _primitives(document):
+    count, degree, space = 0, 0, _ENCODED
+    for k, (primitive, worlds, _) in enumerate(_primitives(document)):
         attributes = _checked(primitive)
         count += len(worlds) * accessor_count(document, attributes["POSITION"], primitive)
-        degree = max(degree, _degree(attributes))
+        degree = max(degree, _degree(primitive, attributes))
+        own = _space(primitive)
+        if k and own != space:
+            raise primitive.fail("", f"splats in {own} beside others in {space}", "give each a file of its own")
+        space = own
     return SplatFileInfo(
         path=path,
         format=f"glTF {_NAME}",
         count=count,
         sh_degree=degree,
+        color_space=space,
+        sort="radial",
+        cutoff=_CUTOFF,
         notes=("in glTF axes (Y up), not turned as PLY captures are",),
     )
 
@@ -84,7 +100,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
         raise ValueError("no splats; a glTF file holds at least one")
     builder = GlbBuilder(path)
     builder.used.add(_NAME)
-    shown = colour.srgb_decode(np.clip(values.rgb_from_dc(cloud.sh[:, 0]), 0, 1))  # COLOR_0 is linear
+    shown = cloud.light(np.clip(values.rgb_from_dc(cloud.sh[:, 0]), 0, 1))  # COLOR_0 is linear
     points = np.concatenate([shown, np.clip(cloud.opacities, 0, 1)[:, None]], axis=1)
     columns: dict[str, NDArray[Any]] = {
         "COLOR_0": np.round(points * 255).astype(np.uint8),
@@ -96,7 +112,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     columns |= {f"{_NAME}:{name}": cloud.sh[:, k] for k, name in enumerate(names)}
     attributes = {"POSITION": builder.add_accessor(cloud.means, ARRAY_BUFFER, bounds=True)}
     attributes |= {name: builder.add_accessor(column, ARRAY_BUFFER) for name, column in columns.items()}
-    about = {"kernel": "ellipse", "colorSpace": _ENCODED}
+    about = {name: known[0] for name, known in _KNOWN.items()} | {"colorSpace": cloud.color_space}
     primitive = {"attributes": attributes, "mode": 0, "extensions": {_NAME: about}}
     builder.add("nodes", {"name": "splats", "mesh": builder.add("meshes", {"primitives": [primitive]})})
     if len(builder.binary) >= 2**32 - 2**20:
@@ -128,11 +144,12 @@ def _checked(primitive: Fields) -> dict[str, int]:
     """The attributes of a splat primitive that can be read, without the extension's prefix."""
     extension = primitive.extension(_NAME)
     assert extension is not None  # _primitives yields no others
-    kernel, space = extension.text("kernel", "ellipse"), extension.text("colorSpace", _ENCODED)
-    if kernel != "ellipse":
-        raise extension.fail("kernel", f"{kernel[:40]!r}", "the kernel 'ellipse' is read")
-    if space != _ENCODED:
-        raise extension.fail("colorSpace", f"{space[:40]!r}", f"colours in {_ENCODED!r} are read")
+    for field, known in _KNOWN.items():
+        named = extension.text(field, known[0])
+        if named not in known:
+            raise extension.fail(field, f"{named[:40]!r}", f"read is {' or '.join(map(repr, known))}")
+    if primitive.integer("mode", 4) != 0:
+        raise primitive.fail("mode", f"{primitive.integer('mode', 4)}", "splats are points, mode 0")
     prefix = _NAME + ":"
     attributes = {name.removeprefix(prefix): index for name, index in primitive.indices("attributes").items()}
     for name in ("POSITION", "ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0"):
@@ -142,11 +159,18 @@ def _checked(primitive: Fields) -> dict[str, int]:
     return attributes
 
 
-def _degree(attributes: dict[str, int]) -> int:
-    """The highest SH degree whose coefficients are all there, and all lower ones too."""
-    degree = 0
-    while degree < 3 and all(name in attributes for name in _coefficient_names(degree + 1)):
-        degree += 1
+def _space(primitive: Fields) -> SplatColorSpace:
+    extension = primitive.extension(_NAME)
+    assert extension is not None
+    return _SPACES[extension.text("colorSpace", _ENCODED)]
+
+
+def _degree(primitive: Fields, attributes: dict[str, int]) -> int:
+    """The highest SH degree. Each has all of its coefficients, and so have those below."""
+    there = [[name in attributes for name in _coefficient_names(degree)] for degree in range(1, 4)]
+    degree = max((k + 1 for k, found in enumerate(there) if any(found)), default=0)
+    if not all(all(found) for found in there[:degree]):
+        raise primitive.fail("attributes", f"SH of degree {degree} with coefficients missing", "give all or none")
     return degree
 
 
@@ -156,7 +180,7 @@ def _coefficient_names(degree: int) -> list[str]:
 
 def _read_primitive(document: Document, primitive: Fields) -> SplatCloud:
     attributes = _checked(primitive)
-    degree = _degree(attributes)
+    degree = _degree(primitive, attributes)
     count = accessor_count(document, attributes["POSITION"], primitive)
 
     def column(name: str, width: int) -> NDArray[np.generic]:
@@ -180,4 +204,4 @@ def _read_primitive(document: Document, primitive: Fields) -> SplatCloud:
         for k, coefficient in enumerate(sh):
             slot.sh[:, k] = coefficient[rows]
         builder.commit(slot)
-    return builder.cloud()
+    return replace(builder.cloud(), color_space=_space(primitive))

@@ -1,0 +1,63 @@
+"""How splats are drawn: by what the job says, or else by what their files say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.tables import JobTable
+from mirelight.io.splats.info import SplatFileInfo
+from mirelight.io.suffixes import GLTF
+from mirelight.model import CompositorSettings, SplatColorSpace, SplatFile, rules_of
+from mirelight.model.scene import holds_light
+
+_DEFAULT = CompositorSettings()
+_T = TypeVar("_T")
+
+
+def compositor(table: JobTable, files: Sequence[SplatFile], wrong: list[Mistake]) -> CompositorSettings:
+    """The settings, with what files decide filled in: the colour space, the order, and where splats end.
+
+    Raises:
+        InputError: a file cannot be used, as far as its head shows it.
+    """
+    said = [_said(file) for file in files]
+    chosen = table.compositor.model_dump()
+    chosen["sort"] = chosen["sort"] or _common([x.sort if x else None for x in said]) or _DEFAULT.sort
+    return CompositorSettings(
+        profile=table.profile,
+        color_space=_color_space(table, files, said, wrong),
+        cutoff=_common([x.cutoff if x else None for x in said]),
+        **chosen,
+    )
+
+
+def _said(file: SplatFile) -> SplatFileInfo | None:
+    """The head of a file whose format says how splats are drawn; None: it does not."""
+    if file.path.suffix.lower() not in GLTF:
+        return None
+    from mirelight.io import splats
+
+    return splats.summary(file.path)
+
+
+def _common(found: Sequence[_T | None]) -> _T | None:
+    """What all files say; None where one says nothing, or another thing."""
+    return found[0] if found and len(set(found)) == 1 else None
+
+
+def _color_space(
+    table: JobTable, files: Sequence[SplatFile], said: Sequence[SplatFileInfo | None], wrong: list[Mistake]
+) -> SplatColorSpace:
+    own = [x.color_space if x else _DEFAULT.color_space for x in said]
+    spaces = [file.color_space or space for file, space in zip(files, own, strict=True)]
+    for k, space in enumerate(spaces):
+        at = ("splats", k, "color_space")
+        if space != spaces[0]:
+            found = f"splats in {space} beside others in {spaces[0]}"
+            wrong.append(Mistake(at, found, "leave one kind out: all splats of a picture blend in one space"))
+        elif holds_light(space) and rules_of(table.profile).splats.pipelines:
+            found = f"splats in {space}, which the real-time engine does not know"
+            wrong.append(Mistake(at, found, 'use profile = "physical"'))
+    return spaces[0] if spaces else _DEFAULT.color_space

@@ -2,8 +2,8 @@
 
 Every splat's colour c becomes enc(f dec(c)), f the factor of its place on the proxy (`mirelight.pipeline.splat_light`,
 the same light as the mixer's), enc the sRGB curve, or none where splats hold linear light. Where splats blend in
-display space, a surface whose splats share a factor keeps its look up to the curvature of enc(f dec(c)) over the colours
-that meet in a pixel.
+display space, a surface whose splats share a factor keeps its look up to the curvature of enc(f dec(c)) over the
+colours that meet in a pixel.
 What a colour does with the view (SH above degree 0) is multiplied by that curve's slope at the splat's mean colour.
 """
 

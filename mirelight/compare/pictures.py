@@ -131,7 +131,7 @@ def _is_back_buffer(path: Path, settings: Mapping[str, Any]) -> bool:
 
 
 def blended_in_light(settings: Mapping[str, Any]) -> bool:
-    """True where the settings say that splats were blended in linear light: by the engine's linear pipeline, or as trained."""
+    """True where the settings say that splats were blended in linear light, by the engine or as trained."""
     if "engine" in settings:
         return settings.get("pipeline") == "linear"
     compositor = settings.get("settings", {}).get("compositor", {})

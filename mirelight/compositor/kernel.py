@@ -6,7 +6,8 @@ A splat of projected covariance S (px²) and opacity o covers a pixel at offset 
     alpha = min(o E, alpha_max)                     plain
     alpha = o (E - e⁻⁴) / (1 - e⁻⁴)                 truncated: falls to 0 at d²= 8, where the engine's quad ends
 
-and a fragment with alpha below the clip is dropped. Where there is a cut-off c, so is one with dᵀ (S + low_pass I)⁻¹ d ≥ c².
+and a fragment with alpha below the clip is dropped. Where there is a cut-off c, so is one with
+dᵀ (S + low_pass I)⁻¹ d ≥ c².
 
 The numbers of each profile, and their sources, are in `mirelight.model.profiles`.
 """

@@ -7,6 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mirelight import relighting
+from mirelight.apps import bake
+from mirelight.base.sh import C0
 from mirelight.compositor import Compositor, composite, reference
 from mirelight.model import Camera, CompositorSettings
 
@@ -70,6 +73,34 @@ def test_radial_order(settings: CompositorSettings) -> None:
     wide = replace(VIEW, fx=30.0, fy=30.0)
     radial = assert_agrees(cloud(), wide, replace(settings, sort="radial"))
     assert not same_bits(radial, composite(cloud(), wide, settings))
+
+
+def test_a_cut_off_ends_splats_there() -> None:
+    """At three standard deviations alpha is still 0.011 of the opacity, above the clip."""
+    ended = assert_agrees(cloud(), VIEW, replace(PHYSICAL, cutoff=3.0), flips=6)
+    whole = composite(cloud(), VIEW, PHYSICAL)
+    assert not same_bits(ended, whole)
+    assert same_bits(composite(cloud(), VIEW, replace(PHYSICAL, cutoff=9.0)), whole)
+    middle, camera = one(scale=0.2, opacity=0.9), front(65, 65, f=200.0, distance=4.0)
+    alpha = 1 - composite(middle, camera, replace(PHYSICAL, cutoff=3.0)).transmittance
+    row, column = np.indices(alpha.shape) - 32.0
+    deviations = np.hypot(row, column) / np.sqrt((200 * 0.2 / 4) ** 2 + 0.3)
+    assert np.array_equal(alpha > 0, deviations < 3)
+
+
+def test_splats_of_linear_light_blend_in_it() -> None:
+    """The same numbers are blended; what they are is another thing."""
+    display = stacked(one(rgb=(0.8, 0.2, 0.4)), one(mean=(0, 0, -1), rgb=(0.1, 0.9, 0.3)))
+    light = replace(display, color_space="lin_rec709_display")
+    old, new = (composite(x, front(), PHYSICAL) for x in (display, light))
+    assert (old.linear, new.linear, reference.composite(light, front(), PHYSICAL).linear) == (False, True, True)
+    assert np.array_equal(old.color, new.color)
+    assert np.array_equal(relighting.unlit_rgba(new)[..., :3], new.color)
+    factor = np.full((2, 3), 0.5, np.float32)
+    half = bake.relit(light, factor)
+    assert np.allclose(0.5 + C0 * half.sh[:, 0], 0.5 * (0.5 + C0 * light.sh[:, 0]), atol=1e-6)
+    dimmed = composite(half, front(), PHYSICAL)
+    assert np.allclose(dimmed.color, new.color / 2, atol=2e-6)
 
 
 @PROFILES

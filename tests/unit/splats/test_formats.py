@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import shutil
 import struct
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -255,8 +257,10 @@ def test_glb_nodes_move_splats(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"kernel": "beta"}, "ellipse"),
-        ({"colorSpace": "lin_rec709_display"}, "srgb_rec709_display"),
+        ({"kernel": "beta"}, "kernel: 'beta'; read is 'ellipse'"),
+        ({"colorSpace": "lin_p3d65"}, "read is 'srgb_rec709_display' or 'lin_rec709_display'"),
+        ({"projection": "fisheye"}, "read is 'perspective'"),
+        ({"sortingMethod": "zDepth"}, "read is 'cameraDistance'"),
     ],
 )
 def test_glb_of_other_kinds_is_refused_by_name(tmp_path: Path, change: dict[str, str], said: str) -> None:
@@ -265,6 +269,43 @@ def test_glb_of_other_kinds_is_refused_by_name(tmp_path: Path, change: dict[str,
 
     with pytest.raises(InputError, match=said):
         splats.read(patched_glb(tmp_path, edit))
+
+
+def test_glb_says_how_its_splats_are_drawn(tmp_path: Path) -> None:
+    def linear(gltf: dict[str, Any]) -> None:
+        gltf["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["colorSpace"] = "lin_rec709_display"
+
+    path = patched_glb(tmp_path, linear)
+    info = splats.summary(path)
+    assert (info.color_space, info.sort, info.cutoff) == ("lin_rec709_display", "radial", 3.0)
+    assert splats.read(path).color_space == "lin_rec709_display"
+    splats.write(splats.read(path), tmp_path / "again.glb")
+    again = splats.read(tmp_path / "again.glb")
+    assert again.color_space == "lin_rec709_display" and np.array_equal(again.sh, splats.read(path).sh)
+    assert splats.summary(truth.DATA / "small.glb").color_space == "srgb_rec709_display"
+    with pytest.raises(InputError, match="some blend in linear light"):
+        splats.merge([again, splats.read(truth.DATA / "small.glb")])
+
+
+def test_glb_of_two_colour_spaces_or_half_a_degree_is_refused(tmp_path: Path) -> None:
+    def two(gltf: dict[str, Any]) -> None:
+        other = copy.deepcopy(gltf["meshes"][0]["primitives"][0])
+        other["extensions"]["KHR_gaussian_splatting"]["colorSpace"] = "lin_rec709_display"
+        gltf["meshes"][0]["primitives"].append(other)
+
+    def half(gltf: dict[str, Any]) -> None:
+        del gltf["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SH_DEGREE_2_COEF_3"]
+
+    def triangles(gltf: dict[str, Any]) -> None:
+        del gltf["meshes"][0]["primitives"][0]["mode"]
+
+    for edit, said in (
+        (two, "splats in lin_rec709_display beside others in srgb_rec709_display"),
+        (half, "SH of degree 3 with coefficients missing"),
+        (triangles, "mode: 4; splats are points, mode 0"),
+    ):
+        with pytest.raises(InputError, match=said):
+            splats.summary(patched_glb(tmp_path, edit))
 
 
 def test_glb_instances_beyond_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

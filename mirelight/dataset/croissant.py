@@ -1,4 +1,4 @@
-"""Croissant metadata of a data set (mlcommons.org/croissant, 1.0): what a frame's row in frames.csv says."""
+"""Croissant metadata of a data set (mlcommons.org/croissant, 1.1): what a frame's row in frames.csv says."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from mirelight.dataset.layouts.files import Files, FrameRow
 TABLE = "frames.csv"
 FILE = "croissant.json"
 _PLAIN = (
-    "column conformsTo:dct citeAs equivalentProperty extract field fileProperty fileObject fileSet format includes "
-    "isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate "
-    "separator source subField transform"
+    "arrayShape column conformsTo:dct containedIn citeAs equivalentProperty extract field fileProperty fileObject "
+    "fileSet format includes isArray isLiveDataset jsonPath key md5 parentField path recordSet references regex "
+    "repeated replace samplingRate separator source subField transform"
 )
 _FIELDS = {
     "frame": ("sc:Text", "lighting and camera"),
@@ -55,6 +55,7 @@ def _metadata(name: str, description: str, license: str, sha256: str) -> dict[st
         "data": {"@id": "cr:data", "@type": "@json"},
         "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
         "examples": {"@id": "cr:examples", "@type": "@json"},
+        **{word: {"@container": "@language"} for word in ("name", "description")},
     }
     for entry in _PLAIN.split():
         word, _, home = entry.partition(":")
@@ -75,7 +76,7 @@ def _metadata(name: str, description: str, license: str, sha256: str) -> dict[st
         "@context": context,
         "@type": "sc:Dataset",
         "name": name,
-        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "conformsTo": "http://mlcommons.org/croissant/1.1",
         "description": description,
         **({"license": license} if license else {}),
         "version": "1.0.0",

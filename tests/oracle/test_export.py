@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import math
 import re
 import shutil
@@ -418,13 +419,16 @@ def test_parts_are_in_every_layout(folder: Path, tmp_path: Path, by: str) -> Non
     assert trained == {f"./images/{x.replace('/', '__')}" for x in seen if x.startswith("lamp/")}
 
 
-def test_croissant(folder: Path, tmp_path: Path) -> None:
+def test_croissant(folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """mlcroissant finds no error, and reads a row for each frame, whose picture is there."""
     import mlcroissant
 
     out = export(folder, tmp_path, "nerf", "--license", "https://creativecommons.org/licenses/by/4.0/")
-    found = mlcroissant.Dataset(str(out / "croissant.json"))
+    with caplog.at_level(logging.WARNING):
+        found = mlcroissant.Dataset(str(out / "croissant.json"))
     assert not found.metadata.ctx.issues.errors
+    assert found.metadata.ctx.conforms_to.value == "http://mlcommons.org/croissant/1.1"
+    assert "context" not in caplog.text  # it says so where the @context is not the standard's
     assert found.metadata.license == ["https://creativecommons.org/licenses/by/4.0/"]
     rows = list(found.records("frames"))
     assert len(rows) == 15 == len({x["frames/frame"] for x in rows})

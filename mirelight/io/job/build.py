@@ -21,7 +21,7 @@ from mirelight.io.job.light_tables import LightUnit, Lit
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path as Place
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
-from mirelight.io.job.settings_tables import DisplayTable, RelightTable
+from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import GLTF, SCENES, USD
@@ -239,7 +239,7 @@ def build(source: Source, table: JobTable) -> Job:
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
         compositor=compositor,
         relight=relight_settings(table),
-        display=_display(source, table.display),
+        display=drawing.display(source, table.display, assets.path),
         output=_output(source, table),
         dataset=model.DatasetSettings(**_settings(table.dataset)),
         engine=assets.engine,
@@ -348,18 +348,6 @@ def _output(source: Source, table: JobTable) -> model.OutputSettings:
     whole = table.sweep is None or table.output.store == "frames"
     chosen |= {name: whole for name in ("layers", "aovs") if chosen[name] is None}
     return replace(model.OutputSettings(**chosen), directory=(source.folder / table.output.directory).resolve())
-
-
-def _display(source: Source, table: DisplayTable) -> model.DisplaySettings:
-    """How PNGs are made; a view is looked up in its config now."""
-    from mirelight.io import views
-
-    chosen = _settings(table)
-    config, display = chosen.pop("config"), chosen.pop("display")
-    if table.view is not None:
-        found = views.resolve(source.shown, table.view, config=config, display=display, folder=source.folder)
-        chosen["view"] = found
-    return model.DisplaySettings(**chosen)
 
 
 def _settings(table: Any) -> dict[str, Any]:

@@ -1,15 +1,18 @@
-"""How splats are drawn: by what the job says, or else by what their files say."""
+"""How splats are drawn, by what the job says, or else by what their files say; and how pictures are shown."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from mirelight.io import views
 from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.settings_tables import DisplayTable
+from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.suffixes import GLTF
-from mirelight.model import CompositorSettings, SplatColorSpace, SplatFile, rules_of
+from mirelight.model import CompositorSettings, DisplaySettings, SplatColorSpace, SplatFile, rules_of
 from mirelight.model.scene import holds_light
 
 _DEFAULT = CompositorSettings()
@@ -31,6 +34,28 @@ def compositor(table: JobTable, files: Sequence[SplatFile], wrong: list[Mistake]
         cutoff=_common([x.cutoff if x else None for x in said]),
         **chosen,
     )
+
+
+def display(source: Source, table: DisplayTable, used: Callable[[str], object]) -> DisplaySettings:
+    """How PNGs are made; a view is looked up in its config now.
+
+    Args:
+        source: the job file.
+        table: its table.
+        used: hears of the config's file, by the name that the job gives it.
+
+    Raises:
+        BackendError: a view without OpenColorIO.
+        InputError: the config cannot be used, or does not have the view.
+    """
+    chosen = table.model_dump(exclude={"config", "display"})
+    chosen["background"] = tuple(table.background)
+    if table.view is not None:
+        folder, config = source.folder, table.config
+        chosen["view"] = views.resolve(source.shown, table.view, config=config, display=table.display, folder=folder)
+        if config is not None and not config.startswith(views.BUILT_IN):
+            used(config)
+    return DisplaySettings(**chosen)
 
 
 def _said(file: SplatFile) -> SplatFileInfo | None:

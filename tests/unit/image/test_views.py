@@ -129,6 +129,7 @@ def test_what_a_config_does_not_have(tmp_path: Path, display: str, said: str, mo
 def test_a_view_of_a_file_and_of_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     CONFIG.serialize(str(tmp_path / "studio.ocio"))
     named = job.load(job_of(tmp_path, f'view = "{ACES}"\nconfig = "studio.ocio"', monkeypatch))
+    assert "studio.ocio" in named.inputs
     built_in = job.load(job_of(tmp_path, f'view = "{ACES}"\nconfig = "{STUDIO}"', monkeypatch))
     path = job_of(tmp_path, f'view = "{ACES}"', monkeypatch)
     monkeypatch.setenv("OCIO", str(tmp_path / "studio.ocio"))

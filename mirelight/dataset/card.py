@@ -37,6 +37,7 @@ def _text(data: DataSet, layout: Layout, settings: DatasetSettings, facts: Facts
     size = next((name for most, name in _SIZES if count < most), "n>1M")
     loading = WRITERS[layout].loading.replace("{lighting}", facts.training).replace("{set}", shared.name)
     tone = "" if display.tone == "none" else f", tone curve {display.tone}"
+    encoding = "sRGB" if display.view is None else f"view {display.view.view!r} on {display.view.display!r}"
     range_of = ""
     if shared.near_far is not None:
         range_of = f" Cameras see depths from {shared.near_far[0]:.3g} to {shared.near_far[1]:.3g}."
@@ -59,8 +60,8 @@ License: {settings.license or "none given"}.
 
 ![Cameras by lightings, evenly chosen, exposure {display.exposure:g} stops]({contact.FILE})
 
-- Pictures: PNG, 8-bit sRGB, exposure {display.exposure:g} stops for all{tone}. Linear pictures, where there are any,
-  hold the scene's own light, without that exposure.
+- Pictures: PNG, 8-bit {encoding}, exposure {display.exposure:g} stops for all{tone}. Linear pictures, where there are
+  any, hold the scene's own light, without that exposure.
 {_split(settings, facts)}
 - World: Z up, {shared.scale:.6g} times the job's lengths.{range_of} `lights.json` has the lights in it.
 {WRITERS[layout].notes(shared, facts.training)}

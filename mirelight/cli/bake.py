@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,6 +65,8 @@ def run_bake(args: argparse.Namespace) -> int:
         say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
         if len(table.splats or []) > 1:
             say.remark("several splat files are written as one, in world space")
+        if work.compositor.holds_light and out.suffix.lower() != _WORLD:
+            say.remark(f"{out.name} cannot say that its colours are linear light; viewers take them for display values")
     return 0
 
 
@@ -90,5 +93,6 @@ def _as_named(source: Source, table: JobTable, work: Job, out: Path) -> SplatClo
     assert work.splats is not None
     tables = table.splats or []
     if len(tables) == 1 and out.suffix.lower() != _WORLD:
-        return splats.read(source.folder / tables[0].path, lod=tables[0].lod)
+        cloud = splats.read(source.folder / tables[0].path, lod=tables[0].lod)
+        return replace(cloud, color_space=work.compositor.color_space)  # the job may know better than the file
     return work.splats.value

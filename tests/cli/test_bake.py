@@ -189,6 +189,22 @@ def test_every_format_is_written(place: Path, name: str) -> None:
         assert b"comment relit by mirelight" in (place / name).read_bytes()[:2000]
 
 
+def test_splats_of_linear_light_are_multiplied_as_they_are(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The job says so of a PLY; glTF says it itself afterwards, other formats cannot."""
+    linear = 'splats = { path = "floor.ply", color_space = "lin_rec709_display" }'
+    (place / "job.toml").write_text(FLOOR.replace('splats = "floor.ply"', linear), encoding="utf-8")
+    work = job.load(place / "job.toml")
+    factor = baking.factors(prepare(work), work.lightings[0], spp=1)
+    assert work.splats is not None
+    old = np.maximum(0.5 + C0 * work.splats.value.sh[:, 0], 0)
+    for name, space in (("relit.glb", "lin_rec709_display"), ("relit.ply", "srgb_rec709_display")):
+        assert main(["bake", str(place / "job.toml"), "-o", str(place / name), "--spp", "1"]) == 0
+        assert ("cannot say that its colours are linear" in "".join(capsys.readouterr())) == (name == "relit.ply")
+        baked = splats.read(place / name)
+        assert baked.color_space == space
+        assert np.allclose(np.maximum(0.5 + C0 * baked.sh[:, 0], 0), old * factor, atol=1e-4)
+
+
 def test_what_is_wrong_is_said_in_a_line(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

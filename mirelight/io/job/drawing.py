@@ -11,7 +11,7 @@ from mirelight.io.job.settings_tables import DisplayTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.splats.info import SplatFileInfo
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import SCENES
 from mirelight.model import CompositorSettings, DisplaySettings, SplatColorSpace, SplatFile, rules_of
 from mirelight.model.scene import holds_light
 
@@ -60,7 +60,7 @@ def display(source: Source, table: DisplayTable, used: Callable[[str], object]) 
 
 def _said(file: SplatFile) -> SplatFileInfo | None:
     """The head of a file whose format says how splats are drawn; None: it does not."""
-    if file.path.suffix.lower() not in GLTF:
+    if file.path.suffix.lower() not in SCENES:
         return None
     from mirelight.io import splats
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +16,16 @@ from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.usd.process import Read, ask
 from mirelight.io.usd.rows import Request, SplatRow
-from mirelight.model import SplatCloud
+from mirelight.model import Sort, SplatCloud, SplatColorSpace
 
 _AXES = "in metres and Y up, as the stage says; not turned as PLY captures are"
-_DISPLAY = (
-    "",
-    "srgb_rec709_scene",
-    "srgb_rec709_display",
-    "sRGB",
-    "srgb_texture",
-    "raw",
-    "identity",
-    "data",
-)
+_DISPLAY = ("", "srgb_rec709_scene", "srgb_rec709_display", "sRGB", "srgb_texture", "raw", "identity", "data")
+_LIGHT = ("lin_rec709_scene", "lin_rec709_display", "lin_rec709", "lin_srgb")
+_SPACES: Mapping[str, SplatColorSpace] = {
+    **dict.fromkeys(_DISPLAY, "srgb_rec709_display"),
+    **dict.fromkeys(_LIGHT, "lin_rec709_display"),
+}
+_SORTS: Mapping[str, Sort] = {"zDepth": "depth", "cameraDistance": "radial"}
 
 
 def summary(path: Path) -> SplatFileInfo:
@@ -36,12 +35,15 @@ def summary(path: Path) -> SplatFileInfo:
         if not rows:
             raise InputError(path, "no splats in it", "a mesh belongs under the proxy")
         hints = sorted({f"hints: projection {row.projection}, sorting {row.sorting}" for row in rows})
+        sorts = {_SORTS.get(row.sorting) for row in rows}
         return SplatFileInfo(
             path=path,
             format="OpenUSD ParticleField3DGaussianSplat",
             count=sum(row.count for row in rows),
             sh_degree=max(row.degree for row in rows),
             antialiased=any(row.antialiased for row in rows),
+            color_space=_space(path, rows[0]),
+            sort=sorts.pop() if len(sorts) == 1 else None,
             notes=(_AXES, *hints, *read.answer.notes),
         )
 
@@ -61,14 +63,19 @@ def read(path: Path) -> SplatCloud:
         require_memory(path, 2 * info, f"{sum(row.count for row in rows):,} splats")
         clouds = []
         for index, row in enumerate(rows):
-            if row.color_space not in _DISPLAY:
-                remedy = "colours in sRGB (srgb_rec709_scene) are read"
-                raise InputError(path, f"colours in {row.color_space[:40]!r}", remedy, field=row.prim)
             try:
-                clouds.append(transform(_cloud(read, row, index), np.array(row.world)))
+                cloud = replace(_cloud(read, row, index), color_space=_space(path, row))
+                clouds.append(transform(cloud, np.array(row.world)))
             except ValueError as e:
                 raise InputError(path, str(e), field=row.prim) from None
     return merge(clouds)
+
+
+def _space(path: Path, row: SplatRow) -> SplatColorSpace:
+    if row.color_space not in _SPACES:
+        remedy = "colours in sRGB (srgb_rec709_scene) and linear Rec.709 (lin_rec709_scene) are read"
+        raise InputError(path, f"colours in {row.color_space[:40]!r}", remedy, field=row.prim)
+    return _SPACES[row.color_space]
 
 
 def _cloud(read: Read, row: SplatRow, index: int) -> SplatCloud:

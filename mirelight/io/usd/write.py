@@ -19,8 +19,10 @@ from mirelight.io.atomic import atomic_path
 from mirelight.io.suffixes import USD
 from mirelight.io.usd.names import PrimNames
 from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.model.scene import holds_light
 
 SPLAT_SPACE = "srgb_rec709_scene"  # of the coefficients: display-encoded colours
+LIGHT_SPACE = "lin_rec709_scene"  # the same of splats that hold linear light
 _ROOT = "/World"
 
 
@@ -62,7 +64,7 @@ class StageWriter:
         prim.GetAttribute("radiance:sphericalHarmonicsDegree").Set(cloud.sh_degree)
         harmonics = prim.GetAttribute("radiance:sphericalHarmonicsCoefficients")
         harmonics.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(cloud.sh.reshape(-1, 3))))
-        harmonics.SetColorSpace(SPLAT_SPACE)
+        harmonics.SetColorSpace(LIGHT_SPACE if holds_light(cloud.color_space) else SPLAT_SPACE)
         if cloud.antialiased:
             prim.SetCustomDataByKey("mirelight:antialiased", True)
         reach = 3 * cloud.scales.max(axis=1, keepdims=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,3 +85,16 @@ def test_what_is_not_given_has_the_schemas_defaults(tmp_path: Path) -> None:
 def test_what_cannot_be_used_is_said_in_one_line(tmp_path: Path, body: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         splats.read(stage(tmp_path, body))
+
+
+def test_a_stage_says_the_colour_space_and_the_order(tmp_path: Path) -> None:
+    linear = replace(truth.cloud(20), color_space="lin_rec709_display")
+    splats.write(linear, tmp_path / "light.usda")
+    info = splats.summary(tmp_path / "light.usda")
+    assert (info.color_space, info.sort) == ("lin_rec709_display", "depth")
+    found = splats.read(tmp_path / "light.usda")
+    assert found.color_space == "lin_rec709_display"
+    np.testing.assert_array_equal(found.sh, linear.sh)
+    text = (tmp_path / "light.usda").read_text()
+    (tmp_path / "far.usda").write_text(text.replace('"zDepth"', '"cameraDistance"'))
+    assert splats.summary(tmp_path / "far.usda").sort == "radial"

@@ -102,7 +102,8 @@ def test_splats_cannot_be_sheared(complaints: Complaints) -> None:
 
 def test_proxy_in_lights_from_needs_a_gltf_proxy(complaints: Complaints) -> None:
     (found,) = complaints('proxy = "splats.ply"\nlights_from = ["proxy"]\n')
-    assert found == "job.toml:2:15: lights_from: the proxy is not a glTF file; name a .glb or .gltf file"
+    said = "the proxy is not a glTF file or a stage; name a .glb, .gltf or .usd file"
+    assert found == f"job.toml:2:15: lights_from: {said}"
 
 
 def test_checks_between_keys_speak_beside_unknown_keys(complaints: Complaints) -> None:

@@ -130,6 +130,9 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
 ]  # fmt: skip
 
 WITHOUT_BOUNDS = {
+    "view",
+    "display",
+    "config",
     "indirect",
     "per",
     "repair",

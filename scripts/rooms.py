@@ -32,7 +32,12 @@ class Room:
 # From the top. Rooms of one row stand on the same floor.
 FLOORS: tuple[tuple[Room, ...], ...] = (
     (Room("cli", "parse, load, call, write; no logic"),),
-    (Room("apps", "what people do with frames: bake, doctor, explain, first job, inspect, match, mixer, show, watch"),),
+    (
+        Room(
+            "apps",
+            "what people do with frames: bake, demo, doctor, explain, first job, inspect, match, mixer, show, watch",
+        ),
+    ),
     (
         Room("batch", "many frames: executor, forecast, previews, workers, shards, Dask, verify, status"),
         Room("dataset", "layouts of data sets; frames mixed from kept layers"),

@@ -16,7 +16,6 @@ from typing import NoReturn
 
 from mirelight.base.errors import MirelightError, RenderError, printable
 from mirelight.cli.codes import BAD, INTERRUPTED, TERMINATED
-from mirelight.cli.commands import BY_NAME
 from mirelight.cli.parser import make_parser
 
 __all__ = ["main", "make_parser"]
@@ -32,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD
     try:
         with _in_order():
-            code = BY_NAME[args.command].call(args)
+            code: int = args.call(args)
         return code if _flushed() else BAD
     except RenderError as e:  # raised where only arrays are known
         _say(f"{_subject(args)}: {e}")

@@ -6,6 +6,7 @@ from mirelight.cli import (
     bake,
     cache,
     compare,
+    demo,
     estimate,
     explain,
     export,
@@ -26,6 +27,7 @@ from mirelight.cli.command import Command
 
 COMMANDS: tuple[Command, ...] = (
     small.DOCTOR,
+    demo.COMMAND,
     new.COMMAND,
     proxy.COMMAND,
     estimate.COMMAND,
@@ -48,4 +50,3 @@ COMMANDS: tuple[Command, ...] = (
     cache.COMMAND,
     small.SCHEMA,
 )
-BY_NAME = {command.name: command for command in COMMANDS}

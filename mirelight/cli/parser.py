@@ -97,6 +97,7 @@ def make_parser() -> argparse.ArgumentParser:
     for command in COMMANDS:
         child = commands.add_parser(command.name, help=command.help, description=command.description)
         child.command = command
+        child.set_defaults(call=command.call)
         command.arguments(child)
     return parser
 

@@ -140,6 +140,7 @@ def _places() -> list[Case]:
         of_files("nothing", ("inspect", "missing.ply"), {"missing.txt": b""}),
         of_files("schema", ("schema",), {"a": b""}),
         of_files("completion", ("completion", "bash"), {"a": b""}),
+        of_files("demo into a file", ("demo", "-o", "a"), {"a": b""}),
         of_files("no shell", ("completion", "\x1b[2J"), {"a": b""}),
         of_files("cache", ("cache",), {"a": b""}),
         of_files("cache cleared", ("cache", "--clear"), {"a": b""}),

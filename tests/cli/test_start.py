@@ -162,6 +162,22 @@ def test_help_has_colours_on_a_terminal_alone(
     assert "\x1b[" not in cli.make_parser().format_help()
 
 
+def test_the_demo_is_a_sound_job_and_what_is_changed_in_it_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[argparse.Namespace] = []
+    monkeypatch.setattr("mirelight.cli.render.run_render", lambda args: asked.append(args) or 0)
+    assert cli.main(["demo", "-o", str(tmp_path / "try"), "-q"]) == 0
+    (args,) = asked
+    assert args.job == str(tmp_path / "try" / "job.toml") and args.quiet
+    job = mirelight.load(args.job)
+    assert ([x.name for x in job.cameras], [x.name for x in job.lightings]) == (["front"], ["sunset", "spots", "lamp"])
+    text = Path(args.job).read_text(encoding="utf-8")
+    Path(args.job).write_text(text.replace("intensity = 14", "intensity = 20"), encoding="utf-8")
+    assert cli.main(["demo", "-o", str(tmp_path / "try"), "-q"]) == 0
+    assert "intensity = 20" in Path(args.job).read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
 def test_completion(shell: str, run: Run) -> None:
     done = run("completion", shell)

@@ -20,6 +20,7 @@ from mirelight.pipeline.scene import prepare
 
 ROOT = Path(__file__).resolve().parents[2]
 FOR_DEVELOPERS = {"test", "docs"}
+ALL = "all"
 FLOOR = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32))
 SUN = Lighting(lights=(DirectionalLight(name="sun", direction=np.array([0.0, -1.0, 0.0])),))
 
@@ -30,8 +31,14 @@ def declared() -> dict[str, set[str]]:
     return {
         name: {re.split(r"[<>=]", line)[0] for line in lines}
         for name, lines in listed.items()
-        if name not in FOR_DEVELOPERS
+        if name not in {*FOR_DEVELOPERS, ALL}
     }
+
+
+def test_all_are_all_that_commands_need() -> None:
+    (line,) = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"][ALL]
+    named = re.fullmatch(r"mirelight\[(.*)\]", line)
+    assert named and set(named[1].split(",")) == {extra.name for extra in extras.EXTRAS} - {"scenes"}
 
 
 def test_the_table_is_that_of_the_package() -> None:

@@ -166,7 +166,12 @@ def test_the_demo_is_a_sound_job_and_what_is_changed_in_it_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[argparse.Namespace] = []
-    monkeypatch.setattr("mirelight.cli.render.run_render", lambda args: asked.append(args) or 0)
+
+    def rendered(args: argparse.Namespace) -> int:
+        asked.append(args)
+        return 0
+
+    monkeypatch.setattr("mirelight.cli.render.run_render", rendered)
     assert cli.main(["demo", "-o", str(tmp_path / "try"), "-q"]) == 0
     (args,) = asked
     assert args.job == str(tmp_path / "try" / "job.toml") and args.quiet

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ WIDEST, NARROWEST = 6.0, 1.2  # how far around a vertex splats count in the firs
 STEPS = 40  # of the alignment as a whole, at most
 ENOUGH = 3e-4  # of the misfit: steps that take less away end it
 GAIN = 0.3  # of the misfit, which moving vertices must take away: less is the splats' noise, and things no mesh has
+SWOLLEN = 0.1  # of the misfit, which a swelling must take away
 _SPLATS = 30_000  # that the whole is aligned by
 _POINTS = 60_000  # of the mesh that they are compared with
 _PLANES = 24  # nearest splats that move a vertex
@@ -34,8 +35,9 @@ def register(
     """The mesh moved onto the splats; its faces, texture coordinates and colours stay as they are.
 
     First the best of the usual mistakes is undone (turned, moved, scaled), then the whole is aligned by the iterated
-    closest point method with planes and a scale, where that brings it nearer; then vertices move onto the planes of the
-    splats around them whose normal agrees, in rounds that look ever closer, where that brings the mesh nearer still.
+    closest point method with planes, a scale and a swelling (all vertices move as far along their normals), where that
+    brings it nearer; then vertices move onto the planes of the splats around them whose normal agrees, in rounds that
+    look ever closer, where that brings the mesh nearer still.
 
     Args:
         splats: the capture, in world space.
@@ -56,11 +58,16 @@ def register(
     normals = normals_of(capture)
     report("aligning the mesh", 0.1)
     misfit = _Misfit(capture, normals)
-    pose = _aligned(capture, misfit, at, faces, best_guess(capture, at, faces))
-    at = turned(at, pose[:3, :3]) + pose[:3, 3]
-    at = _settled(capture, normals, at, faces, misfit, part(report, 0.5, 1.0))
+    # Vertices in one place move as one, so that seams of textures and of normals do not tear.
+    _, first, place = np.unique(mesh.vertices, axis=0, return_index=True, return_inverse=True)
+    place = place.ravel()
+    v, f = at[first], place[faces]
+    fit = _aligned(capture, misfit, v, f, best_guess(capture, v, f))
+    at = _settled(capture, normals, fit.of(v, _normals_of(v, f)), f, misfit, part(report, 0.5, 1.0))[place]
     moved = (at + capture.middle).astype(np.float32)
-    return replace(mesh, vertices=moved, normals=None if mesh.normals is None else _turned_normals(mesh.normals, pose))
+    return replace(
+        mesh, vertices=moved, normals=None if mesh.normals is None else _turned_normals(mesh.normals, fit.pose)
+    )
 
 
 def _turned_normals(normals: F32, pose: F64) -> F32:
@@ -75,65 +82,101 @@ class _Misfit:
         self.at, self.normals = capture.splats.means[::step].astype(np.float64), normals[::step]
         self._most = 0.1 * capture.radius
 
-    def of(self, points: F64, area: float) -> tuple[F64, F64]:
-        """(N, 3) the nearest of points spread over the mesh of that area, (N,) how far splats lie from it."""
+    def of(self, points: F64, area: float) -> tuple[Int, F64]:
+        """(N,) the nearest of points spread over the mesh of that area, (N,) how far splats lie from it."""
         from scipy.spatial import cKDTree
 
         distance, index = cKDTree(points).query(self.at, workers=-1)
         nearest = points[index]
         off = np.abs(np.einsum("nk,nk->n", self.at - nearest, self.normals))
         past = distance - 2 * np.sqrt(area / len(points))  # nearer than that, the point is as near as points lie
-        return nearest, np.asarray(np.minimum(np.maximum(off, past), self._most))
+        return index, np.asarray(np.minimum(np.maximum(off, past), self._most))
 
     def mesh(self, at: F64, faces: Int) -> float:
         """Of a mesh."""
         return float(self.of(spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum()))[1].mean())
 
 
-def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> F64:
-    """The similarity (4, 4) that brings a mesh nearest to splats, from a first guess; the guess where that is best."""
-    points, area = spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum())
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A mesh as a whole: swollen first, then turned, scaled and moved."""
 
-    def apart(pose: F64) -> tuple[F64, F64, float]:
-        size = float(np.cbrt(np.linalg.det(pose[:3, :3])))
-        p, off = misfit.of(turned(points, pose[:3, :3]) + pose[:3, 3], area * size**2)
-        return p, off, float(off.mean())
+    pose: F64  # (4, 4)
+    swelling: float = 0.0  # how far vertices go along their normals, in the mesh's own units
 
-    best = now = start
-    p, off, error = apart(now)
+    def of(self, at: F64, normals: F64) -> F64:
+        """(N, 3) where points with these normals come to lie."""
+        return turned(at + self.swelling * normals, self.pose[:3, :3]) + self.pose[:3, 3]
+
+    @property
+    def size(self) -> float:
+        return float(np.cbrt(np.linalg.det(self.pose[:3, :3])))
+
+
+def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> _Fit:
+    """What brings a mesh nearest to splats, from a first guess; the guess where that is best.
+
+    A mesh is taken as swollen only where that tells much more: what is off to both sides is none.
+    """
+    rigid, error = _descended(capture, misfit, at, faces, start, swells=False)
+    swollen, less = _descended(capture, misfit, at, faces, start, swells=True)
+    return swollen if less < (1 - SWOLLEN) * error else rigid
+
+
+def _descended(
+    capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool
+) -> tuple[_Fit, float]:
+    """The best fit on the way down from a guess, and its misfit."""
+    points, face = spread_on(at, faces, _POINTS)
+    normals = triangles.crossed(at[faces])[face]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    area = float(triangles.areas(at[faces]).sum())
+
+    def apart(fit: _Fit) -> tuple[F64, F64, F64, float]:
+        index, off = misfit.of(moved := fit.of(points, normals), area * fit.size**2)
+        return moved[index], turned(normals[index], fit.pose[:3, :3] / fit.size), off, float(off.mean())
+
+    best = now = _Fit(start)
+    p, facing, off, error = apart(now)
     least = error
     for _ in range(STEPS):
         reach = max(2 * float(np.median(off)), 0.5 * capture.spacing)
         weight = 1 / (1 + (off / reach) ** 2) ** 2
-        now = _step(p, misfit.at, misfit.normals, weight) @ now
-        p, off, error = apart(now)
+        step, swelling = _step(p, facing if swells else 0 * facing, misfit.at, misfit.normals, weight)
+        now = _Fit(step @ now.pose, now.swelling + swelling / now.size)
+        p, facing, off, error = apart(now)
         if error > least * (1 - ENOUGH):
             break
         best, least = now, error
-    return best
+    return best, least
 
 
-def _step(p: F64, q: F64, n: F64, weight: F64) -> F64:
-    """The small similarity that brings points nearest to planes through q, by least squares."""
+def _step(p: F64, facing: F64, q: F64, n: F64, weight: F64) -> tuple[F64, float]:
+    """The small similarity, and way along the points' normals before it, that bring points nearest to planes through q.
+
+    By least squares.
+    """
     centre = (weight[:, None] * q).sum(axis=0) / weight.sum()
     own = p - centre
     size = np.sqrt((weight * (own**2).sum(axis=1)).sum() / weight.sum())
-    own = own / size  # all seven unknowns of one magnitude
-    rows = np.concatenate([np.cross(own, n), n, (own * n).sum(axis=1)[:, None]], axis=1)
+    own = own / size  # all eight unknowns of one magnitude
+    columns = [np.cross(own, n), n, (own * n).sum(axis=1)[:, None], (facing * n).sum(axis=1)[:, None]]
+    rows = np.concatenate(columns, axis=1)
     rest = ((q - p) * n).sum(axis=1) / size
     matrix = np.einsum("n,ni,nj->ij", weight, rows, rows)
     found = np.linalg.solve(
-        matrix + 1e-4 * np.trace(matrix) / 7 * np.eye(7), np.einsum("n,ni,n->i", weight, rows, rest)
+        matrix + 1e-4 * np.trace(matrix) / 7 * np.eye(8), np.einsum("n,ni,n->i", weight, rows, rest)
     )
     angle = float(np.linalg.norm(found[:3]))
     axis = found[:3] / max(angle, 1e-30)
     half = min(angle, 0.3) / 2
     rotation = conventions.rotation_from_quaternion([np.cos(half), *(axis * np.sin(half))])
     scaled = rotation * float(np.exp(np.clip(found[6], -0.2, 0.2)))
-    return conventions.compose(centre + found[3:6] * size - scaled @ centre) @ conventions.compose(rotation=scaled)
+    move = centre + found[3:6] * size - scaled @ centre
+    return conventions.compose(move) @ conventions.compose(rotation=scaled), float(found[7] * size)
 
 
-def _settled(capture: Capture, normals: F64, at: F64, faces: Int, misfit: _Misfit, report: Progress) -> F64:
+def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, report: Progress) -> F64:
     """Vertices moved onto the planes of splats, where that brings the mesh nearer to them.
 
     It does not where the mesh fits already, and where triangles are much larger than what their corners look at: a wall
@@ -141,10 +184,6 @@ def _settled(capture: Capture, normals: F64, at: F64, faces: Int, misfit: _Misfi
     """
     from scipy.spatial import cKDTree
 
-    # Vertices in one place move as one, so that seams of textures and of normals do not tear.
-    _, first, place = np.unique(at.astype(np.float32), axis=0, return_index=True, return_inverse=True)
-    place = place.ravel()
-    v, f = at[first].copy(), place[faces]
     best, least = v, (1 - GAIN) * misfit.mesh(v, f)
     q = capture.splats.means.astype(np.float64)
     tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
@@ -165,7 +204,7 @@ def _settled(capture: Capture, normals: F64, at: F64, faces: Int, misfit: _Misfi
         error = misfit.mesh(v, f)
         if error < least:
             best, least = v, error
-    return best[place]
+    return best
 
 
 def _normals_of(v: F64, f: Int) -> F64:

@@ -56,6 +56,22 @@ def test_a_mesh_in_its_place_stays() -> None:
     assert off(register(splats(), right), right) < 0.003
 
 
+@pytest.mark.parametrize("way", (0.06, -0.06))
+def test_a_swollen_mesh_shrinks_and_a_shrunk_one_swells(way: float) -> None:
+    """Every surface stands off by as much, which no scale and no move of the whole undoes."""
+    right = split(mesh(), 3)
+    at, place = np.unique(right.vertices, axis=0, return_inverse=True)
+    a, b, c = (right.vertices[right.faces[:, k]].astype(np.float64) for k in range(3))
+    normals = np.zeros((len(at), 3))
+    for k in range(3):
+        np.add.at(normals, place.ravel()[right.faces[:, k]], np.cross(b - a, c - a))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    swollen = (right.vertices + way * normals[place.ravel()]).astype(np.float32)
+    found = register(splats(), replace(right, vertices=swollen))
+    apart = np.linalg.norm(found.vertices.astype(np.float64) - right.vertices, axis=1)
+    assert np.quantile(apart, 0.75) < 0.01  # a quarter of the splats' spacing; edges have no one normal
+
+
 def test_large_triangles_are_moved_as_a_whole() -> None:
     """The corners of a box of twelve triangles look at three sides, and each by itself would be led astray."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)

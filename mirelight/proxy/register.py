@@ -116,17 +116,18 @@ class _Fit:
 def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> _Fit:
     """What brings a mesh nearest to splats, from a first guess; the guess where that is best.
 
-    A mesh is taken as swollen only where that tells much more: what is off to both sides is none.
+    A mesh is taken as swollen only where that tells much more, once its vertices have moved: what is off to both sides
+    is none, and faces that do not agree on an outside have none to move to.
     """
-    rigid, error = _descended(capture, misfit, at, faces, start, swells=False)
-    swollen, less = _descended(capture, misfit, at, faces, start, swells=True)
+    rigid = _descended(capture, misfit, at, faces, start, swells=False)
+    swollen = _descended(capture, misfit, at, faces, start, swells=True)
+    normals = _normals_of(at, faces)
+    error, less = (misfit.mesh(fit.of(at, normals), faces) for fit in (rigid, swollen))
     return swollen if less < (1 - SWOLLEN) * error else rigid
 
 
-def _descended(
-    capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool
-) -> tuple[_Fit, float]:
-    """The best fit on the way down from a guess, and its misfit."""
+def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool) -> _Fit:
+    """The best fit on the way down from a guess."""
     points, face = spread_on(at, faces, _POINTS)
     normals = triangles.crossed(at[faces])[face]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -148,7 +149,7 @@ def _descended(
         if error > least * (1 - ENOUGH):
             break
         best, least = now, error
-    return best, least
+    return best
 
 
 def _step(p: F64, facing: F64, q: F64, n: F64, weight: F64) -> tuple[F64, float]:

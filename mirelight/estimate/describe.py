@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from mirelight.base.colour import REC709_LUMINANCE
-from mirelight.estimate.types import Estimate
+from mirelight.estimate.types import SUNS_AGREE, Estimate
 from mirelight.model import F64, AreaLight, PointLight, SpotLight
 
-SUNS_AGREE = 6.0  # degrees between the suns of both halves, above which the direction is a guess
 HALVES_AGREE = 0.15  # factor less 1 between the irradiances of both halves
 DISC_KNOWN = 3.0  # degrees between the narrowest and the widest disc, above which its width is a guess
 _UNITS = {PointLight: "candela", SpotLight: "candela", AreaLight: "cd/m²"}  # the rest: lux

@@ -25,6 +25,8 @@ Chosen: TypeAlias = Int | NDArray[np.bool_]
 BANDS = (1, 4, 16, 64, 256)  # first neighbours by nearness of each band, and the end of the last
 EACH = 3  # places of each band that a place is paired with
 ALIKE = 0.12  # of the logarithm of chroma: how far albedos of one material may differ
+ACROSS = 0.3  # of the pairs: what those of a place in the sun and one in its shadow count for at least
+MOST_WORTH = 8.0  # but each no more than so many others
 WHITE_OUT = 0.98  # linear: what shows as bright may have been any brighter
 ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different material
 WHITE = 0.3  # weight of light from sun and sky that is white in the mean
@@ -46,6 +48,19 @@ class Pairs:
     b: Int  # (P,)
     nearest: NDArray[np.bool_]  # (P,) of the first band
     clipped: NDArray[np.bool_]  # (N, 3) of places, not of pairs: the picture says no more than "at least so bright"
+    worth: F64  # (P,) by how much each counts
+
+    def across(self, lit: NDArray[np.bool_]) -> Pairs:
+        """Those of a place in the sun (N,) and one in its shadow count for `ACROSS` of all, where they are fewer.
+
+        They alone tell how strong the sun is; by number what a proxy gets wrong in the shade outweighs them.
+        """
+        both = lit[self.a] != lit[self.b]
+        share = float(both.mean()) if len(both) else 1.0
+        if not 0 < share < ACROSS:
+            return self
+        more = min(ACROSS / (1 - ACROSS) * (1 - share) / share, MOST_WORTH)
+        return replace(self, worth=np.where(both, more, 1.0))
 
     def of_rows(self, rows: NDArray[np.bool_]) -> Pairs:
         """Those of which both places are among rows (N,), which are counted anew."""
@@ -58,26 +73,38 @@ class Pairs:
         return self._taken(~self.nearest)
 
     def _taken(self, kept: NDArray[np.bool_]) -> Pairs:
-        return replace(self, a=self.a[kept], b=self.b[kept], nearest=self.nearest[kept])
+        return replace(self, a=self.a[kept], b=self.b[kept], nearest=self.nearest[kept], worth=self.worth[kept])
 
     def apart(self, log_albedo: F64) -> F64:
         """(P, 3) how far albedos (N, 3) surely differ, see :func:`surely`."""
         return surely(log_albedo[self.a] - log_albedo[self.b], self.clipped[self.a], self.clipped[self.b])
 
-    def weights(self, log_albedo: F64) -> F64:
-        """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); they sum to 1.
+    def alike(self, places: F64, others: F64) -> F64:
+        """(N,) with how many of the places that each is paired with it agrees in chroma and albedo, if its albedo is
+        that of `places` (N, 3) and theirs that of `others` (N, 3)."""
+        out = np.zeros(len(places))
+        for own, other in ((self.a, self.b), (self.b, self.a)):
+            d = places[own] - others[other]
+            like = self._one_material(d, own, other)
+            surely(d, self.clipped[own], self.clipped[other])
+            out += np.bincount(own, like * (ROBUST**2 / (d * d + ROBUST**2)).mean(axis=1), len(out))
+        return out
 
-        Channels that are clipped tell no chroma.
-        """
-        d = log_albedo[self.a] - log_albedo[self.b]
-        known = ~(self.clipped[self.a] | self.clipped[self.b])
+    def weights(self, log_albedo: F64) -> F64:
+        """(P,) how likely each pair is of one material, by the chroma of albedos (N, 3); they sum to 1."""
+        w = self._one_material(log_albedo[self.a] - log_albedo[self.b], self.a, self.b)
+        return np.asarray(w / max(w.sum(), 1e-12))
+
+    def _one_material(self, d: F64, first: Int, second: Int) -> F64:
+        """(P,) how likely pairs of places (P,) whose albedos differ by d (P, 3) are of one material. Channels that are
+        clipped tell no chroma."""
+        known = ~(self.clipped[first] | self.clipped[second])
         apart, told = np.zeros(len(d)), np.zeros(len(d), bool)
         for i, j in ((0, 1), (0, 2), (1, 2)):  # a third of the squares of these is the square of the chroma
             both = known[:, i] & known[:, j]
             apart += both * (d[:, i] - d[:, j]) ** 2 / 3
             told |= both
-        w = told * np.exp(apart / (-2 * ALIKE**2))
-        return np.asarray(w / max(w.sum(), 1e-12))
+        return np.asarray(self.worth * told * np.exp(apart / (-2 * ALIKE**2)))
 
 
 def surely(d: F64, first: Chosen, second: Chosen) -> F64:
@@ -109,7 +136,7 @@ def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
             other.append(np.take_along_axis(order, rank, axis=1).ravel())
             nearest.append(np.full(n * EACH, first == BANDS[0]))
     a, b = np.concatenate(own).astype(np.int64), np.concatenate(other).astype(np.int64)
-    return Pairs(a, b, np.concatenate(nearest), color >= WHITE_OUT)
+    return Pairs(a, b, np.concatenate(nearest), color >= WHITE_OUT, np.ones(len(a)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

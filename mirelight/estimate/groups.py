@@ -43,12 +43,13 @@ class Groups:
         return np.asarray(np.einsum("nk,nkc->nc", self.weight, values[self.near]))
 
 
-def groups(places: Places, firm: Bool) -> Groups:
+def groups(places: Places, firm: Bool, sunlit: Bool) -> Groups:
     """Each place with others in its plane.
 
     Args:
         places: of the proxy.
         firm: (N,) those that may be averaged.
+        sunlit: (N,) in the sun, where what they face is little of their light, and may be guessed.
 
     Returns:
         `sound` are those that are firm and see about as much as others in their plane; all firm ones if those are few.
@@ -62,7 +63,7 @@ def groups(places: Places, firm: Bool) -> Groups:
     off = np.abs(np.einsum("nkj,nj->nk", away, places.normals))
     beside = np.einsum("nkj,nj->nk", places.normals[near], places.normals) > _FACING
     beside &= off < np.maximum(_OFF * distance, extent)
-    sound = firm & _alike(places, near, beside) & (places.guessed < _GUESSED)
+    sound = firm & _alike(places, near, beside) & (sunlit | (places.guessed < _GUESSED))
     if sound.sum() < _LEAST * firm.sum():
         sound = firm
     taken = beside & sound[near]

@@ -17,13 +17,14 @@ from mirelight.estimate.groups import groups
 from mirelight.estimate.sky import PATCHES, as_map, glow
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
-from mirelight.estimate.types import Confidence, Estimate
+from mirelight.estimate.types import SUNS_AGREE, Confidence, Estimate
 from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 
 LEAST_OPEN = 0.003  # share of the view that must be sky
 LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is not known
 MEAN_ALBEDO = 0.35  # where it cannot
 WIDEST_SUN = 9.0  # degrees, of its radius: what is wider is sky
+AGREED = 2  # times that places are asked whether proxy and picture agree: after the first the sun is stronger
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
 SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
@@ -157,14 +158,15 @@ def _albedos(color: F64, light: F64) -> tuple[float, float, float]:
 
 
 def _searched(half: Places, pairs: Pairs, rng: np.random.Generator) -> Sun | None:
-    """Of the suns that may have shone the one with which light explains the half best; None where there is none.
+    """Of the suns that may have shone the one with which light explains the half best where proxy and picture agree;
+    None where there is none.
 
     The search asks with a steady sky and one albedo for all; where a proxy is bumpy the whole fit alone tells suns
     apart.
     """
     some = half.taken(_thinned(half))
     suns = sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
-    return min(suns, key=lambda one: _each(half, pairs, one).light.loss, default=None)
+    return max(suns, key=lambda one: _agreed(half, pairs, one).gain, default=None)
 
 
 def _named(found: _Found, places: Places) -> F64:
@@ -237,7 +239,8 @@ def _fitted(
     """
     firm = _firm(places, found) if firm is None else firm
     seen = _beams(places, found, positions)
-    beside = groups(places, firm)
+    sunlit = np.zeros(len(places), bool) if found is None else sun.lit(places, seen[:, 0], found.to_sun)
+    beside = groups(places, firm, sunlit)
     single = _steadied(_Task(places, pairs, found, positions, seen, beside.sound))
     together = replace(
         places,
@@ -296,20 +299,54 @@ def _descended(task: _Task, start: tuple[float, float] | None = None, steady: fl
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
     """The better of both halves' suns, moved to where all places like it best; and what it gains over none."""
-    unlit = _each(places, pairs, None)
-    shining = [_each(places, pairs, one) for one in suns if one is not None]
-    best = min([unlit, *shining], key=lambda found: found.light.loss)
-    gain = unlit.light.loss - best.light.loss
-    if best.sun is None or gain < LEAST_GAIN:
+    tried = [_agreed(places, pairs, one) for one in suns if one is not None]
+    if not tried:
+        return _fitted(places, pairs, None), 0.0
+    best = max(tried, key=lambda x: x.gain)
+    gain = _gain(places, pairs, best.light.sun)
+    if _apart(suns) <= SUNS_AGREE:  # what both halves ask for is no chance
+        gain = max(gain, best.gain)
+    if gain < LEAST_GAIN or best.light.sun is None:
         return _fitted(places, pairs, None), gain
-    moved = sun.moved(places, pairs, best.sun, best.light)
+    moved = sun.moved(places, best.pairs, best.light.sun, best.light.light)
     if moved.radius > WIDEST_SUN:
         return _fitted(places, pairs, None), gain
-    firm = _firm(places, moved)
-    found, dark = (_fitted(places, pairs, one, firm=firm) for one in (moved, None))
+    rough = _agreed(places, pairs, moved)
+    firm = _firm(places, moved) & rough.rows
+    found, dark = (_fitted(places, rough.pairs, one, firm=firm) for one in (moved, None))
     if dark.light.loss - found.light.loss < LEAST_GAIN:  # away from shadows' edges nothing tells of it: they do
-        return _each(places, pairs, moved), gain
+        return (rough.light, rough.gain) if rough.gain >= LEAST_GAIN else (_each(places, pairs, moved), gain)
     return found, dark.light.loss - found.light.loss
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Agreed:
+    """A sun where picture and proxy agree on light and shadow."""
+
+    light: _Found
+    pairs: Pairs  # with those across its shadows' edges counting for more
+    rows: NDArray[np.bool_]  # (N,) where they agree
+    gain: float  # by how much less light explains there without a sun
+
+
+def _agreed(places: Places, pairs: Pairs, one: Sun) -> _Agreed:
+    """The fit to places one by one, off shadows' edges and where it agrees: a proxy that has light where the picture
+    has shadow, or the other way round, makes the sun too weak, and hides it."""
+    seen = _beams(places, one, _NO_LAMPS)
+    across = pairs.across(sun.lit(places, seen[:, 0], one.to_sun))
+    rows = firm = _firm(places, one)
+    for _ in range(AGREED):
+        first = _descended(_Task(places, across, one, _NO_LAMPS, seen, rows), EVEN, fit.STEADY)
+        rows = firm & sun.agreeing(places, across, one, seen[:, 0], first.at(places), first.light.beams[0])
+    found, dark = (
+        _descended(_Task(places, across, x, _NO_LAMPS, _beams(places, x, _NO_LAMPS), rows)) for x in (one, None)
+    )
+    return _Agreed(found, across, rows, dark.light.loss - found.light.loss)
+
+
+def _gain(places: Places, pairs: Pairs, one: Sun | None) -> float:
+    """By how much less light explains all places without a sun."""
+    return _each(places, pairs, None).light.loss - _each(places, pairs, one).light.loss
 
 
 def _each(places: Places, pairs: Pairs, found: Sun | None) -> _Found:

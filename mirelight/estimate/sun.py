@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from mirelight.model import F64
 
 DIRECTIONS = 5000  # over the whole sphere: 3 degrees apart
 TRIED = 1000  # of these, those of most promise
-STARTS = 5  # of these, that are refined
-PROMISING = 8  # more of them, by their promise alone: what a proxy gets wrong hides a sun from all but the whole fit
+STARTS = 3  # of these, that are refined
+VOTED = 3  # more of all, by votes of pairs across shadows' edges: what a proxy gets wrong hides a sun from the search
+VOTED_RADIUS = 0.5  # degrees, that these start with: such a proxy's edges tell no disc
 ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
 SHARES = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)  # of the sun in the direct light that are tried
 LEAST_LIT = 0.01  # share of the places that a sun must reach
@@ -34,7 +35,12 @@ _FEW = 8  # of a disc that is being moved
 _ACROSS = 1.5  # standard deviations of a splat, out to which the sun is asked for
 _AROUND = 3.0  # standard deviations of a splat, out to which a proxy's shadow edge may miss the picture's
 _FEWEST, _WHITE = 0.3, 0.5  # shares: of places off shadows' edges, and of those of them in the sun that show white
+_MOSTLY = 0.5  # of the sun: a place that sees more of it is lit
 _CHANGED = 0.02  # of the sun: more of it than that counts as a change
+_SAME = 1.0  # degrees between two suns that are one
+_PLANE = 0.9  # least cosine between the planes of two places that a shadow's edge is looked for between
+_TOWARDS = 0.1  # least cosine of both towards the sun
+_MOST_VOTE = 1.5  # of the logarithm of albedo: what one pair counts at most
 _STRIDE = 5  # no divisor of either number of points: which point of the splat goes with which of the disc
 
 
@@ -93,6 +99,20 @@ class Search:
         changed = np.log1p(changed / np.maximum(changed.mean(axis=1, keepdims=True), 1e-12))
         return np.asarray(changed @ self.wanted() / np.maximum(changed.std(axis=1), 1e-12))
 
+    def votes(self, ways: F64, seen: F64) -> F64:
+        """(D,) how surely shadows of suns (D, 3), whose cosines are `seen` (D, N), are the picture's: by how much more
+        places in the sun show than those in its shadow, in the same plane, over what chance would give.
+
+        What a proxy gets wrong elsewhere has no part in it.
+        """
+        pairs, normals = self.pairs, self.places.normals
+        plane = np.einsum("nk,nk->n", normals[pairs.a], normals[pairs.b]) > _PLANE
+        a, b, weight = pairs.a[plane], pairs.b[plane], self.weights[plane]
+        more = np.clip(self.apart(self.log_color - np.log(self.even()))[plane], -_MOST_VOTE, _MOST_VOTE)
+        lit, faces = seen > 0, ways @ normals.T > _TOWARDS
+        side = np.where(faces[:, a] & faces[:, b], lit[:, a].astype(np.float64) - lit[:, b], 0.0)
+        return np.asarray(side @ (weight * more) / np.sqrt(np.abs(side) @ weight**2 + 1e-24))
+
     def rough(self, seen: F64) -> float:
         """The least of a few losses of :meth:`losses`, of a sun of these cosines (N,)."""
         return float(self.losses(seen, ALBEDOS[1:2], SHARES[1:4:2]).min())
@@ -125,29 +145,41 @@ class Sun:
 
 
 def search(of: Search) -> tuple[Sun, ...]:
-    """Suns that may have shone: the best of all directions, refined, and those of most promise, each with the disc
-    that suits it; none where no sun reaches places.
+    """Suns that may have shone: the best of all directions, refined, and those that most shadows' edges vote for, each
+    with the disc that suits it; none where no sun reaches places.
 
     Through windows, and through the leaks of a proxy, a sun a few degrees off lights the wrong places, so directions
     are close; those are tried whose light lies where a little more of it would make albedos more alike.
     """
     directions = sphere(DIRECTIONS)
-    promise = np.full(DIRECTIONS, -np.inf)
+    promise, votes = np.full(DIRECTIONS, -np.inf), np.full(DIRECTIONS, -np.inf)
     for first in range(0, DIRECTIONS, _AT_ONCE):
-        seen = of.places.facing(directions[first : first + _AT_ONCE])
+        rows = slice(first, first + _AT_ONCE)
+        seen = of.places.facing(directions[rows])
         enough = (seen > 0).mean(axis=1) >= LEAST_LIT
-        promise[first : first + len(seen)] = np.where(enough, of.promise(seen), -np.inf)
+        promise[rows] = np.where(enough, of.promise(seen), -np.inf)
+        votes[rows] = np.where(enough, of.votes(directions[rows], seen), -np.inf)
     tried = np.argsort(-promise, kind="stable")[:TRIED]
     tried = tried[np.isfinite(promise[tried])]
     if not len(tried):
         return ()
-    losses = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
-    ways = [_refined(of, directions[tried[k]])[0] for k in _apart(directions[tried], losses)]
-    ways += [directions[k] for k in _apart(directions, -promise, PROMISING)]
-    return tuple(_with_disc(of, way) for way in ways)
+
+    def losses(near: F64) -> F64:
+        return np.array([of.losses(one).min() for one in of.places.facing(near)])
+
+    def against(near: F64) -> F64:
+        return -of.votes(near, of.places.facing(near))
+
+    rough = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
+    found = [_with_disc(of, _refined(losses, directions[tried[k]])) for k in _apart(directions[tried], rough, STARTS)]
+    for k in _apart(directions, -votes, VOTED):
+        way = _refined(against, directions[k])
+        if all(way @ one.to_sun < np.cos(np.radians(_SAME)) for one in found):
+            found.append(_with_disc(of, way, (VOTED_RADIUS,)))
+    return tuple(found)
 
 
-def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:
+def _apart(directions: F64, losses: F64, count: int) -> list[int]:
     """The best directions, 12 degrees from each other."""
     out: list[int] = []
     for k in np.argsort(losses, kind="stable"):
@@ -158,17 +190,17 @@ def _apart(directions: F64, losses: F64, count: int = STARTS) -> list[int]:
     return out
 
 
-def _refined(of: Search, way: F64) -> tuple[F64, float]:
+def _refined(losses: Callable[[F64], F64], way: F64) -> F64:
     """Steps to the better of eight neighbours, ever smaller."""
-    loss = float(of.losses(of.places.facing(way[None])[0]).min())
+    least = float(losses(way[None])[0])
     for step in _STEPS:
         for _ in range(4):
             near = _ring(way, step)
-            found = np.array([of.losses(one).min() for one in of.places.facing(near)])
-            if found.min() >= loss:
+            found = losses(near)
+            if found.min() >= least:
                 break
-            way, loss = near[int(found.argmin())], float(found.min())
-    return way, loss
+            way, least = near[int(found.argmin())], float(found.min())
+    return way
 
 
 def _ring(way: F64, degrees: float) -> F64:
@@ -178,9 +210,9 @@ def _ring(way: F64, degrees: float) -> F64:
     return np.asarray(np.einsum("dk,kj->dj", local, frame_around(way)))
 
 
-def _with_disc(of: Search, way: F64) -> Sun:
+def _with_disc(of: Search, way: F64, tried: Sequence[float] = RADII) -> Sun:
     best: Sun | None = None
-    for radius in RADII:
+    for radius in tried:
         seen = disc(of.places, way, radius)
         losses = of.losses(seen)
         i, k = np.unravel_index(int(losses.argmin()), losses.shape)
@@ -202,6 +234,31 @@ def disc(places: Places, way: F64, radius: float, points: int = _DISC, across: f
     return np.asarray(places.facing(np.einsum("dk,kj->dj", local, frame_around(way)), aside).mean(axis=0))
 
 
+def lit(places: Places, seen: F64, way: F64) -> NDArray[np.bool_]:
+    """(N,) places that see most of a sun in a direction: of their cosine, what :func:`disc` has."""
+    return np.asarray(seen > _MOSTLY * np.maximum(places.normals @ way, _CHANGED))
+
+
+def agreeing(places: Places, pairs: Pairs, found: Sun, seen: F64, light: F64, beam: F64) -> NDArray[np.bool_]:
+    """(N,) places at which the picture has sun and shadow where the proxy has them: what they show is no more like
+    what others show if the one is taken for the other.
+
+    Args:
+        places, pairs: which others.
+        found: the sun.
+        seen: (N,) its :func:`disc`.
+        light: (N, 3) irradiance / pi with it.
+        beam: (3,) that of it on a facing surface.
+    """
+    cosine = np.maximum(places.normals @ found.to_sun, 0)
+    other = np.where(lit(places, seen, found.to_sun), 0.0, cosine)
+    floor = FLOOR * light.mean()
+    own = np.log(places.color) - np.log(light + floor)
+    turned = np.log(places.color) - np.log(np.maximum(light + (other - seen)[:, None] * beam, 0) + floor)
+    agree = pairs.alike(own, own) >= pairs.alike(turned, own)
+    return np.asarray(agree | (cosine < _CHANGED))
+
+
 def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
     """(N,) places whose share of the sun does not change around them. On a shadow's edge a proxy that is a little wrong
     has light where the picture has shadow, and the other way round, and that makes the sun too weak. All places where
@@ -209,7 +266,8 @@ def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
     inside, around = (disc(places, found.to_sun, found.radius, across=across) for across in (0.0, _AROUND))
     cosine = np.abs(places.normals @ found.to_sun)
     rows = np.abs(inside - around) <= _CHANGED * cosine
-    white = places.color.max(axis=1)[rows & (inside > 0.5 * cosine)] >= WHITE_OUT
+    second = np.sort(places.color, axis=1)[:, 1]  # two channels that are whole tell chroma and strength
+    white = second[rows & (inside > 0.5 * cosine)] >= WHITE_OUT
     if rows.mean() < _FEWEST or not len(white) or white.mean() > _WHITE:
         return np.ones(len(places), bool)
     return np.asarray(rows)

@@ -10,6 +10,7 @@ import numpy as np
 from mirelight.model import F64, Environment, Light, Lighting, PointLight, SunLight
 from mirelight.model.lights import SKY, SUN
 
+SUNS_AGREE = 6.0  # degrees between the suns of both halves, above which the direction is a guess
 _SUN_VALUES = 7  # direction, irradiance, diameter: before those of lamps and the map's own
 
 

@@ -224,10 +224,83 @@ def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.Monk
     assert 0.7 < float(np.pi * best.light.beams[0].mean() / (2.5 * np.mean([1, 0.9, 0.8]))) < 1.4
 
 
+@cache
+def known_yard() -> tuple[transport.Places, Pairs, sun.Sun, F64, F64]:
+    """Places of the yard, and its sun: its share at each, and irradiance / pi."""
+    places = transport.places_of(painted(yard(), LIGHT, 2400), yard(), SETTINGS)
+    pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
+    one = sun.Sun(TO_SUN, 0.0, np.zeros(0), 0.0, (0.35, 0.45))
+    seen = sun.disc(places, TO_SUN, 0.0)
+    sky = np.tile(SKY, (PATCHES, 1))
+    return places, pairs, one, seen, fit.light_of(places.open, places.met, seen[:, None], sky, beam_of_yard())
+
+
+def beam_of_yard() -> F64:
+    return np.array([[2.5, 2.25, 2.0]]) / np.pi
+
+
+def misfit(share: float) -> tuple[transport.Places, NDArray[np.bool_]]:
+    """The yard's places, of which so many in the sun show shadow, as behind bars that the proxy lacks; and which."""
+    places, _, one, seen, light = known_yard()
+    wrong = sun.lit(places, seen, one.to_sun) & (np.random.default_rng(4).uniform(0, 1, len(places)) < share)
+    dark = places.color * (light - seen[:, None] * beam_of_yard()) / light
+    return replace(places, color=np.where(wrong[:, None], dark, places.color)), wrong
+
+
+def test_places_that_show_shadow_where_the_proxy_has_sun_are_told() -> None:
+    _, pairs, one, seen, light = known_yard()
+    places, wrong = misfit(0.2)
+    agree = sun.agreeing(places, pairs, one, seen, light, beam_of_yard()[0])
+    assert wrong.sum() > 100
+    assert agree[wrong].mean() < 0.1
+    assert agree[~wrong].mean() > 0.98
+
+
+def test_bars_that_the_proxy_lacks_take_less_of_the_suns_strength() -> None:
+    _, pairs, one, _, _ = known_yard()
+    places, _ = misfit(0.5)
+    every, agreeing = (
+        float(light.beams[0].mean() / beam_of_yard().mean())
+        for light in (solve._each(places, pairs, one).light, solve._agreed(places, pairs, one).light.light)
+    )
+    assert every < 0.55
+    assert 0.6 < agreeing < 1
+
+
+def test_shadows_edges_vote_for_the_sun_though_the_proxy_is_wrong_elsewhere() -> None:
+    """What places see of the sky and of others is wrong by half."""
+    places, pairs, _, _, _ = known_yard()
+    wrong = np.exp(0.5 * np.random.default_rng(5).standard_normal((len(places), 1)))
+    rough = replace(places, open=places.open * wrong, met=places.met * wrong[::-1])
+    ways = sphere(2000)
+    votes = sun.Search.of(rough, pairs).votes(ways, rough.facing(ways))
+    assert apart(ways[int(votes.argmax())], TO_SUN) < 5
+    assert votes.max() > 1.5 * np.sort(votes[ways @ TO_SUN < np.cos(np.radians(20))])[-1]
+
+
+def test_few_pairs_across_shadows_edges_outweigh_their_number() -> None:
+    pairs = Pairs(
+        a=np.arange(99),
+        b=np.arange(99) + 1,
+        nearest=np.ones(99, bool),
+        clipped=np.zeros((100, 3), bool),
+        worth=np.ones(99),
+    )
+    few, most = pairs.across(np.arange(100) >= 50), pairs.across(np.arange(100) % 2 == 0)
+    assert few.worth[49] == fit.MOST_WORTH and few.worth.sum() == 98 + fit.MOST_WORTH
+    assert (most.worth == 1).all()
+    lit = np.isin(np.arange(100), np.arange(0, 100, 20))
+    share = pairs.across(lit)
+    across = lit[:-1] != lit[1:]
+    assert share.worth[across].sum() / share.worth.sum() == pytest.approx(fit.ACROSS)
+
+
 def test_what_shows_white_is_a_lower_bound() -> None:
     """Of two places, one white: they differ only if the white one's bound lies above the other; it tells no chroma."""
     color = np.array([[1.0, 1.0, 0.4], [0.5, 0.5, 0.4], [1.0, 1.0, 1.0]])
-    pairs = Pairs(a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), nearest=np.ones(3, bool), clipped=color >= 0.98)
+    pairs = Pairs(
+        a=np.array([0, 1, 0]), b=np.array([1, 0, 2]), nearest=np.ones(3, bool), clipped=color >= 0.98, worth=np.ones(3)
+    )
     higher, lower = np.log([[0.8] * 3, [0.5] * 3, [0.9] * 3]), np.log([[0.2] * 3, [0.5] * 3, [0.9] * 3])
     np.testing.assert_allclose(np.exp(np.abs(pairs.apart(higher)[:2])), 1.6)
     np.testing.assert_allclose(np.exp(pairs.apart(lower)[:2]), [[1, 1, 0.4], [1, 1, 2.5]])

@@ -14,6 +14,7 @@ from mirelight.model import F64
 
 NO_RAYS: Any = None
 EVERY = np.ones(1200, bool)
+NONE = np.zeros(1200, bool)
 
 
 def floor(view: F64, met: F64, seed: int) -> Places:
@@ -45,7 +46,7 @@ def shaded(seed: int) -> Places:
 def test_what_is_linear_in_light_stays_so_in_groups() -> None:
     """Light that explains every place by itself explains their means, but for what is left of the texture."""
     places = shaded(3)
-    beside = groups(places, EVERY)
+    beside = groups(places, EVERY, NONE)
     assert beside.sound.all()
     np.testing.assert_allclose(beside.weight.sum(axis=1), 1)
     assert ((beside.weight > 0).sum(axis=1) == TOGETHER).all()
@@ -60,7 +61,7 @@ def test_places_in_dents_of_the_proxy_are_left_out() -> None:
     places = shaded(4)
     dents = np.arange(1200) % 15 == 0
     places.open[dents] *= 0.3
-    sound = groups(places, EVERY).sound
+    sound = groups(places, EVERY, NONE).sound
     assert not sound[dents & (places.points[:, 0] > 0.4)].any()
     assert sound[~dents].mean() > 0.97
 
@@ -72,26 +73,34 @@ def test_places_that_none_lies_beside_are_left_out_unless_nearly_all_are() -> No
     places = shaded(5)
     leaves = places.points[:, 2] < 0.1
     places.normals[leaves] = ways[leaves]
-    sound = groups(places, EVERY).sound
+    sound = groups(places, EVERY, NONE).sound
     assert sound[leaves].mean() < 0.2
     assert sound[~leaves].mean() > 0.95
     places.normals[:] = ways
-    assert groups(places, EVERY).sound.all()
+    assert groups(places, EVERY, NONE).sound.all()
 
 
 def test_places_that_face_what_no_splat_shows_are_left_out() -> None:
     places = shaded(10)
     near = places.points[:, 2] < 0.2
     places.guessed[near] = 0.5
-    sound = groups(places, EVERY).sound
+    sound = groups(places, EVERY, NONE).sound
     assert not sound[near].any()
     assert sound[~near].mean() > 0.97
+
+
+def test_places_in_the_sun_may_face_what_no_splat_shows() -> None:
+    """It is little of their light, and in a room its patch of sun may face nothing else."""
+    places = shaded(10)
+    places.guessed[places.points[:, 2] < 0.2] = 0.5
+    sunlit = places.points[:, 2] < 0.1
+    assert groups(places, EVERY, sunlit).sound[sunlit].mean() > 0.97
 
 
 def test_what_is_not_firm_is_in_no_group_but_its_own() -> None:
     places = shaded(6)
     firm = places.points[:, 0] > 0.5
-    beside = groups(places, firm)
+    beside = groups(places, firm, NONE)
     assert not beside.sound[~firm].any()
     others = np.where(beside.weight[:, 1:] > 0, ~firm[beside.near[:, 1:]], False)
     assert not others.any()
@@ -107,7 +116,7 @@ def test_a_sky_that_a_rough_proxy_shows_unevenly_is_as_bright_as_it_was() -> Non
         pairs = fit.pairs_of(places.points, places.color, rng).farther()
         none = np.zeros((1200, 0))
         alone = fit.fit(places.even, places.open, places.met, none, pairs, 1.0, [])
-        beside = groups(places, EVERY)
+        beside = groups(places, EVERY, NONE)
         even, open_, met = (beside.mean(x) for x in (places.even, places.open, places.met))
         found.append((alone.sky.mean(), fit.fit(even, open_, met, none, pairs, 1.0, [], beside.sound).sky.mean()))
     alone_sky, grouped_sky = np.mean(found, axis=0)

@@ -63,8 +63,8 @@ PLANES: tuple[Plane, ...] = (
         channels="RGB",
         owner="splats",
         field="color",
-        meaning="the splats in the space that they blend in, premultiplied: display-encoded, or linear in the engine's "
-        "linear pipeline",
+        meaning="the splats in the space that they blend in, premultiplied: display-encoded, or linear "
+        "Rec.709 where they blend in light",
     ),
     Plane(
         name="transmittance",

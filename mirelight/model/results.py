@@ -25,7 +25,7 @@ class SplatLayer(ArrayHolder):
     median_depth: F32  # (H, W) view depth where transmittance falls to 0.5; 0 where it does not
     diffuse: F32 | None = None  # (H, W, 3) `color` without what changes with the view (SH above degree 0), if asked for
     profile: Profile = "physical"
-    linear: bool = False  # color is linear light (playcanvas 'linear' pipeline)
+    linear: bool = False  # color is linear light: of such splats, or the playcanvas 'linear' pipeline
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width

@@ -21,7 +21,7 @@ WIDEST, NARROWEST = 6.0, 1.2  # how far around a vertex splats count in the firs
 STEPS = 40  # of the alignment as a whole, at most
 ENOUGH = 3e-4  # of the misfit: steps that take less away end it
 GAIN = 0.3  # of the misfit, which moving vertices must take away: less is the splats' noise, and things no mesh has
-SWOLLEN = 0.1  # of the misfit, which a swelling must take away
+SWOLLEN = 0.02  # of the misfit, which a swelling must take away: splats that were trained are off by as much anyway
 _SPLATS = 30_000  # that the whole is aligned by
 _POINTS = 60_000  # of the mesh that they are compared with
 _PLANES = 24  # nearest splats that move a vertex
@@ -123,7 +123,8 @@ def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64)
     swollen = _descended(capture, misfit, at, faces, start, swells=True)
     normals = _normals_of(at, faces)
     error, less = (misfit.mesh(fit.of(at, normals), faces) for fit in (rigid, swollen))
-    return swollen if less < (1 - SWOLLEN) * error else rigid
+    far = abs(swollen.swelling) * swollen.size > capture.spacing  # less is how splats lie about a surface
+    return swollen if far and less < (1 - SWOLLEN) * error else rigid
 
 
 def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool) -> _Fit:

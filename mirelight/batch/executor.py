@@ -20,13 +20,13 @@ from mirelight.base.errors import BackendError, InputError, ManyInputsError, Mir
 from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import frame_diagnostics, stages
+from mirelight.pipeline.artefact_cache import WAIT
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store, layer_index, layer_records
 from mirelight.store.journal import said_of
 
 _MOST_SAID = 3  # lines of one kind of finding
-_WAIT = 0.25  # seconds between two looks at cameras that others work on
 _OF_ALL = (InputError, ManyInputsError, OutputError, BackendError)  # trouble that the next frame would meet, too
 
 
@@ -130,7 +130,7 @@ def run(
                 done += made
         if len(busy) == len(left):
             heard.waiting(len(left))
-            time.sleep(_WAIT)
+            time.sleep(WAIT)
         left = busy
     said.rest()
     return done

@@ -6,10 +6,8 @@ from dataclasses import replace
 
 from mirelight import relighting
 from mirelight.apps.explain.engine import EngineRun
-from mirelight.apps.explain.recipe import Rungs, Subject
-from mirelight.apps.explain.splats import SplatPictures
-from mirelight.apps.explain.steps_engine import as_modelled, with_physical_falloffs
-from mirelight.apps.explain.steps_physical import Say, physical_steps
+from mirelight.apps.explain.recipe import Rungs, SplatPictures, Subject
+from mirelight.apps.explain.steps import Say, as_modelled, physical_steps, with_physical_falloffs
 from mirelight.apps.explain.types import Ladder
 from mirelight.apps.realtime.engine import VERSION
 from mirelight.base.errors import InputError

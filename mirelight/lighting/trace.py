@@ -192,21 +192,18 @@ class Tracer:
             cells: from `cells`.
             lighting: lights, environment, sky model.
             samples: of each cell; four times as many halve the cache's error.
-            transport: between these cells, in place of one of `samples` rays. What glows is filled without.
+            transport: between these cells, in place of one of `samples` rays.
             emission: False: surfaces that glow do not.
             progress: called with samples done and in all after every launch.
 
         Raises:
             RenderError: the proxy has no faces; the light of so many cells does not fit in memory.
         """
-        from mirelight.lighting.fill import fill
         from mirelight.lighting.transport import gather
 
         lighting, glow, report = plain(lighting), emission and self.emissive, progress or _ignore
         lit = LitProxy(self._on_device(), self._sky_of(lighting.environment), lighting, glow)
-        if not glow:
-            return gather(lit, cells, transport or self.transport(cells, samples), self.settings, report)
-        return fill(lit, cells, self.settings, samples, report)
+        return gather(lit, cells, transport or self.transport(cells, samples), self.settings, report)
 
     def _lit(self, lighting: Lighting, layers: Layers, emission: bool, cache: SurfaceCache | None) -> LitProxy:
         """The proxy under a lighting without a sky model, whose light is read from a cache."""
@@ -219,7 +216,7 @@ class Tracer:
         """The cache as this frame reads it; None where it is traced."""
         if cache is None or self.settings.indirect == "traced" or self.settings.max_depth == 1:
             return None
-        from mirelight.lighting.fill import bound
+        from mirelight.lighting.cell_reading import bound
 
         names = Layers.of(lighting, emissive=emission).names
         return bound(cache, layers, names, self.settings.max_memory)

@@ -13,15 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.lighting import sky_guiding
+from mirelight.lighting.cell_reading import on_device
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
-from mirelight.lighting.fill import on_device
 from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
 from mirelight.model import (
@@ -29,7 +28,6 @@ from mirelight.model import (
     I32,
     Camera,
     CellLight,
-    Lighting,
     RenderSettings,
     SurfaceCache,
     SurfaceCells,
@@ -46,6 +44,7 @@ MOST_RAYS, FEWEST = 1 << 25, 16  # of all cells, 8 bytes each; of one
 STAND_INS = 2  # places without a cell that stand for all that half of a cell's rays end on
 BEYOND = 4  # hits of a ray that goes on without a cell
 DIRECT = PASS  # samples of a cell's own light of lamps in each half
+GLOWING = 8 * PASS  # and of what glows, which is seen under many directions
 BEYOND_DIRECT = 4  # and of a place without a cell
 PARTS = 8  # of the rays: each bounce but the last takes one of them, in turn
 ROUNDS = 2  # of them
@@ -91,7 +90,7 @@ def trace_links(
     count, seed = len(cells), (settings.seed + 0x51F15EED) & 0xFFFFFFFF
     each = max(min(rays, 1 << max(MOST_RAYS // max(count, 1), 1).bit_length() - 1), FEWEST)
     refuse_if_too_many_rays(count * each, settings.max_memory)
-    table, points = on_device(cells, np.zeros((1, 1, 3), np.float32), nearest=0.0), CellPoints(cells)
+    table, points = on_device(cells, np.zeros((1, 1, 3), np.float32)), CellPoints(cells)
     target, albedo = np.zeros((2, each, count), np.uint32)
     parts, nodes = list[_Places](), count
     step = LANES // each
@@ -151,6 +150,14 @@ def _merge_lost_ends(ends: Words, face: Words, where: F32, of_half: int, nodes: 
     return out, places
 
 
+class _Own(NamedTuple):
+    """What falls on n pieces of the surface at once, irradiance / pi."""
+
+    direct: F32  # (K, n, 3) sampled towards each of K lights
+    sky: F32  # (n, 3) that reflected rays meet
+    glow: F32  # (n, 3)
+
+
 def gather(
     lit: LitProxy,
     cells: SurfaceCells,
@@ -158,7 +165,7 @@ def gather(
     settings: RenderSettings,
     progress: Progress,
 ) -> SurfaceCache:
-    """Light of a lighting on every cell; surfaces do not glow.
+    """Light of a lighting on every cell.
 
     Args:
         lit: the proxy under the lighting.
@@ -172,61 +179,71 @@ def gather(
     """
     from mirelight.lighting.kernel.cell_points import CellPoints
     from mirelight.lighting.kernel.sky import Sky
+    from mirelight.lighting.kernel.transport import DeviceLinks
+
+    lighting, layers, n = lit.lighting, Layers.of(lit.lighting, emissive=lit.emission), len(cells)
+    count, around, outside = len(layers.names), layers.environment, lighting.environment is not None
+    direct, met = np.zeros((2, 2, count, n, 3), np.float32)
+    if not count or not n:
+        return _cache(cells, lit, direct, met, direct)
+    refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
+    # apart, so that each has the same bits with and without the others
+    lamps = replace(lit, lighting=replace(lighting, environment=None), sky=Sky(None), emission=False)
+    sky = replace(lit, lighting=replace(lighting, lights=()), emission=False)
+    glow = replace(lit, lighting=replace(lighting, lights=(), environment=None), sky=Sky(None))
+    of_lamps = slice(0, count - outside - lit.emission)
+    done, total = 0, 2 * n * (DIRECT * bool(lighting.lights) + GLOWING * lit.emission)
+
+    def own(source: LitProxy, of: Pieces, samples: int, number: int) -> _Own:
+        nonlocal done
+        made = _own(source, of, settings, samples, number, lambda now: progress(min(done + now, total), total))
+        done += samples * len(of.faces)
+        return made
+
+    for k in range(2):
+        if lighting.lights:
+            direct[k, of_lamps] = own(lamps, cells, DIRECT, k).direct
+        if lit.emission:
+            (direct[k, -1],), _, met[k, -1] = own(glow, cells, GLOWING, 3 + k)
+    spread = None
+    if outside:
+        if lit.sky.is_sampled:
+            spread, direct[:, around] = sky_guiding.guide_sky_sampling(lit.surface, lit.sky, cells, settings.seed)
+        links = DeviceLinks(transport.target, transport.albedo)
+        met[:, around] = links.met(lit.surface, CellPoints(cells), lit.sky, transport.seed)
+    base = np.zeros((count, transport.nodes, 3), np.float32)
+    base[:, :n] = direct.mean(axis=0) + met.mean(axis=0)
+    if len(transport.faces):
+        if lighting.lights:
+            base[of_lamps, n:] = own(lamps, transport, BEYOND_DIRECT, 2).direct
+        if outside:
+            made = own(sky, transport, BEYOND_DIRECT, 2)
+            base[around, n:] = made.direct[0] + made.sky
+        if lit.emission:
+            made = own(glow, transport, BEYOND_DIRECT, 2)
+            base[-1, n:] = made.direct[0] + made.glow
+    return _cache(cells, lit, direct, met, _bounced(base, transport, n), spread, len(transport.target))
+
+
+def _bounced(base: F32, transport: SurfaceTransport, n: int) -> F32:
+    """(2, K, n, 3) what reaches n cells after one reflection and more, by each half of their rays, from the light
+    (K, nodes, 3) that reaches nodes at once."""
     from mirelight.lighting.kernel.transport import DeviceLinks, bounced
 
-    surface, sky, lighting = lit.surface, lit.sky, lit.lighting
-    layers = Layers.of(lighting, emissive=False)
-    count, around = len(layers.names), layers.environment
-    if not count or not len(cells):
-        nothing = np.zeros((2, count, len(cells), 3), np.float32)
-        return _cache(cells, layers, lighting, nothing, nothing[:, 0] if count else nothing, nothing)
-    refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
-    places = len(transport.faces)
-    # the environment apart, so that a lamp has the same bits with and without it
-    lamps = [replace(lit, lighting=replace(lighting, environment=None), sky=Sky(None))] if lighting.lights else []
-    outside = [replace(lit, lighting=replace(lighting, lights=()))] if lighting.environment is not None else []
-    total = 2 * DIRECT * len(cells) if lamps else 0
-
-    def own(of: Pieces, samples: int, number: int, done: int) -> tuple[list[F32], F32]:
-        say, sources = partial(_say, progress, done, total), lamps if of is cells else [*lamps, *outside]
-        made = [_own(x, of, settings, samples, number, say) for x in sources]
-        return [x[0] for x in made], made[-1][1] if made else np.zeros((0, 3), np.float32)
-
-    direct = np.zeros((2, count, len(cells), 3), np.float32)
-    for k in range(2 if lamps else 0):
-        direct[k, : count - len(outside)] = own(cells, DIRECT, k, k * DIRECT * len(cells))[0][0]
-    spread = None
-    if outside and sky.is_sampled:
-        spread, direct[:, around] = sky_guiding.guide_sky_sampling(surface, sky, cells, settings.seed)
+    count, nodes, _ = base.shape
     of_cells = DeviceLinks(transport.target, transport.albedo)
-    met = np.zeros((2, len(cells), 3), np.float32)
-    base = np.zeros((count, transport.nodes, 3), np.float32)
-    base[:, : len(cells)] = direct.mean(axis=0)
-    if places:
-        beyond_them, by_ray = own(transport, BEYOND_DIRECT, 2, total)
-        base[:, len(cells) :] = np.concatenate(beyond_them)
-    if lighting.environment is not None:
-        met = of_cells.met(surface, CellPoints(cells), sky, transport.seed)
-        base[around, : len(cells)] += met.mean(axis=0)
-        if places:
-            base[around, len(cells) :] += by_ray
     beyond = DeviceLinks(transport.beyond[None], transport.beyond_albedo[None])
     own_light, none = _fours(base), _fours(np.zeros_like(base))
     light, part = own_light, of_cells.samples // PARTS
     after = [base]
     for _ in range(ROUNDS):
         for k in range(PARTS):
-            some = [(of_cells, 0, k * part, part), (beyond, len(cells), 0, 1)]
-            light = bounced(light, own_light, count, transport.nodes, some)
+            some = [(of_cells, 0, k * part, part), (beyond, n, 0, 1)]
+            light = bounced(light, own_light, count, nodes, some)
         after.append(_rows(light, base.shape))
     light, half = _fours(_extrapolate_bounces(*after)), of_cells.samples // 2
-    gathered = [bounced(light, none, count, transport.nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
-    indirect = np.stack([_rows(x, base.shape)[:, : len(cells)] for x in gathered])
-    return _cache(cells, layers, lighting, direct, met, indirect, spread, of_cells.samples)
-
-
-def _say(progress: Progress, before: int, total: int, done: int) -> None:
-    progress(min(before + done, total), total)
+    gathered = [bounced(light, none, count, nodes, [(of_cells, 0, k * half, half)]) for k in range(2)]
+    return np.stack([_rows(x, base.shape)[:, :n] for x in gathered])
 
 
 def _fours(light: F32) -> Float:
@@ -265,49 +282,51 @@ def _own(
     samples: int,
     number: int,
     progress: Callable[[int], None],
-) -> tuple[F32, F32]:
-    """(K, n, 3) irradiance / pi on n pieces of the surface, sampled towards the lights; (n, 3) what rays meet at once
-    of the sky."""
+) -> _Own:
+    """Samples of each of n pieces of the surface."""
     from mirelight.lighting.kernel.cell_points import CellPoints
 
-    layers = Layers.of(lit.lighting, emissive=False)
+    layers = Layers.of(lit.lighting, emissive=lit.emission)
     count = len(layers.names)
-    layers = replace(layers, names=(*layers.names, "met", "nothing"), met=(count, count + 1))
+    layers = replace(layers, names=(*layers.names, "sky met", "glow met"), met=(count, count + 1))
     row = Camera.perspective(np.eye(4), len(of.faces), 1, yfov=45, name="cells")
     refuse_if_too_large(row, layers, most=settings.max_memory)
     seed = (settings.seed + 0x9E3779B9 * (number + 1)) & 0xFFFFFFFF
     alone = replace(settings, spp=samples, noise=None, denoise=False, seed=seed, max_depth=1)
-    view = CellPoints(of)
-    frame = FrameInProgress(lit, row, layers, alone, aovs=False, view=view, irradiance=True)
+    frame = FrameInProgress(lit, row, layers, alone, aovs=False, view=CellPoints(of), irradiance=True)
     for _ in range(max(samples // PASS, 1)):
         for done in frame.add_pass(min(samples, PASS)):
             progress(done)
     made = np.stack([x.direct[0] for x in frame.develop().layers])
-    return made[:count], made[count]
+    return _Own(made[:count], made[count], made[count + 1])
 
 
 def _cache(
     cells: SurfaceCells,
-    layers: Layers,
-    lighting: Lighting,
+    lit: LitProxy,
     direct: F32,
     met: F32,
     indirect: F32,
     spread: sky_guiding.U16 | None = None,
     rays: int = 0,
 ) -> SurfaceCache:
-    """Two halves of each layer (2, K, C, 3), and of what rays meet of the sky (2, C, 3), as what is kept."""
-    around = layers.environment if lighting.environment is not None else -1
+    """Two halves of each layer (2, K, C, 3), and of what rays meet at once of each (2, K, C, 3), as what is kept."""
+    layers = Layers.of(lit.lighting, emissive=lit.emission)
 
-    def light(k: int) -> CellLight:
+    def light(k: int, name: str) -> CellLight:
+        kind: Literal["lights", "environment", "emission"] = "lights"
+        if lit.emission and k == layers.emission:
+            kind = "emission"
+        elif lit.lighting.environment is not None and k == layers.environment:
+            kind = "environment"
         return CellLight(
-            name=layers.names[k],
-            kind="environment" if k == around else "lights",
+            name=name,
+            kind=kind,
             direct=direct[:, k],
-            met=met if k == around else None,
+            met=None if kind == "lights" else met[:, k],
             indirect=indirect[:, k],
-            spread=spread if k == around else None,
+            spread=spread if kind == "environment" else None,
             rays=rays,
         )
 
-    return SurfaceCache(cells=cells, lights=tuple(light(k) for k in range(len(layers.names))))
+    return SurfaceCache(cells=cells, lights=tuple(light(k, name) for k, name in enumerate(layers.names)))

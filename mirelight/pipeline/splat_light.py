@@ -173,9 +173,7 @@ class SplatLight:
         if not self._reads_surface:
             made = [tracer.point_layers(lighting, points, normals, self._spp, emission=one.glow, progress=say)]
         else:
-            between = None if one.glow else self._transport
-            cells = self._cells
-            cache = tracer.fill(cells, lighting, samples=self._spp, transport=between, emission=one.glow, progress=say)
+            cache = tracer.fill(self._cells, lighting, transport=self._transport, emission=one.glow, progress=say)
             made = [
                 tracer.point_layers(part, points, normals, spp, emission=one.glow, cache=cache, progress=say)
                 for part, spp in by_sharpness(lighting, max(self._spp // READS, 1), glow=one.glow)

@@ -127,10 +127,8 @@ class SurfaceLight:
             "it is kept for the next time"
         )
         emission = whole.whole is not None or whole.glow
-        glows = emission and self._tracer.emissive
-        transport = None if glows else self.transport
         lighting = self._lighting_of(whole)
-        made = self._tracer.fill(self.cells, lighting, transport=transport, emission=emission, progress=progress)
+        made = self._tracer.fill(self.cells, lighting, transport=self.transport, emission=emission, progress=progress)
         if self._job.render.noise is not None:
             made = self._fill_to_noise_target(made, lighting, emission, self._job.render.noise)
         by_name = {light.name: light for light in made.lights}

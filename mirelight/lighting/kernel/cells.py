@@ -53,7 +53,7 @@ def between(start: Point3f, end: Vector3f) -> Ray3f:
 
 
 class DeviceCells:
-    """Cells with light, to be read in place of tracing on.
+    """Cells with light, to be read in place of tracing on: at a path's first hit what is not sampled there, later all.
 
     Args:
         cells: C of them.
@@ -61,7 +61,6 @@ class DeviceCells:
         indirect: (K, C, 3) after one reflection and more.
         met: (2, C, 3) what a reflected ray meets at once: of the environment, of surfaces that glow.
         doubt: (K, C, 3) half the difference of two fills, of what is read.
-        first: read at a path's first hit what is not sampled there; else at later hits all of it.
         nearest: later hits nearer than this to the one before are not read.
         spread: how light samples of the sky are spread at first hits.
     """
@@ -74,13 +73,12 @@ class DeviceCells:
         met: F32,
         doubt: F32 | None,
         *,
-        first: bool,
         nearest: float,
         spread: Spread,
     ) -> None:
         self.spread = spread
         self.grid = Grid(cells.origin, cells.size)
-        self.first, self.doubtful = first, doubt is not None
+        self.doubtful = doubt is not None
         self.nearest = dr.opaque(mi.Float, nearest)
         self.keys = integers(np.append(cells.keys.ravel(), np.zeros(2, np.uint32)))
         self.anchors = in_fours(cells.anchors)

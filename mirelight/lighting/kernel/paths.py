@@ -141,7 +141,6 @@ class _Steps:
         self.cells = cast(DeviceCells, world.cells)  # asked only where there are some
         self.film, self.job = film, job
         self._reads = world.cells is not None
-        self._reads_first = world.cells is not None and world.cells.first
 
     def albedo(self, at: Point, depth: UInt32) -> Vector3f:
         """Of a hit; a first one whose irradiance is asked for counts as white."""
@@ -200,7 +199,7 @@ class _Steps:
 
     def add_lamps(self, sums: PathSums, sunlit: Float, vertex: Vertex, active: Bool) -> tuple[PathSums, Float]:
         """The lights of the table; and the share of the suns' light that the first hit sees."""
-        first_rays = self.job.first_rays if self._reads_first else None
+        first_rays = self.job.first_rays if self._reads else None
         return add_lamps(self.surface, self.lights, self.film, vertex, sums, sunlit, first_rays, active)
 
     @dr.syntax
@@ -212,7 +211,7 @@ class _Steps:
             index = vertex.sample * rays + ray
             choice, inside = stratified(index, mix(vertex.salt, 1)), pair(index, mix(vertex.salt, 2))
             times = mi.Float(1)
-            if dr.hint(self._reads_first, mode="scalar"):
+            if dr.hint(self._reads, mode="scalar"):
                 choice, times = self.cells.spread.choice(cell, choice, read)
             value += times * sky_irradiance(self.surface, self.sky, vertex.at, choice, inside, lit)
             ray += 1
@@ -236,7 +235,7 @@ class _Steps:
 
     def _rays(self, vertex: Vertex) -> UInt32:
         """Samples of each source that needs many."""
-        return dr.select(vertex.indirect, mi.UInt32(1), self.job.first_rays) if self._reads_first else mi.UInt32(1)
+        return dr.select(vertex.indirect, mi.UInt32(1), self.job.first_rays) if self._reads else mi.UInt32(1)
 
     # --- light that is read ---
 
@@ -255,7 +254,7 @@ class _Steps:
     def first_cell(self, vertex: Vertex, active: Bool) -> tuple[UInt32, Bool]:
         """(the cell of a first hit, whether there is one that is read)."""
         cell, read = mi.UInt32(0), mi.Bool(False)
-        if dr.hint(self._reads_first, mode="scalar"):
+        if dr.hint(self._reads, mode="scalar"):
             first = active & ~vertex.indirect
             if first:
                 cell, read = self.cells.find(self.surface, vertex.at, self._jitter(vertex), first)
@@ -263,7 +262,7 @@ class _Steps:
 
     def add_first_cell(self, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool) -> PathSums:
         """What a first hit's cell holds of all light that is not sampled there."""
-        return self.cells.add_rest(self.film, sums, vertex, cell, read) if self._reads_first else sums
+        return self.cells.add_rest(self.film, sums, vertex, cell, read) if self._reads else sums
 
     def _jitter(self, vertex: Vertex) -> Point2f:
         return pair(vertex.sample, mix(vertex.salt, 7))

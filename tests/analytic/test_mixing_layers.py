@@ -27,6 +27,7 @@ from mirelight.model import (
     RenderSettings,
     SplatCloud,
     SurfaceCells,
+    SurfaceTransport,
 )
 from mirelight.pipeline.requirements import check_lit_splats
 from mirelight.pipeline.scene import prepare
@@ -219,9 +220,11 @@ def test_layers_read_from_the_surface_are_the_traced_ones(monkeypatch: pytest.Mo
     fills: list[int] = []
     fill = Tracer.fill
 
-    def counted(self: Tracer, cells: SurfaceCells, lighting: Lighting, *, samples: int, **more: object) -> object:
-        fills.append(samples)
-        return fill(self, cells, lighting, samples=samples, **more)  # type: ignore[arg-type]
+    def counted(
+        self: Tracer, cells: SurfaceCells, lighting: Lighting, *, transport: SurfaceTransport, **more: object
+    ) -> object:
+        fills.append(len(transport.target))
+        return fill(self, cells, lighting, transport=transport, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Tracer, "fill", counted)
     traced = make(prepare(job), spp=128, lightings=job.lightings)

@@ -16,6 +16,11 @@ from mirelight.io.job.words import closest, shown
 
 _LONGEST = 12  # keys that a message lists
 MOST = 100  # mistakes that are worked out; a hundred thousand would take minutes to word
+_GONE = {  # values that settings had once, and what stands in their place
+    "near": 'this way is no longer there; use "surface", or "traced", which has no bias',
+    "scalar_rgb": 'this variant is no longer there; use "llvm_ad_rgb"',
+    "orb": "this layout is no longer there; nerf holds the same pictures",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +72,8 @@ def _mistake(detail: ErrorDetails, data: dict[str, Any], outline: Outline) -> Mi
         case "union_tag_not_found":
             return _without_kind(path, value, outline, data)
         case "literal_error":
-            return Mistake(path, shown(value), _choice(value, re.findall(r"'([^']*)'", context["expected"])))
+            gone = _GONE.get(value) if isinstance(value, str) else None
+            return Mistake(path, shown(value), gone or _choice(value, re.findall(r"'([^']*)'", context["expected"])))
         case "too_short" | "too_long":
             return Mistake(path, _count(value), _wanted_length(detail["type"], context, outline, path, data))
         case kind:

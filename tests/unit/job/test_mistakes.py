@@ -36,6 +36,15 @@ range = 0
     ]
 
 
+def test_values_that_are_gone_say_what_stands_in_their_place(complaints: Complaints) -> None:
+    found = complaints(SCENE + '[render]\nindirect = "near"\nvariant = "scalar_rgb"\n')
+    assert found == [
+        'job.toml:4:12: render.indirect: \'near\'; this way is no longer there; use "surface", or "traced", which has '
+        "no bias",
+        "job.toml:5:11: render.variant: 'scalar_rgb'; this variant is no longer there; use \"llvm_ad_rgb\"",
+    ]
+
+
 def test_one_mistake_is_an_input_error_with_its_parts(write_job: WriteJob) -> None:
     path = write_job(SCENE + "[render]\nspp = 0\n")
     with pytest.raises(InputError) as caught:

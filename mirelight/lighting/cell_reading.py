@@ -25,7 +25,7 @@ def on_device(
     doubt: F32 | None = None,
     spread: sky_guiding.U16 | None = None,
 ) -> DeviceCells:
-    """Cells to be read; arguments as for `kernel.cells.DeviceCells`, `spread` as of `CellLight`."""
+    """Cells to be read; light (K, C, 3) and the rest as of `kernel.cells.DeviceCells`, `spread` as of `CellLight`."""
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.sky_guiding import Spread
 

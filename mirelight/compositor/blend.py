@@ -174,6 +174,9 @@ class _Over:
         stops = self.source.rule.stop is not None
         return [1.0] + [0.0] * (self.results - 1) + [1.0] * stops
 
+    def begun(self, data: list[Array], x: Array, y: Array, fresh: Pixels) -> Pixels:
+        return fresh
+
     def finished(self, tile: Pixels) -> Array:
         dr, stop = self.source.device.dr, self.source.rule.stop
         running = 0 if stop is None else -1
@@ -182,10 +185,14 @@ class _Over:
             most = dr.select(pixel[running] > most, pixel[running], most)
         return most < (NEARLY_OPAQUE if stop is None else stop)
 
+    def shows(self, splat: list[Array], exponent: Array, pixel: list[Array]) -> Array:
+        """Whether a splat is blended."""
+        return self.source.hit(exponent)
+
     def fragment(self, splat: list[Array], exponent: Array, pixel: list[Array]) -> list[Array]:
         dr, stop = self.source.device.dr, self.source.rule.stop
         before = pixel[0 if stop is None else -1]
-        weight = dr.select(self.source.hit(exponent), self.source.alpha(splat, exponent) * before, 0)
+        weight = dr.select(self.shows(splat, exponent, pixel), self.source.alpha(splat, exponent) * before, 0)
         left = before - weight
         kept = True if stop is None else left >= stop
 
@@ -204,6 +211,34 @@ class _Over:
 
 
 @dataclass(frozen=True, slots=True)
+class _InFront(_Over):
+    """The same of splats in front of a depth of the pixel's own, which stands behind the results.
+
+    A splat's one other value is the depth of its far side; data holds the depths of whole tiles, and a row's length.
+    """
+
+    def fresh(self) -> list[float]:
+        plain = _Over.fresh(self)
+        return [*plain[: self.results], 0.0, *plain[self.results :]]
+
+    def begun(self, data: list[Array], x: Array, y: Array, fresh: Pixels) -> Pixels:
+        dr, types, device = self.source.device.dr, self.source.device.types, self.source.device
+        depths, row = data[2], data[3]
+        first = types.UInt32(y) * row + types.UInt32(x)
+        for k, pixel in enumerate(fresh):
+            place = first + k // device.tile_width * row + k % device.tile_width
+            pixel[self.results] = dr.gather(types.Float, depths, place)
+        return fresh
+
+    def shows(self, splat: list[Array], exponent: Array, pixel: list[Array]) -> Array:
+        return self.source.hit(exponent) & (splat[-1] < pixel[self.results])
+
+    def fragment(self, splat: list[Array], exponent: Array, pixel: list[Array]) -> list[Array]:
+        plain = _Over.fragment(self, splat, exponent, pixel)
+        return [*plain[: self.results], pixel[self.results], *plain[self.results :]]
+
+
+@dataclass(frozen=True, slots=True)
 class _EightBit:
     """Back-to-front compositing of one pixel of an RGBA8 target, which clamps and rounds after every splat."""
 
@@ -215,6 +250,9 @@ class _EightBit:
 
     def fresh(self) -> list[float]:
         return [0.0] * self.results
+
+    def begun(self, data: list[Array], x: Array, y: Array, fresh: Pixels) -> Pixels:
+        return fresh
 
     def finished(self, tile: Pixels) -> Array:
         """Never: what lies in front comes last."""
@@ -247,6 +285,18 @@ def blend(source: Source, data: list[Array], lists: TileLists, band: Band, frame
     if source.depth:
         images |= {"depth": range(values, values + 1), "median": range(values + 1, values + 2)}
     untile(source.device, states, over.fresh()[: over.results], lists, band, frame, images)
+
+
+def blend_in_front(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Blended) -> None:
+    """Blend what lies in front of a depth of each pixel's own, colour and transmittance alone.
+
+    Args:
+        data: records, one other value of each, the depth of its far side; depths of pixels, and how many in a row.
+    """
+    program = _InFront(source)
+    states = for_each_tile(source.device, lists, band, source, data, program)
+    images = {"transmittance": range(1), "color": range(1, 4)}
+    untile(source.device, states, program.fresh()[: program.results], lists, band, frame, images)
 
 
 def blend_eight_bit(source: Source, data: list[Array], lists: TileLists, band: Band, frame: Blended) -> None:

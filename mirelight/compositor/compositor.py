@@ -18,7 +18,7 @@ from mirelight.compositor.bin import (
     split,
     tile_lists,
 )
-from mirelight.compositor.blend import Source, blend, blend_eight_bit
+from mirelight.compositor.blend import Source, blend, blend_eight_bit, blend_in_front
 from mirelight.compositor.cloud import upload, view_of
 from mirelight.compositor.color import splat_colors, tone_records
 from mirelight.compositor.device import Array, Device, open_device
@@ -29,7 +29,7 @@ from mirelight.compositor.order import depth_order
 from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Blended, empty_frame, layer_of, new_frame, values_of
-from mirelight.compositor.source import MOST_COLOR
+from mirelight.compositor.source import MOST_COLOR, factors_of
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
 _DEFAULT = CompositorSettings()
@@ -107,6 +107,22 @@ class Compositor:
         images = [values_of(frame, camera) for frame in frames]
         return layer_of(frames[0], camera, self.settings), np.concatenate(images, axis=2)
 
+    def in_front(self, camera: Camera, depth: F32) -> SplatLayer:
+        """The splats whose far sides, one standard deviation behind their centres, lie in front of something.
+
+        Args:
+            depth: (H, W) of that along the view axis, world units; 0 where there is nothing, and no splat in front.
+
+        Raises:
+            RenderError: as :meth:`composite`.
+        """
+        depth = frozen_array(depth, (camera.height, camera.width), np.float32, "depth")
+        back = camera.world_from_camera[:3, 2]
+        extent = np.linalg.norm(back @ factors_of(self.splats.quats, self.splats.scales), axis=1)
+        behind = (camera.world_from_camera[:3, 3] - self.splats.means) @ back + extent
+        far = np.nan_to_num(behind[:, None]).astype(np.float32)
+        return layer_of(self._blend(camera, far, depth=False, limit=depth), camera, self.settings)
+
     @property
     def plain_colors(self) -> F32:
         """(N, 3) the splats' colours averaged over directions, as the profile physical blends them."""
@@ -120,8 +136,15 @@ class Compositor:
         return splat_colors(self._device, self._cloud, view, self.settings)
 
     def _blend(
-        self, camera: Camera, values: F32 | None, *, depth: bool, drawing: EngineDrawing | None = None
+        self,
+        camera: Camera,
+        values: F32 | None,
+        *,
+        depth: bool,
+        drawing: EngineDrawing | None = None,
+        limit: F32 | None = None,
     ) -> Blended:
+        """`limit`: (H, W) depths that the first of the values has to be below."""
         device = self._device
         settings, kernel = self.settings, splat_kernel(self.settings, camera)
         channels = 0 if values is None else values.shape[1]
@@ -142,14 +165,24 @@ class Compositor:
         records = _records(device, projected, order, settings)
         data = [records] if values is None else [records, sorted_values(device, values, order)]
         source = Source(device, kernel.fragment, channels, depth, halves)
+        if limit is not None:
+            data += _whole_tiles(device, limit, whole)
         for band, lists in _bands(device, records, whole, memory, what):
-            blend(source, data, lists, band, frame)
+            (blend if limit is None else blend_in_front)(source, data, lists, band, frame)
         if settings.rounds:
             records = _records(device, projected, device.dr.reverse(order), settings)
             source = Source(device, kernel.fragment, 0, False, halves)
             for band, lists in _bands(device, records, whole, memory, what):
                 blend_eight_bit(source, [records], lists, band, frame)
         return frame
+
+
+def _whole_tiles(device: Device, image: F32, band: Band) -> list[Array]:
+    """An image (H, W) padded with 0 to the band's tiles, and its width."""
+    height, width = band.rows * device.tile_height, band.columns * device.tile_width
+    padded = np.zeros((height, width), np.float32)
+    padded[: image.shape[0], : image.shape[1]] = image
+    return [device.floats(padded), device.count(width)]
 
 
 def _records(device: Device, projected: Projected, order: Array, settings: CompositorSettings) -> Array:

@@ -54,6 +54,10 @@ class PixelProgram(Hashable, Protocol):
         """The state of a pixel that nothing was blended into; each number is 0 or 1."""
         ...
 
+    def begun(self, data: list[Array], x: Array, y: Array, fresh: Pixels) -> Pixels:
+        """The states of the tile whose first pixel centre is (x, y), from fresh ones; `data` is the source's."""
+        ...
+
     def finished(self, tile: Pixels) -> Array:
         """Whether no further fragment can change any of the pixels."""
         ...
@@ -142,12 +146,12 @@ class _Loop:
             [[zero] * self.source.slots for _ in range(UNROLL)],
             [[one if v else zero for v in self.program.fresh()] for _ in range(self.pixels)],
         )
-        step = partial(self._step, partial(self._next_tile, out, queue, lists), lists[1], data)
+        step = partial(self._step, partial(self._next_tile, out, queue, lists, data), lists[1], data)
         dr.while_loop(start, lambda running, *_: running, step)
         dr.eval(out)
         return out
 
-    def _next_tile(self, out: Array, queue: Array, lists: list[Array], *at: Any) -> tuple[Any, ...]:
+    def _next_tile(self, out: Array, queue: Array, lists: list[Array], data: list[Array], *at: Any) -> tuple[Any, ...]:
         """Write a tile's pixels, and go to the next in the queue: (tile, position, end, x, y, state), then and now."""
         dr, types, (tile, *_, state) = self.device.dr, self.device.types, at
         order, _, starts, ends, tiles, columns, first_row = lists
@@ -163,7 +167,7 @@ class _Loop:
         x = types.Float((tile - row * columns) * self.device.tile_width) + 0.5
         y = types.Float((row + first_row) * self.device.tile_height) + 0.5
         fresh = [[types.Float(v) for v in self.program.fresh()] for _ in range(self.pixels)]
-        return dr.select(more, tile, NO_TILE), position, end, x, y, fresh
+        return dr.select(more, tile, NO_TILE), position, end, x, y, self.program.begun(list(data), x, y, fresh)
 
     def _step(
         self, next_tile: Callable[..., tuple[Any, ...]], ranks: Array, data: list[Array], *at: Any

@@ -30,7 +30,7 @@ _SPLAT_MARKS = (b"f_dc_0", b"packed_position")
 Attributes = Mapping[str, Any]
 
 
-def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
+def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False) -> ProxyMesh:
     """A proxy mesh, its vertices neither merged nor reordered.
 
     The `albedo` is left at its gray default; the file's colours are in `materials` and `vertex_colors`. Vertex colours
@@ -40,12 +40,13 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
     Args:
         path: .glb, .gltf, .usd, .usda, .usdc, .usdz, .ply, .obj or .stl.
         textures: read textures too. Without, no image is opened.
+        finish: read those of metallic and roughness, too, where the format has them (glTF).
 
     Raises:
         InputError: missing, damaged, without triangles or area, or with vertices that are NaN or beyond all bounds.
     """
     path = existing(path)
-    mesh = _read(path, textures)
+    mesh = _read(path, textures, finish)
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > _FARTHEST:
         raise InputError(path, f"corners as far as {farthest:.3g} units from the origin", "give it in metres")
@@ -54,12 +55,12 @@ def read_mesh(path: str | Path, *, textures: bool = True) -> ProxyMesh:
     return mesh
 
 
-def _read(path: Path, textures: bool) -> ProxyMesh:
+def _read(path: Path, textures: bool, finish: bool) -> ProxyMesh:
     suffix = path.suffix.lower()
     if path.is_dir() or suffix not in MESHES:
         raise InputError(path, "not a mesh file", "give one of " + ", ".join(MESHES))
     if suffix in GLTF:
-        mesh = read_scene(path, textures=textures).mesh
+        mesh = read_scene(path, textures=textures, finish=finish).mesh
         if mesh is None:
             raise InputError(path, "no triangles in its scene (points and lines do not count)", "give a mesh")
         return mesh

@@ -38,6 +38,36 @@ class Sums:
         own: dict[str, F32 | None] = {f.name: getattr(self, f.name) for f in fields(self)}
         return replace(self, **{name: x.copy() for name, x in own.items() if x is not None})
 
+    def halves(self) -> tuple[Sums, Sums]:
+        """Of paths that begin on the proxy, and of those that begin on inserted objects."""
+
+        rows = len(self.light) // 2  # floats of all layers' squares; behind them stand those of the beauties
+        layers, beauties = _halved(self.squares[:rows]), _halved(self.squares[rows:])
+        squares = [np.concatenate(x) for x in zip(layers, beauties, strict=True)]
+        others = {f.name: x for f in fields(self) if f.name != "squares" and (x := getattr(self, f.name)) is not None}
+        first, second = (Sums(squares=squares[k], **{n: _halved(x)[k] for n, x in others.items()}) for k in range(2))
+        return first, second
+
+
+def _halved(x: F32) -> tuple[F32, F32]:
+    middle = len(x) // 2
+    return x[:middle], x[middle:]
+
+
+def develop_with_objects(
+    camera: Camera,
+    layers: Layers,
+    sums: Sums,
+    samples: NDArray[np.int64],
+    batch: int = 1,
+    *,
+    sun: bool = False,
+    occlusion: bool = False,
+) -> LightingBuffer:
+    """As `develop`, of a film that keeps paths apart that begin on inserted objects."""
+    proxy, objects = (develop(camera, layers, x, samples, batch, sun=sun, occlusion=occlusion) for x in sums.halves())
+    return replace(proxy, objects=objects)
+
 
 def develop(
     camera: Camera,
@@ -161,19 +191,22 @@ def dark(camera: Camera, layers: Layers, spp: int) -> LightingBuffer:
     return develop(camera, layers, sums, np.full(pixels, spp, np.int64))
 
 
-def refuse_if_too_large(camera: Camera, layers: Layers, *, parts: bool = False, most: int | None = None) -> None:
+def refuse_if_too_large(
+    camera: Camera, layers: Layers, *, parts: bool = False, objects: bool = False, most: int | None = None
+) -> None:
     """Stop before a film is allocated that does not fit.
 
     Args:
         camera: of its pixels.
         layers: the film's.
         parts: with those for the denoiser.
+        objects: with a half for paths that begin on inserted objects.
         most: bytes that it may take; None: what the machine has free.
 
     Raises:
         RenderError: says the size needed.
     """
-    pixels = camera.width * camera.height
+    pixels = camera.width * camera.height * (2 if objects else 1)
     values = 6 * len(layers.names) * pixels  # of the film's largest array, which 32 bits must count
     of_layer = 10 + (6 + 9 if parts else 0)  # film; for the denoiser two sums more, and three means
     needed = 4 * pixels * (of_layer * len(layers.names) + 3 + 2 * SURFACE + 16)  # AOVs once more, working memory

@@ -13,7 +13,7 @@ from mirelight.base.machine import uninterrupted
 from mirelight.lighting import error_estimate, grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
-from mirelight.lighting.develop import Sums, develop
+from mirelight.lighting.develop import Sums, develop, develop_with_objects
 from mirelight.lighting.layers import Layers, sun_shares
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
@@ -80,6 +80,7 @@ class FrameInProgress:
             aovs=aovs,
             parts=settings.denoise,
             doubt=cells is not None and cells.doubtful,
+            objects=surface.has_objects,
         )
         self._irradiance = irradiance
         lists, shares = grid.build(lighting.lights, surface.bounds, separate=layers.separate), sun_shares(lighting)
@@ -142,7 +143,7 @@ class FrameInProgress:
     def _launches(self, pixels: int, count: int) -> Iterator[tuple[int, int, int]]:
         """(first and end of the pixels, batches of each) of every launch of `count` samples of so many pixels."""
         batches = count // self._batch
-        row = 24 * max(len(self.layers.names), 1) * batches
+        row = 24 * max(len(self.layers.names), 1) * batches * (2 if self._world.surface.has_objects else 1)
         step = min(LANES // count, max(LAUNCH_BYTES // row, 1))
         return ((first, min(first + step, pixels), batches) for first in range(0, pixels, step))
 
@@ -185,7 +186,8 @@ class FrameInProgress:
         return self._developed(self._film.sums())
 
     def _developed(self, sums: Sums) -> LightingBuffer:
-        return develop(
+        made = develop_with_objects if self._world.surface.has_objects else develop
+        return made(
             self.camera,
             self.layers,
             sums,

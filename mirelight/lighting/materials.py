@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mirelight.model import F32, F64, Material, ProxyMesh, Wraps, triangles
 
 GLOW_SLOTS = 1 << 18  # draws of an emissive face come in so many equal shares
-ROW = 16  # floats a material: four groups of four
+ROW = 24  # floats a material: six groups of four
 WRAP_CODE = {"repeat": 0, "mirror": 1, "clamp": 2}
 _LOOKUPS = 1 << 22  # texture look-ups that the power of textured faces is taken from
 _AT_ONCE = 1 << 20
@@ -18,7 +18,7 @@ _AT_ONCE = 1 << 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """A row a material: colour, wrap | emission, wrap | place of the base colour texture | place of the emissive one.
+    """A row a material: colour, wrap | emission, wrap | 1, roughness, metallic, wrap | the place of each one's texture.
 
     A place is width, height, first texel (low, high half); a wrap is the code along u plus three times that along v.
     """
@@ -121,7 +121,9 @@ def pack_materials(proxy: ProxyMesh) -> Atlas:
     for row, material in zip(rows, proxy.materials, strict=False):
         row[0:3], row[3] = material.base_color, _wrap_code(material.base_color_wrap)
         row[4:7], row[7] = material.emissive, _wrap_code(material.emissive_wrap)
-        for place, texture in ((row[8:12], material.base_color_texture), (row[12:16], material.emissive_texture)):
+        row[8:11], row[11] = (1, material.roughness, material.metallic), _wrap_code(material.finish_wrap)
+        textures = material.base_color_texture, material.emissive_texture, material.finish_texture
+        for place, texture in zip(row[12:].reshape(3, 4), textures, strict=True):
             if texture is None or proxy.uvs is None:
                 place[:] = (1, 1, 0, 0)
                 continue

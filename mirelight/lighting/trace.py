@@ -63,9 +63,20 @@ class Tracer:
         settings: how to trace.
         layers: False gives a single one, "beauty", and lights are sampled for the sum alone.
         aovs: False leaves sun visibility and ambient occlusion out.
+        first_inserted: faces of the mesh from there on are inserted objects'; their light is traced and kept apart, in
+            `LightingBuffer.objects`. None: there are none. With some, light is read from no cache, and
+            `settings.noise` is None.
     """
 
-    def __init__(self, proxy: ProxyMesh, settings: RenderSettings, *, layers: bool = True, aovs: bool = True) -> None:
+    def __init__(
+        self,
+        proxy: ProxyMesh,
+        settings: RenderSettings,
+        *,
+        layers: bool = True,
+        aovs: bool = True,
+        first_inserted: int | None = None,
+    ) -> None:
         self.settings = settings
         self._layers, self._aovs = layers, aovs
         self._proxy = proxy
@@ -76,7 +87,7 @@ class Tracer:
         if len(proxy.faces):
             from mirelight.lighting.kernel.proxy import DeviceProxy
 
-            self._surface = DeviceProxy(proxy)
+            self._surface = DeviceProxy(proxy, first_inserted)
 
     def trace(
         self,
@@ -116,7 +127,8 @@ class Tracer:
         lighting = plain(lighting)
         emission = emission and self.emissive
         layers = Layers.of(lighting, emissive=emission, separate=self._layers)
-        refuse_if_too_large(camera, layers, parts=self.settings.denoise, most=self.settings.max_memory)
+        objects = self._surface is not None and self._surface.has_objects
+        refuse_if_too_large(camera, layers, parts=self.settings.denoise, objects=objects, most=self.settings.max_memory)
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
         settings, lit = with_pilot(self.settings), self._lit(lighting, layers, emission, cache)

@@ -13,6 +13,7 @@ from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.digests import digest
 from mirelight.model.ies import IesProfile
+from mirelight.model.inserted import Inserted
 from mirelight.model.lights import (
     AreaLight,
     DirectionalLight,
@@ -74,6 +75,7 @@ __all__ = [
     "HeldOut",
     "IesProfile",
     "Indirect",
+    "Inserted",
     "Job",
     "LayerFactor",
     "Layout",

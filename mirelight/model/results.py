@@ -102,6 +102,9 @@ class LightingBuffer(ArrayHolder):
     spp: int = 0  # the fewest samples of any pixel
     cell_rays: int = 0  # of each piece of the surface that light was read from; 0: none was
     noisy: tuple[LightLayer, ...] = ()  # the layers as traced, where `layers` are denoised
+    # What inserted objects show, as if they were a proxy of their own: its coverage is theirs, and the light of this
+    # buffer that of the surface beside them. None: there are no objects.
+    objects: LightingBuffer | None = None
 
     def __post_init__(self) -> None:
         h, w = self.camera.height, self.camera.width
@@ -129,7 +132,8 @@ class LightingBuffer(ArrayHolder):
         """Bytes of its arrays."""
         owners: tuple[LightingBuffer | LightLayer, ...] = (self, *self.layers, *self.noisy)
         values = (getattr(owner, f.name) for owner in owners for f in fields(owner))
-        return sum(x.nbytes for x in values if isinstance(x, np.ndarray))
+        own = sum(x.nbytes for x in values if isinstance(x, np.ndarray))
+        return own + (0 if self.objects is None else self.objects.nbytes)
 
     @property
     def beauty(self) -> F32:
@@ -193,6 +197,7 @@ class LightingBuffer(ArrayHolder):
             self,
             layers=tuple(layer.times(f) for layer, f in zip(self.layers, factors, strict=True)),
             noisy=tuple(layer.times(f) for layer, f in zip(self.noisy, factors, strict=False)),
+            objects=None if self.objects is None else self.objects.reweighted(weights),
             variance=self._variance_of_sum(factors),
         )
 

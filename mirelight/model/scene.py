@@ -91,7 +91,8 @@ Wraps: TypeAlias = tuple[Wrap, Wrap]  # along u and v
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Material(ArrayHolder):
     """What a proxy's own file says of its surface. It glows always; its base colour is used where the albedo comes from
-    the file. Textures are (h, w, 3) linear, row 0 at v = 0 (glTF: top)."""
+    the file; metallic and roughness where it is an inserted object's. Textures are (h, w, 3) linear, row 0 at v = 0
+    (glTF: top)."""
 
     name: str = "default"
     base_color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear factor
@@ -100,11 +101,16 @@ class Material(ArrayHolder):
     emissive: F64 = field(default_factory=lambda: np.zeros(3))  # (3,) linear radiance, strength multiplied in
     emissive_texture: F32 | None = None  # multiplies emissive
     emissive_wrap: Wraps = ("repeat", "repeat")
+    metallic: float = 0.0  # 0 a dielectric of an index of refraction of 1.5, 1 a metal
+    roughness: float = 1.0  # 0 a mirror
+    finish_texture: F32 | None = None  # multiplies roughness by its green, metallic by its blue
+    finish_wrap: Wraps = ("repeat", "repeat")
 
     def __post_init__(self) -> None:
         freeze(self, "base_color", (3,), np.float64)
         freeze(self, "base_color_texture", (None, None, 3))
         freeze(self, "emissive_texture", (None, None, 3))
+        freeze(self, "finish_texture", (None, None, 3))
         freeze(self, "emissive", (3,), np.float64)
 
     def __repr__(self) -> str:

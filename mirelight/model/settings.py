@@ -12,6 +12,7 @@ from mirelight.base.colour import ToneCurve
 from mirelight.base.primaries import ColorSpace
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
+from mirelight.model.inserted import Inserted
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, rules_of
@@ -178,6 +179,7 @@ class Job:
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
     made_proxy: ProxyRecipe | None = None  # how `proxy` is made, but for its albedo, where it is made from the splats
     capture_cameras: tuple[Camera, ...] = ()  # of the pictures that the splats were made from, in world space
+    objects: tuple[Inserted, ...] = ()  # that are put into the capture
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one

@@ -24,6 +24,7 @@ from mirelight.model import (
 T = TypeVar("T")
 Place: TypeAlias = Literal["scene", "surface", "view"]  # what an artefact is made for
 
+_OBJECTS = "objects."  # before the names of arrays of what inserted objects show
 _KINDS = ("lights", "environment", "emission")  # of `CellLight`
 
 
@@ -150,7 +151,11 @@ def _pack_buffer(buffer: LightingBuffer) -> Packed:
         "layers": [x.name for x in buffer.layers],
         "noisy": [x.name for x in buffer.noisy],
     }
-    return Packed(arrays, about)
+    if buffer.objects is None:
+        return Packed(arrays, about)
+    objects = _pack_buffer(buffer.objects)
+    arrays |= {f"{_OBJECTS}{name}": x for name, x in objects.arrays.items()}
+    return Packed(arrays, {**about, "objects": objects.about})
 
 
 def _buffer(packed: Packed, camera: Camera) -> LightingBuffer:
@@ -164,9 +169,18 @@ def _buffer(packed: Packed, camera: Camera) -> LightingBuffer:
         return tuple(layer(group, i, name) for i, name in enumerate(packed.about[group]))
 
     arrays: dict[str, Any] = {f.name: there[f.name] for f in fields(LightingBuffer) if f.name in there}
-    spp, rays = int(packed.about["spp"]), int(packed.about["rays"])
+    objects = None
+    if "objects" in packed.about:
+        own = {name.removeprefix(_OBJECTS): x for name, x in there.items() if name.startswith(_OBJECTS)}
+        objects = _buffer(Packed(own, packed.about["objects"]), camera)
     return LightingBuffer(
-        camera=camera, spp=spp, cell_rays=rays, layers=layers("layers"), noisy=layers("noisy"), **arrays
+        camera=camera,
+        spp=int(packed.about["spp"]),
+        cell_rays=int(packed.about["rays"]),
+        layers=layers("layers"),
+        noisy=layers("noisy"),
+        objects=objects,
+        **arrays,
     )
 
 

@@ -25,6 +25,8 @@ def check(job: Job) -> None:
             'set per to "pixel", or leave dataset.layouts and output.store = "layers" out',
             field="relight.per",
         )
+    if job.objects:
+        _check_objects(job)
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
     if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
@@ -34,6 +36,33 @@ def check(job: Job) -> None:
             "name it, or set mode to 'tint'",
             field="relight.mode",
         )
+
+
+def _check_objects(job: Job) -> None:
+    """Raises InputError, in one line, where a job asks for objects together with what they are not made for."""
+    lit = _relights(job)[1:]
+    wrong = (
+        (job.proxy is None, "no proxy mesh for them to stand on", 'add the line proxy = "splats"'),
+        (not job.lightings, "no light on them", 'name lights, or lightings = "captured"'),
+        (requirements.follows_engine(job), "the profile playcanvas, whose light is not traced", "use profile physical"),
+        (
+            job.splats is not None and not all(relighting.mode_of(x).needs_captured for x in lit),
+            "a mode that does not compare with the captured light",
+            'give captured, and set relight.mode to "ratio"',
+        ),
+        (any(_asks_splats(x) for x in lit), "light that is found for splats", 'set relight.per to "pixel"'),
+        (job.render.indirect != "traced", f'render.indirect = "{job.render.indirect}"', 'set it to "traced"'),
+        (job.render.noise is not None, "a noise target", "set render.spp instead of render.noise"),
+        (job.relight.texture_scale != 1, f"texture_scale {job.relight.texture_scale:g}", "set it to 1"),
+        (
+            job.output.store != "frames" or bool(job.dataset.layouts),
+            "light that is kept to be mixed anew",
+            'leave dataset.layouts out and set output.store to "frames"',
+        ),
+    )
+    for is_so, found, remedy in wrong:
+        if is_so:
+            raise InputError(job.source, f"inserted objects and {found}", remedy, field="objects")
 
 
 def _comparing(job: Job) -> str:

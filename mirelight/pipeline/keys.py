@@ -53,7 +53,7 @@ class Keys:
     def __init__(self, job: Job) -> None:
         self.job = job
         self._eyes: dict[int, tuple[Camera, str, str]] = {}
-        self._seen: dict[tuple[str, str], str] = {}
+        self._seen: dict[tuple[str, ...], str] = {}
         self._composites: dict[str, str] = {}  # by view
         self._old: dict[str, list[str]] = {}  # what a frame reads of the captured light, by view
         self._relights: dict[RelightSettings, str] = {}
@@ -162,13 +162,23 @@ class Keys:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""
         return self._light(light_set, view(camera))
 
-    def _light(self, light_set: LightSet, seen: str) -> str:
+    def light_with_objects(self, light_set: LightSet, camera: Camera) -> str:
+        """The same with the job's inserted objects in the scene."""
+        return self._light(light_set, view(camera), self._objects)
+
+    def _light(self, light_set: LightSet, seen: str, objects: str = "") -> str:
         """The same by the camera's view; kept, since many lightings are made of one set."""
-        place = light_set.digest, seen
+        place = light_set.digest, seen, *([objects] if objects else [])
         found = self._seen.get(place)
         if found is None:
             found = self._seen[place] = _joined(self._traced, *place)
         return found
+
+    @cached_property
+    def _objects(self) -> str:
+        """What is put into the scene; empty where nothing is."""
+        objects = self.job.objects
+        return digest("objects", [(x.mesh.digest, x.drop) for x in objects]) if objects else ""
 
     @cached_property
     def _traced(self) -> str:
@@ -235,7 +245,7 @@ class Keys:
         if lighting is None:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
-        parts = [composite, *self._lit(lighting, seen), self._relit(job.relight_of(lighting))]
+        parts = [composite, *self._lit(lighting, seen, self._objects), self._relit(job.relight_of(lighting))]
         captured = requirements.compared_in(job, lighting)
         if captured is not None:
             if seen not in self._old:
@@ -253,10 +263,10 @@ class Keys:
                 yield from (self.splat_light(s, self.job.render.spp) for s in mixture.sets)
                 yield mixture.digest
 
-    def _lit(self, lighting: Lighting, seen: str) -> Iterable[str]:
+    def _lit(self, lighting: Lighting, seen: str, objects: str = "") -> Iterable[str]:
         """`seen`: the view of the lighting's camera."""
         mixture = self.mixture(lighting)
-        return [self._light(one, seen) for one in mixture.sets] + [mixture.digest]
+        return [self._light(one, seen, objects) for one in mixture.sets] + [mixture.digest]
 
     def _eye(self, camera: Camera) -> tuple[str, str]:
         """The view of a camera, and that of the camera which its light is traced for; those of one camera are kept."""

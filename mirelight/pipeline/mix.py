@@ -47,15 +47,18 @@ def mix(
     there = [s for s in mixture.sets if s.digest in traced]
     first = traced[there[0].digest]
     if there[0].whole is not None:
-        return replace(first, camera=camera)
+        objects = None if first.objects is None else replace(first.objects, camera=camera)
+        return replace(first, camera=camera, objects=objects)
     shares = [found for i in range(len(mixture.terms)) if (found := _share(i, mixture, traced)) is not None]
     glow = traced.get(GLOW.digest)
     if glow is not None:
         name = free_layer_name(EMISSION, [x.name for x in shares])
         shares += [_Share(name, layer, np.ones(3)) for layer in glow.layers]
+    beside = {name: buffer.objects for name, buffer in traced.items() if buffer.objects is not None}
     return replace(
         first,
         camera=camera,
+        objects=mix(mixture, beside, camera, {}, wanted) if beside else None,
         layers=tuple(x.layer(wanted) for x in shares) if wanted.layers else _summed(shares, first),
         variance=_variance(mixture, there, traced) if wanted.variance else None,
         sun_visibility=_sun_visibility(there, traced, sun_strength),

@@ -16,6 +16,7 @@ import numpy as np
 
 from mirelight.model import (
     F32,
+    Camera,
     EstimatedSky,
     Job,
     Lighting,
@@ -192,6 +193,10 @@ class Prepared:
         """Keep what takes long for this job, and for all of the user's."""
         self.kept.put(key, value, codec)
         self._of_user.put(key, value, codec)
+
+    def light_key(self, light_set: LightSet, seen: Camera) -> str:
+        """The key of a set's traced buffer; `seen` is the lighting's camera."""
+        return self.keys.light(light_set, seen)
 
     def mixture(self, lighting: Lighting) -> Mixture:
         """How a lighting is made of sets of unit lights."""

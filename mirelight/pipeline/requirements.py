@@ -53,6 +53,8 @@ def check_lit_splats(job: Job) -> None:
         raise InputError(job.source, found, 'add the line proxy = "splats"', field="proxy")
     if not job.lightings:
         raise InputError(job.source, "no light", "name lights or an environment", field="lights")
+    if job.objects:
+        raise InputError(job.source, "inserted objects, which only frames show", "leave them out", field="objects")
     if follows_engine(job):
         found = "the profile playcanvas, whose light is not traced"
         remedy = "use profile physical; mirelight realtime has the engine's own light"

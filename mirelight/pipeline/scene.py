@@ -18,6 +18,7 @@ from mirelight.model import (
 from mirelight.pipeline import keys, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
 from mirelight.pipeline.completeness import check
+from mirelight.pipeline.inserted import SceneWithObjects
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.splat_light import SplatLight
 from mirelight.pipeline.view_light import ViewLight
@@ -59,6 +60,7 @@ class Scene(Prepared):
     def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
         super().__init__(job, kept, report)
         self._view: ViewLight | None = None
+        self._view_with_objects: ViewLight | None = None
         self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # was, seen in, is
         self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
 
@@ -118,6 +120,19 @@ class Scene(Prepared):
         if self._view is None or self._view.is_broken or keys.view(self._view.camera) != keys.view(seen):
             self._view = ViewLight(self, seen)
         return self._view
+
+    def new_light(self, seen: Camera) -> ViewLight:
+        """The light of a view with the job's objects in the scene; without any, `view_light`."""
+        if not self.job.objects:
+            return self.view_light(seen)
+        view = self._view_with_objects
+        if view is None or view.is_broken or keys.view(view.camera) != keys.view(seen):
+            self._view_with_objects = view = ViewLight(self._with_objects, seen)
+        return view
+
+    @cached_property
+    def _with_objects(self) -> SceneWithObjects:
+        return SceneWithObjects(self)
 
     @cached_property
     def splat_light(self) -> SplatLight:

@@ -89,8 +89,12 @@ def light(
     _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
     compared = requirements.compared_in(job, lighting)
-    view = scene.view_light(seen)
-    view.expect([lighting] if compared is None else [compared, lighting], progress)
+    view, new = scene.view_light(seen), scene.new_light(seen)
+    if new is view:
+        view.expect([lighting] if compared is None else [compared, lighting], progress)
+    else:  # objects are in the new light alone
+        view.expect([] if compared is None else [compared], progress)
+        new.expect([lighting], progress)
     captured: LightingBuffer | None = None
     sun: relighting.Sun | None = None
     settings = job.relight_of(lighting)
@@ -110,9 +114,9 @@ def light(
         captured = None if compared is None else view.mixed(compared)
         if compared is not None and relighting.repairs(settings):
             sun = view.sun(compared)
-        return lit(view.mixed(lighting, None if look is None else offer))
+        return lit(new.mixed(lighting, None if look is None else offer))
     except ViewStopped:
-        so_far = view.mixed_so_far(lighting) if compared is None or captured is not None else None
+        so_far = new.mixed_so_far(lighting) if compared is None or captured is not None else None
         raise Stopped(None if so_far is None else lit(so_far)) from None
     except KeyboardInterrupt:
         raise Stopped(None) from None
@@ -185,8 +189,17 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
             made_by=made_by,
             noise=requirements.wants_noise(job),
         )
+    if job.objects and lit is not None:
+        made = relighting.with_objects(made, _in_front(scene, splats, lit.new), settings)
     mattes = scene.mattes(camera)
     return replace(made, mattes=mattes) if mattes else made
+
+
+def _in_front(scene: Scene, splats: SplatLayer | None, new: LightingBuffer) -> SplatLayer | None:
+    """The splats that veil the job's objects; None where there are no splats."""
+    if splats is None or new.objects is None:
+        return None
+    return scene.compositor.in_front(splats.camera, new.objects.depth)
 
 
 def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSettings) -> F32:

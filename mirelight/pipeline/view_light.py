@@ -60,7 +60,7 @@ class ViewLight:
         for one in {s.digest: s for x in lightings for s in self._sets(self._scene.mixture(x))}.values():
             if one.digest in self._there:
                 continue
-            found = self._scene.kept.get(self._scene.keys.light(one, self._seen), light_of(self._seen))
+            found = self._scene.kept.get(self._scene.light_key(one, self._seen), light_of(self._seen))
             if found is not None:
                 self._there[one.digest] = found
             else:
@@ -144,7 +144,7 @@ class ViewLight:
                 self._there[one.digest] = stopped.buffer
             self.is_broken = True
             raise ViewStopped from None
-        scene.kept.put(scene.keys.light(one, self._seen), buffer, light_of(self._seen))
+        scene.kept.put(scene.light_key(one, self._seen), buffer, light_of(self._seen))
         return buffer
 
     def _buffer(self, one: LightSet, report: Progress | None, look: Look | None) -> LightingBuffer:

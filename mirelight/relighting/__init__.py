@@ -9,6 +9,7 @@ docs/explanation/relighting.md.
 from __future__ import annotations
 
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
+from mirelight.relighting.inserted import with_objects
 from mirelight.relighting.mode import Lit, Mode, Task
 from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, repairs
 from mirelight.relighting.repair import Sun, repaired
@@ -36,4 +37,5 @@ __all__ = [
     "splat_relighter",
     "unlit_rgba",
     "upsample",
+    "with_objects",
 ]

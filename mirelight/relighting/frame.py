@@ -76,9 +76,9 @@ def apply(
 
         if settings.blend > 0:
             factor = factor_of(Lit.of(lighting), None if old is None else Lit.of(old))
-            relit = _multiplied(splats, unlit, factor, settings)
+            relit = multiplied(splats, unlit, factor, settings)
         if noise:
-            deviation = noise_of(lambda *lit: _multiplied(splats, unlit, factor_of(*lit), settings), lighting, old)
+            deviation = noise_of(lambda *lit: multiplied(splats, unlit, factor_of(*lit), settings), lighting, old)
         lighting = upsample(lighting, splats.camera)
     return Frame(
         camera=splats.camera,
@@ -120,7 +120,7 @@ def relighter(
         return lambda beauty: unlit
     task = Task(size=size, unlit=unlit, new=surface, captured=old, captured_level=captured_level, settings=settings)
     factor = mode.prepared(task)
-    return lambda beauty: _multiplied(composite, unlit, blended(factor(beauty), settings.blend), settings)
+    return lambda beauty: multiplied(composite, unlit, blended(factor(beauty), settings.blend), settings)
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:
@@ -157,7 +157,7 @@ def blended(factor: F32, blend: float) -> F32:
     return np.asarray((1 - share) + factor * share, dtype=np.float32)
 
 
-def _multiplied(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSettings) -> F32:
+def multiplied(splats: SplatLayer, unlit: F32, factor: F32, settings: RelightSettings) -> F32:
     """(H, W, 4) linear, premultiplied: the composite times the factor; `unlit` is it in linear light.
 
     Colour that changes with the view takes a factor of its own where the settings say so.

@@ -272,6 +272,7 @@ ARTEFACTS: dict[str, Artefact] = {
 # Public names of Keys: those that are keys of an artefact, and those that only help to find one.
 KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places"}
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
+KEYED |= {"light_with_objects"}
 HELPING = {"job", "splat_sets", "sets", "lights", "needs", "mixture", "files"}
 
 FILES = {"frame", "EXR", "PNG", "exported picture"}
@@ -370,7 +371,7 @@ def test_every_artefact_has_its_place_in_the_table() -> None:
 def test_every_part_of_a_job_has_its_place() -> None:
     """Who adds one says what it decides: settings in DECIDES, content in IN_ROOM."""
     content = {"splats", "proxy", "made_proxy", "capture_cameras", "albedo_from_splats", "cameras", "lightings"}
-    content |= {"pooled", "captured"}
+    content |= {"pooled", "captured", "objects"}
     in_no_key = {"source", "splat_files", "inputs", "notes"}
     assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
 

@@ -1,12 +1,13 @@
-"""Base colour and emission of glTF materials (glTF §3.8.4, §3.9): all that a Lambert proxy can use."""
+"""Base colour, metallic, roughness and emission of glTF materials (glTF §3.8.4, §3.9)."""
 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mirelight.base import colour
 from mirelight.base.errors import printable
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Bytes, Fields
@@ -37,7 +38,9 @@ class TexturedMaterial:
     uv: UvSource | None = None
 
 
-def read_materials(document: Document, used: set[int], textures: bool) -> dict[int, TexturedMaterial]:
+def read_materials(
+    document: Document, used: set[int], textures: bool, finish: bool = False
+) -> dict[int, TexturedMaterial]:
     """The materials of those indices.
 
     Args:
@@ -45,13 +48,43 @@ def read_materials(document: Document, used: set[int], textures: bool) -> dict[i
         used: which ``materials`` entries are wanted.
         textures: decode base colour textures; without, their factor alone is kept. Emissive ones are always decoded,
             unless their factor is black.
+        finish: decode those of metallic and roughness.
 
     Raises:
         InputError: a value outside the specification, an image that cannot be decoded, textures of one material that
             read different coordinates.
     """
     images: dict[int, F32] = {}
-    return {index: _surface(document, document.entry("materials", index), textures, images) for index in sorted(used)}
+    entries = {index: document.entry("materials", index) for index in sorted(used)}
+    plain = {index: _surface(document, entry, textures, images) for index, entry in entries.items()}
+    return {i: _finished(document, entries[i], x, finish, images) for i, x in plain.items()}
+
+
+def _finished(
+    document: Document, entry: Fields, plain: TexturedMaterial, textured: bool, images: dict[int, F32]
+) -> TexturedMaterial:
+    """The material with metallic and roughness; of the archived extension's, which has no metals, roughness alone."""
+    glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
+    shape = entry.child("pbrMetallicRoughness")
+    metallic, roughness = (_share(shape, name) for name in ("metallicFactor", "roughnessFactor"))
+    if glossy is not None:
+        metallic, roughness = 0.0, 1 - _share(glossy, "glossinessFactor")
+    made = replace(plain.material, metallic=metallic, roughness=roughness)
+    if not textured or glossy is not None or "metallicRoughnessTexture" not in shape:
+        return TexturedMaterial(made, plain.uv)
+    found = _texture(document, shape.child("metallicRoughnessTexture"), images)
+    if plain.uv is not None and plain.uv.key() != found.uv.key():
+        remedy = "give both the same texCoord and KHR_texture_transform"
+        raise shape.fail("metallicRoughnessTexture", "other texture coordinates than the base colour's", remedy)
+    values = colour.srgb_encode(found.image)  # these texels are numbers, and were read as colours
+    return TexturedMaterial(replace(made, finish_texture=values, finish_wrap=found.wraps), found.uv)
+
+
+def _share(shape: Fields, name: str) -> float:
+    value = shape.number(name, 1.0)
+    if not 0 <= value <= 1:
+        raise shape.fail(name, f"{value:g}", "it must be from 0 to 1")
+    return value
 
 
 def _surface(document: Document, entry: Fields, textures: bool, images: dict[int, F32]) -> TexturedMaterial:

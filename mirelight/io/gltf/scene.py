@@ -44,7 +44,7 @@ class GltfLights:
     blender: str | None  # Blender's exporter with its version, where that wrote the file
 
 
-def read_scene(path: str | Path, *, textures: bool = True) -> GltfScene:
+def read_scene(path: str | Path, *, textures: bool = True, finish: bool = False) -> GltfScene:
     """Read a .glb or .gltf file.
 
     The mesh's `albedo` is left at its gray default; the file's colours are in `materials` and `vertex_colors`.
@@ -53,6 +53,7 @@ def read_scene(path: str | Path, *, textures: bool = True) -> GltfScene:
         path: the file.
         textures: decode base colour textures. Without, no image is opened, and files whose textures cannot be read
             still serve as a plain proxy.
+        finish: decode textures of metallic and roughness, too.
 
     Raises:
         InputError: anything in the file that cannot be used, with its field.
@@ -63,7 +64,7 @@ def read_scene(path: str | Path, *, textures: bool = True) -> GltfScene:
     moving = animated_nodes(document, nodes)
     return GltfScene(
         path=document.path,
-        mesh=_read_proxy(document, nodes, textures),
+        mesh=_read_proxy(document, nodes, textures, finish),
         lights=read_node_lights(document, nodes.values()),
         cameras=cameras,
         animated_cameras=tuple(x.name for x in cameras if x.node in moving),
@@ -89,7 +90,7 @@ def read_cameras(path: str | Path) -> tuple[GltfCamera, ...]:
     return read_node_cameras(document, place_nodes(document).values())
 
 
-def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool) -> ProxyMesh | None:
+def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool, finish: bool) -> ProxyMesh | None:
     carriers = [
         (node, document.entry("meshes", node.fields.integer("mesh"), node.fields, "mesh"))
         for node in nodes.values()
@@ -99,7 +100,7 @@ def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool) -> P
     check_size(document, [(mesh, len(w)) for (_, mesh), w in zip(carriers, worlds, strict=True)])
     primitives = [p for mesh in {m.where: m for _, m in carriers}.values() for p in triangle_primitives(mesh)]
     used = {index for p in primitives if (index := p.integer("material", None)) is not None}
-    surfaces = read_materials(document, used, textures)
+    surfaces = read_materials(document, used, textures, finish)
     cache: dict[str, list[Piece]] = {}
     placed: list[Piece] = []
     owners: list[str] = []
@@ -214,7 +215,7 @@ def _material_table(
     """The materials in use and each face's index into them; None where there is only one."""
     indices = np.concatenate([p.face_materials for p in pieces])
     used, compact = np.unique(indices, return_inverse=True)
-    materials = tuple(Material() if i < 0 else surfaces[int(i)].material for i in used)
+    materials = tuple(Material(metallic=1.0) if i < 0 else surfaces[int(i)].material for i in used)
     return materials, None if len(used) == 1 else compact.astype(np.int32)
 
 

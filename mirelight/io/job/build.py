@@ -12,15 +12,26 @@ import numpy as np
 
 from mirelight import model
 from mirelight.base.conventions import Matrix
-from mirelight.io.job import camera_files, cameras, drawing, lighting, mixing, moments, moving, placing, sweep
+from mirelight.io.job import (
+    camera_files,
+    cameras,
+    drawing,
+    inserted,
+    lighting,
+    mixing,
+    moments,
+    moving,
+    placing,
+    sweep,
+)
 from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.camera_files import SceneCamera
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
-from mirelight.io.job.light_tables import LightUnit, Lit
+from mirelight.io.job.light_tables import CAPTURED, AsCaptured, LightUnit, Lit
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path as Place
-from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
+from mirelight.io.job.scene_tables import ObjectTable, ProxyTable, SplatsTable, Transform
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
@@ -29,6 +40,7 @@ from mirelight.model import (
     F32,
     Deferred,
     EstimatedSky,
+    Inserted,
     Job,
     Light,
     Lighting,
@@ -93,6 +105,10 @@ class Assets:
             refuse_without_decoder(path)
         albedo = "gray" if table.albedo == "splats" else table.albedo
         return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
+
+    def inserted(self, table: ObjectTable) -> Inserted:
+        """An object in world space, before it is dropped."""
+        return inserted.of_table(table, self.path(table.path), self.digests[table.path])
 
     def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
@@ -222,6 +238,8 @@ def build(source: Source, table: JobTable) -> Job:
         is_moment = [False] * len(lightings)
     mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
     captured = captured or _estimated(table, splats, proxy, assets, wrong)
+    if any(isinstance(x, AsCaptured) for x in table.lightings):
+        mixed, is_moment = _as_captured(captured, relight_settings(table), wrong)
     cameras_of()
     source.refuse(wrong)
     return Job(
@@ -231,6 +249,7 @@ def build(source: Source, table: JobTable) -> Job:
         proxy=proxy,
         made_proxy=made,
         capture_cameras=capture_cameras,
+        objects=tuple(assets.inserted(x) for x in table.objects),
         albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
         lightings=moments.numbered(mixed, is_moment),
@@ -345,7 +364,9 @@ def relight_settings(table: JobTable, own: RelightTable | None = None) -> model.
 def _output(source: Source, table: JobTable) -> model.OutputSettings:
     """Frames of a sweep hold the picture alone by default: what else there is, they share, and the store keeps it."""
     chosen = _settings(table.output)
-    whole = table.sweep is None or table.output.store == "frames"
+    if table.objects and "store" not in table.output.model_fields_set:
+        chosen["store"] = "frames"  # what is kept for mixing knows of no objects
+    whole = table.sweep is None or chosen["store"] == "frames"
     chosen |= {name: whole for name in ("layers", "aovs") if chosen[name] is None}
     return replace(model.OutputSettings(**chosen), directory=(source.folder / table.output.directory).resolve())
 
@@ -359,7 +380,8 @@ def _lightings(
     table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]
 ) -> tuple[tuple[Lighting, ...], list[bool]]:
     """The job's lightings, and of each whether it is a moment of lights that move: those of one share its name."""
-    tables: list[tuple[str, Lit, Place]] = [(one.name, one, ("lightings", i)) for i, one in enumerate(table.lightings)]
+    named = [(i, x) for i, x in enumerate(table.lightings) if not isinstance(x, AsCaptured)]
+    tables: list[tuple[str, Lit, Place]] = [(x.name, x, ("lightings", i)) for i, x in named]
     if not tables and (table.lights or table.lights_from or table.environment):
         tables = [("lighting", table, ())]
     if not tables:
@@ -392,6 +414,17 @@ def _captured(
     if table.captured.lighting is not None:
         return next(x for x in lightings if x.name == table.captured.lighting)
     return lighting.lighting("captured", table.captured, ("captured",), assets, wrong)
+
+
+def _as_captured(
+    captured: Lighting | None, relight: model.RelightSettings, wrong: list[Mistake]
+) -> tuple[tuple[Lighting, ...], list[bool]]:
+    """The captured light as the job's only lighting. It is compared with itself, so there is nothing to repair."""
+    if captured is None:
+        remedy = 'add captured = "estimate", or name the light that the capture was made under'
+        wrong.append(Mistake(("lightings",), "no captured light to render in", remedy))
+        return (), []
+    return (replace(captured, name=CAPTURED, relight=replace(relight, repair=False)),), [False]
 
 
 def _estimated(

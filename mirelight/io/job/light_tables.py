@@ -22,6 +22,7 @@ from mirelight.io.job.scene_tables import Environment, Transform
 
 MOST_MOMENTS = 10_000  # of one lighting
 AT_CAMERAS = "camera"  # as the time of lights
+CAPTURED = "captured"  # as the job's lightings: the captured light
 ESTIMATE = "estimate"  # as `captured`
 LightUnit: TypeAlias = Literal["khr", "blender"]  # what a glTF file's intensities are
 
@@ -83,8 +84,24 @@ class LightingTable(Lit):
 
     @model_validator(mode="after")
     def _check(self) -> LightingTable:
-        _lit(self)
+        if not isinstance(self, AsCaptured):
+            _lit(self)
         return self
+
+
+class AsCaptured(LightingTable):
+    """Stands for the captured light, as the only lighting: nothing but inserted objects changes the picture."""
+
+
+def _as_captured(value: Any) -> Any:
+    return [AsCaptured(name=CAPTURED)] if value == CAPTURED else value
+
+
+Lightings: TypeAlias = Annotated[
+    list[LightingTable],
+    BeforeValidator(_as_captured, json_schema_input_type=list[LightingTable] | Literal["captured"]),
+    Field(max_length=100_000),
+]
 
 
 class CapturedTable(Lit):

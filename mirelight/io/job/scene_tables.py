@@ -15,6 +15,7 @@ from mirelight.io.job.fields import (
     Degrees,
     Matrix,
     MeshPath,
+    Name,
     NotNegative,
     Positive,
     Quaternion,
@@ -152,6 +153,25 @@ class ProxyTable(Table):
         if self.path == SPLATS and self.albedo == "file":
             raise wrong("'file' for a proxy that has none", 'give a number, [r, g, b] or "splats"', at="albedo")
         return self
+
+
+Share: TypeAlias = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+
+
+class ObjectTable(Table):
+    """An object that is put into the capture: lit by it, mirroring it, and casting its shadows on it."""
+
+    path: AssetPath = Field(description="Mesh file: .glb, .gltf, .ply, .obj or .stl.")
+    name: Name | None = Field(default=None, description="What messages call it. Default: the file's name.")
+    transform: Transform = Field(default=Transform(), description="Places it in the world.")
+    drop: bool = Field(
+        default=False, description="Whether it is moved along Y until its lowest vertices stand on the proxy."
+    )
+    base_color: Annotated[ColorOrGray, AfterValidator(_reflectance)] | None = Field(
+        default=None, description="In place of the file's colours: a number or linear [r, g, b]."
+    )
+    metallic: Share | None = Field(default=None, description="In place of the file's: 0 no metal, 1 a metal.")
+    roughness: Share | None = Field(default=None, description="In place of the file's: 0 a mirror, 1 matt.")
 
 
 Splats: TypeAlias = Annotated[

@@ -9,10 +9,10 @@ from pydantic import Field
 from mirelight.io.job.camera_file_tables import CamerasFrom
 from mirelight.io.job.camera_tables import AnyCamera
 from mirelight.io.job.fields import Positive, Resolution
-from mirelight.io.job.light_tables import Captured, LightingTable, Lit
+from mirelight.io.job.light_tables import Captured, Lightings, Lit
 from mirelight.io.job.mixing import MixTable
 from mirelight.io.job.moving import MovedTable
-from mirelight.io.job.scene_tables import Proxy, Splats
+from mirelight.io.job.scene_tables import ObjectTable, Proxy, Splats
 from mirelight.io.job.settings_tables import (
     CompositorTable,
     DatasetTable,
@@ -38,16 +38,19 @@ class JobTable(Lit):
         description="One or several splat files: a path, a table or a list. Default: the lighting is rendered alone.",
     )
     proxy: Proxy | None = Field(default=None, description="The mesh that stands for the scene: a path or a table.")
+    objects: list[ObjectTable] = Field(
+        default=[], max_length=1000, description="Objects that are put into the capture, one table each."
+    )
     resolution: Resolution = Field(
         default=[1280, 720], description="[width, height] in pixels of cameras that give none."
     )
     resolution_scale: Annotated[Positive, Field(le=16)] = Field(
         default=1.0, description="Scales the image of every camera; 0.25 for a quick look."
     )
-    lightings: list[LightingTable] = Field(
+    lightings: Lightings = Field(
         default=[],
-        max_length=100_000,
-        description="Several named lightings, instead of lights and environment at the top.",
+        description='Several named lightings, instead of lights and environment at the top; or "captured", so that '
+        "nothing but objects changes the picture.",
     )
     captured: Captured | None = Field(
         default=None,

@@ -22,6 +22,7 @@ class Film:
     light: (layer, direct and indirect, pixel, rgb).
     squares: (layer, pixel, rgb) of a layer's batches, and where layers are separate those of the beauty behind them.
     surface: (pixel, SURFACE).
+    Where paths that begin on inserted objects are kept apart, as many rows, and pixels, follow for those.
     parts: (layer, 2, pixel, rgb) over every second batch and over one in four; only where they are asked for.
     again: (layer, pixel of `error_estimate.chosen`, rgb) over its second samples; only once `keep` was called.
     doubt: (layer, pixel, rgb) half the difference of two fills of the cells that were read; only where some are.
@@ -29,8 +30,11 @@ class Film:
     A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
     """
 
-    def __init__(self, pixels: int, layers: Layers, *, aovs: bool, parts: bool, doubt: bool = False) -> None:
-        count = max(len(layers.names), 1)
+    def __init__(
+        self, pixels: int, layers: Layers, *, aovs: bool, parts: bool, doubt: bool = False, objects: bool = False
+    ) -> None:
+        self._halves = 2 if objects else 1
+        count = max(len(layers.names), 1) * self._halves
         self.aovs, self.in_parts = aovs, parts
         self.separate, self._layer_count = layers.separate, count
         self._pixels = dr.opaque(mi.UInt32, pixels)
@@ -40,8 +44,8 @@ class Film:
         met_sky, met_glow = layers.met or (layers.environment, layers.emission)
         self.met_sky_layer, self.met_glow_layer = dr.opaque(mi.UInt32, met_sky), dr.opaque(mi.UInt32, met_glow)
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
-        self._squares = dr.zeros(mi.Float, (count + layers.separate) * pixels * 3)
-        self._surface = dr.zeros(mi.Float, pixels * SURFACE)
+        self._squares = dr.zeros(mi.Float, (count + self._halves * layers.separate) * pixels * 3)
+        self._surface = dr.zeros(mi.Float, pixels * SURFACE * self._halves)
         self._again: Float | None = None
         self._counted = dr.opaque(mi.Bool, True)
         self._parts = dr.zeros(mi.Float, count * 2 * pixels * 3 if parts else 1)
@@ -51,6 +55,11 @@ class Film:
         dr.eval(self._light, self._squares, self._surface, self._parts, self._doubt)
 
     # --- in the kernel ---
+
+    @property
+    def second_half(self) -> tuple[UInt32, UInt32]:
+        """How far the pixels and the places of a launch lie on, of paths that begin on objects."""
+        return self._pixels, self._layers * self._stride
 
     def add_surface(self, pixel: UInt32, at: Point, depth: Float, active: Bool) -> None:
         """One sample's surface point."""
@@ -149,8 +158,10 @@ class Film:
         if self.separate:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
-            squares = _squared_batches(self._launch, here, b, n, 2 * self._layers)
-            _put(self._squares, squares, self._layers * row + place)
+            rows = 2 * self._layers // self._halves
+            for half in range(self._halves):
+                squares = _squared_batches(self._launch, here + half * rows * b * n, b, n, rows)
+                _put(self._squares, squares, (self._layers + half) * row + place)
             dr.eval(self._squares)
         self._launch = mi.Float(0)
         dr.sync_thread()

@@ -18,8 +18,9 @@ from mirelight.lighting.kernel.lights import LightSet
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
 from mirelight.lighting.kernel.samples import mix, number
+from mirelight.lighting.kernel.scatter import reflected
 from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector3f
-from mirelight.lighting.kernel.vertex import Vertex
+from mirelight.lighting.kernel.vertex import Arrival, Vertex
 
 
 class _Candidates(NamedTuple):
@@ -77,7 +78,8 @@ def add_lamps(
         lit = active & (chosen.weight > 0)
         lit &= ~surface.blocked(bounded_ray(vertex.at.start, chosen.wi, chosen.length), lit, coherent=~vertex.indirect)
         light = chosen.light
-        arrived = dr.select(lit, vertex.weight * chosen.irradiance * (chosen.total / chosen.weight), 0)
+        brought = _reflected(lights, vertex, light, chosen.wi, chosen.irradiance)
+        arrived = dr.select(lit, vertex.weight * brought * (chosen.total / chosen.weight), 0)
         seen = dr.select(lit, chosen.total / chosen.weight, 0)
         if dr.hint(several, mode="scalar"):
             arrived, seen = _sample_again(surface, lights, vertex, own_light, rays, arrived, seen, active)
@@ -91,6 +93,43 @@ def add_lamps(
             sunlit += dr.select(lit & ~vertex.indirect, sun * seen, 0)
         pick += 1
     return sums, sunlit
+
+
+def _reflected(lights: LightSet, vertex: Vertex, light: UInt32, wi: Vector3f, irradiance: Vector3f) -> Vector3f:
+    """Irradiance times what of the BRDF the vertex' weight has not; on an object weighted against its being met."""
+    if vertex.gloss is None:
+        return irradiance
+    _, _, drawn = punctual.met(lights.table, light, vertex.at.p, wi)
+    share = dr.select(vertex.gloss.on & (drawn > 0), drawn / (drawn + vertex.gloss.pdf(wi)), 1)
+    return reflected(vertex.gloss, irradiance * share, wi)
+
+
+@dr.syntax
+def add_lamps_met(
+    lights: LightSet,
+    film: Film,
+    vertex: Vertex,
+    came: Arrival,
+    throughput: Vector3f,
+    sums: PathSums,
+    active: Bool,
+) -> PathSums:
+    """The lights with an extent that a ray meets which an object has reflected, nearer than the surface that it hits.
+
+    Args:
+        came: the ray; its distance is infinite where it hits nothing.
+        throughput: with the reflection.
+    """
+    light = mi.UInt32(0)
+    while active & (light < lights.count):
+        distance, radiance, drawn = punctual.met(lights.table, light, vertex.at.p, came.d)
+        here = active & (drawn > 0) & (distance * punctual.SHADOW_END <= came.distance)
+        share = came.pdf / (came.pdf + drawn)
+        layer = dr.gather(mi.UInt32, lights.layer_of_light, light, here)
+        value = dr.select(here, throughput * radiance * share, 0)
+        sums = film.add_light(sums, vertex.place, layer, vertex.indirect, value, here)
+        light += 1
+    return sums
 
 
 def _weighed(vertex: Vertex) -> UInt32:
@@ -160,7 +199,7 @@ def _sample_again(
         wi, length, irradiance = punctual.sample(lights.table, light, vertex.at.p, vertex.at.normal, ray, seed)
         lit = active & (dr.max(irradiance) > 0)
         lit &= ~surface.blocked(bounded_ray(vertex.at.start, wi, length), lit, coherent=True)
-        arrived += dr.select(lit, vertex.weight * irradiance, 0)
+        arrived += dr.select(lit, vertex.weight * _reflected(lights, vertex, light, wi, irradiance), 0)
         seen += dr.select(lit, 1, 0)
         k += 1
     return arrived, seen

@@ -33,6 +33,7 @@ class LightSet:
         sun_shares: F32,
     ) -> None:
         self.table, self.seeds = floats(table), integers(seeds)
+        self.count = dr.opaque(mi.UInt32, len(layer_of_light))
         self.layer_of_light = integers(layer_of_light)
         self.sun_shares = floats(sun_shares)
         self.starts = integers(grid.starts)
@@ -183,6 +184,63 @@ def _area_sample(table: Float, row: UInt32, position: Vector3f, kind: Float, p: 
     solid = dr.select(by_angle, solid_angle, area * -z0 * inverse * dr.square(inverse))
     way = x_axis * (x * inverse) + y_axis * (y * inverse) + normal * (z0 * inverse)
     return way, d2 * inverse, dr.select(z0 < 0, radiance * solid, 0)
+
+
+def _cone_met(
+    table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vector3f, d: Vector3f
+) -> tuple[Float, Vector3f, Float]:
+    """`met` of a sun or a glowing ball: inside its cone of directions."""
+    _, radius = _group(table, row, 1)
+    axis, distance, irradiance = _punctual(table, row, position, kind, p)
+    sun = kind == float(Kind.SUN)
+    sine2 = dr.square(dr.select(sun, radius, radius / distance))
+    apart2 = dr.squared_norm(dr.cross(axis, d))
+    inside = (apart2 <= sine2) & (dr.dot(axis, d) > 0) & (sine2 < 1)
+    along = distance * dr.dot(d, axis)
+    surface = along - dr.safe_sqrt(dr.square(radius) - dr.square(distance) + dr.square(along))
+    drawn = (1 + dr.safe_sqrt(1 - sine2)) / (dr.two_pi * sine2)
+    return dr.select(sun, dr.inf, surface), irradiance / (dr.pi * sine2), dr.select(inside, drawn, 0)
+
+
+def _area_met(
+    table: Float, row: UInt32, position: Vector3f, kind: Float, p: Vector3f, d: Vector3f
+) -> tuple[Float, Vector3f, Float]:
+    """`met` of a glowing rectangle or disk."""
+    normal, _ = _group(table, row, 1)
+    radiance, _ = _group(table, row, 2)
+    x_axis, half_width = _group(table, row, 3)
+    y_axis, half_height = _group(table, row, 4)
+    disk = kind == float(Kind.DISK)
+    to_centre = position - p
+    z0, slant = dr.dot(to_centre, normal), dr.dot(d, normal)
+    distance = z0 / slant
+    x = (distance * dr.dot(d, x_axis) - dr.dot(to_centre, x_axis)) / half_width
+    y = (distance * dr.dot(d, y_axis) - dr.dot(to_centre, y_axis)) / half_height
+    inside = dr.select(disk, dr.square(x) + dr.square(y) <= 1, dr.maximum(abs(x), abs(y)) <= 1)
+    x0, y0 = dr.dot(to_centre, x_axis) - half_width, dr.dot(to_centre, y_axis) - half_height
+    _, _, solid_angle = _rectangle_point(x0, y0, z0, 2 * half_width, 2 * half_height, mi.Point2f(0.5, 0.5))
+    area = dr.select(disk, dr.pi, 4) * half_width * half_height
+    by_area = area * abs(slant) / dr.square(distance)
+    solid = dr.select((~disk) & (solid_angle > 0.02), solid_angle, by_area)
+    return distance, radiance, dr.select(inside & (z0 < 0) & (slant < -1e-6), 1 / solid, 0)
+
+
+@dr.syntax
+def met(table: Float, row: UInt32, p: Vector3f, d: Vector3f) -> tuple[Float, Vector3f, Float]:
+    """A light as a ray from p along unit d meets it.
+
+    Returns:
+        (distance, radiance, density per solid angle with which `sample` draws that way: 0 where the ray misses it, or
+        it has no extent).
+    """
+    position, kind = _group(table, row, 0)
+    p = mi.Vector3f(p)
+    distance, radiance, drawn = mi.Float(0), mi.Vector3f(0), mi.Float(0)
+    if kind > float(Kind.SPHERE):
+        distance, radiance, drawn = _area_met(table, row, position, kind, p, d)
+    elif kind > float(Kind.SPOT):
+        distance, radiance, drawn = _cone_met(table, row, position, kind, p, d)
+    return distance, radiance, drawn
 
 
 @dr.syntax

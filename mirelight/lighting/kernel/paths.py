@@ -17,12 +17,13 @@ import mitsuba as mi
 from mirelight.lighting.kernel.cell_points import CellPoints
 from mirelight.lighting.kernel.cells import DeviceCells
 from mirelight.lighting.kernel.film import Film, PathSums
-from mirelight.lighting.kernel.lamps import add_lamps
+from mirelight.lighting.kernel.lamps import add_lamps, add_lamps_met
 from mirelight.lighting.kernel.lights import SHADOW_END, LightSet
 from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix, number, pair, stratified
+from mirelight.lighting.kernel.scatter import SCATTERED_ALPHA, Gloss, density, reflected
 from mirelight.lighting.kernel.sky import Sky, sky_irradiance
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
 from mirelight.lighting.kernel.vertex import Arrival, Vertex
@@ -71,6 +72,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     covered, face, uv, d = view.first_hit(world.surface, pixel, sample, stream)
     active = mi.Bool(covered)
     seen = world.surface.at(face, uv, d, active)
+    pixel, place = steps.part_of_film(pixel, place, face)
     film.add_surface(pixel, seen, view.depth(seen.p), active)
 
     depth = mi.UInt32(0)
@@ -79,13 +81,15 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     throughput = mi.Vector3f(1)
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
     distance, pdf = mi.Float(0), mi.Float(0)  # of the ray that came here
+    scattered = mi.Bool(False)  # by something rougher than a mirror
     while active:
         came = Arrival(face, uv, d, distance, pdf)
         salt = mix(stream, depth + 1)
         at = world.surface.at(face, uv, d, active)
         albedo = steps.albedo(at, depth)
-        weight = throughput * albedo * dr.inv_pi
-        vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight)
+        gloss = steps.gloss(at, d, albedo, scattered)
+        weight = throughput * albedo * dr.inv_pi if gloss is None else throughput
+        vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight, gloss)
 
         sums, active = steps.add_glow_met(sums, vertex, came, active)
         sums, active = steps.add_later_cell(sums, vertex, came, active)
@@ -96,19 +100,22 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         sums = steps.add_first_cell(sums, vertex, cell, read)
 
         depth += 1
-        throughput *= albedo
-        go_on = active & ~read & steps.may_meet_light(depth) & (dr.max(throughput) > 0)
+        way, passed = steps.drawn(vertex)
+        throughput *= passed
+        go_on = active & ~read & steps.may_meet_light(vertex, depth) & (dr.max(throughput) > 0)
         survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
         go_on &= roulette < survival
         roulette = roulette / survival
         throughput = throughput / survival
         if dr.hint(film.aovs, mode="scalar"):
             go_on |= active & (depth == 1)
-        came, hit = steps.reflect(vertex, go_on)
+        came, hit = steps.reflect(vertex, way, go_on)
         if dr.hint(film.aovs, mode="scalar"):
             near = hit & (came.distance < job.ao_distance)
             unoccluded = dr.select(active & (depth == 1), dr.select(near, 0, 1), unoccluded)
         sums = steps.add_sky_met(sums, place, depth, throughput, came, go_on & ~hit & ~read)
+        sums = steps.add_lamps_met(sums, vertex, throughput, came, hit, go_on)
+        scattered = steps.scatters(vertex, scattered)
         face, uv, d, distance, pdf = came
         active = hit & ~read & ((depth < job.max_depth) | job.emission)
 
@@ -146,17 +153,48 @@ class _Steps:
         """Of a hit; a first one whose irradiance is asked for counts as white."""
         return dr.select(depth == 0, 1, at.albedo) if self.job.irradiance else at.albedo
 
-    def may_meet_light(self, depth: UInt32) -> Bool:
-        """Whether a ray that leaves the last hit of so many can bring something."""
-        return (depth < self.job.max_depth) | self.sky.present | self.job.emission
+    def part_of_film(self, pixel: UInt32, place: UInt32, face: UInt32) -> tuple[UInt32, UInt32]:
+        """Pixel and place of a path in the film: paths that objects begin have a half of it of their own."""
+        if not self.surface.has_objects:
+            return pixel, place
+        inserted = self.surface.is_inserted(face)
+        pixels, places = self.film.second_half
+        return pixel + dr.select(inserted, pixels, 0), place + dr.select(inserted, places, 0)
 
-    def reflect(self, vertex: Vertex, go_on: Bool) -> tuple[Arrival, Bool]:
-        """(the ray that a vertex reflects, drawn by the cosine, and where it goes; whether it hits the surface)."""
-        at = vertex.at
+    def gloss(self, at: Point, d: Vector3f, albedo: Vector3f, scattered: Bool) -> Gloss | None:
+        """How a hit reflects; None where there are no objects."""
+        if at.finish is None:
+            return None
+        alpha = dr.square(at.finish.roughness)
+        alpha = dr.select(scattered, dr.maximum(alpha, SCATTERED_ALPHA), alpha)
+        return Gloss.of(at.finish.on, at.normal, -d, albedo, at.finish.metallic, alpha)
+
+    def drawn(self, vertex: Vertex) -> tuple[Vector3f, Vector3f]:
+        """(the way on from a vertex, drawn by its BRDF; what a path that takes it is multiplied by)."""
         u = pair(vertex.sample, mix(vertex.salt, 3))
-        d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(u))
+        if vertex.gloss is None:
+            d = mi.Frame3f(vertex.at.normal).to_world(mi.warp.square_to_cosine_hemisphere(u))
+            return d, vertex.albedo
+        d = vertex.gloss.sample(number(vertex.sample, mix(vertex.salt, 8)), u)
+        leaves = ~vertex.gloss.on | (dr.dot(d, vertex.at.geometric_normal) > 0)
+        return d, dr.select(leaves, vertex.gloss.weight(d), 0)
+
+    def scatters(self, vertex: Vertex, scattered: Bool) -> Bool:
+        """Whether a path has been at anything rougher than a mirror."""
+        if vertex.gloss is None:
+            return scattered
+        return scattered | ~vertex.gloss.on | (vertex.gloss.alpha >= SCATTERED_ALPHA)
+
+    def may_meet_light(self, vertex: Vertex, depth: UInt32) -> Bool:
+        """Whether the ray that leaves a vertex, the path's reflection of that number, can bring something."""
+        bright = (depth < self.job.max_depth) | self.sky.present | self.job.emission
+        return bright if vertex.gloss is None else bright | vertex.gloss.on  # which may show a lamp
+
+    def reflect(self, vertex: Vertex, d: Vector3f, go_on: Bool) -> tuple[Arrival, Bool]:
+        """(the ray that a vertex reflects that way, and where it goes; whether it hits the surface)."""
+        at = vertex.at
         found = self.surface.nearest(mi.Ray3f(at.start, d), go_on)
-        pdf = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
+        pdf = density(vertex.gloss, dr.maximum(dr.dot(d, at.normal), 0), d)
         came = Arrival(mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), d, mi.Float(found.t), pdf)
         return came, go_on & found.is_valid()
 
@@ -195,6 +233,16 @@ class _Steps:
             layer = dr.select(depth == 1, film.met_sky_layer, film.sky_layer)
         return film.add_light(sums, place, layer, depth > 1, value, escaped)
 
+    def add_lamps_met(
+        self, sums: PathSums, vertex: Vertex, throughput: Vector3f, came: Arrival, hit: Bool, active: Bool
+    ) -> PathSums:
+        """The table's lights with an extent where a ray meets them that an object has reflected."""
+        if vertex.gloss is None:
+            return sums
+        came = came._replace(distance=dr.select(hit, came.distance, dr.inf))
+        lit = active & vertex.gloss.on
+        return add_lamps_met(self.lights, self.film, vertex, came, throughput, sums, lit)
+
     # --- light that is sampled towards its source ---
 
     def add_lamps(self, sums: PathSums, sunlit: Float, vertex: Vertex, active: Bool) -> tuple[PathSums, Float]:
@@ -213,7 +261,7 @@ class _Steps:
             times = mi.Float(1)
             if dr.hint(self._reads, mode="scalar"):
                 choice, times = self.cells.spread.choice(cell, choice, read)
-            value += times * sky_irradiance(self.surface, self.sky, vertex.at, choice, inside, lit)
+            value += times * sky_irradiance(self.surface, self.sky, vertex.at, vertex.gloss, choice, inside, lit)
             ray += 1
         value *= vertex.weight / mi.Float(rays)
         return self.film.add_light(sums, vertex.place, self.film.sky_layer, vertex.indirect, value, lit)
@@ -226,7 +274,7 @@ class _Steps:
             while active & (ray < rays):
                 index = vertex.sample * rays + ray
                 choice, inside = number(index, mix(vertex.salt, 5)), pair(index, mix(vertex.salt, 6))
-                glow, lit = _glow_irradiance(self.surface, vertex.at, choice, inside, active)
+                glow, lit = _glow_irradiance(self.surface, vertex, choice, inside, active)
                 value += dr.select(lit, glow, 0)
                 ray += 1
             value *= vertex.weight / mi.Float(rays)
@@ -269,11 +317,13 @@ class _Steps:
 
 
 def _glow_irradiance(
-    surface: DeviceProxy, at: Point, choice: Float, inside: Point2f, active: Bool
+    surface: DeviceProxy, vertex: Vertex, choice: Float, inside: Point2f, active: Bool
 ) -> tuple[Vector3f, Bool]:
     """(light of one point of what glows elsewhere, drawn by power and weighted likewise; whether there is any)."""
+    at = vertex.at
     d, length, drawn, glow = surface.sample_glow(at.p, choice, inside, active)
     cosine = dr.dot(d, at.normal)
     lit = active & (cosine > 0) & (drawn > 0)
     lit &= ~surface.blocked(bounded_ray(at.start, d, length * SHADOW_END), lit)
-    return glow * (cosine / (drawn + cosine * dr.inv_pi)), lit
+    light = glow * (cosine / (drawn + density(vertex.gloss, cosine, d)))
+    return reflected(vertex.gloss, light, d), lit

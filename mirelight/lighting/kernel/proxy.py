@@ -38,7 +38,15 @@ from mirelight.model import F32, F64, ProxyMesh
 # the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
 OFFSET = 2.0**-18
 
-BASE_COLOR, EMISSION = 0, 1  # groups of an atlas row; each one's texture stands two groups further on
+BASE_COLOR, EMISSION, FINISH = 0, 1, 2  # groups of an atlas row; each one's texture stands three groups further on
+
+
+class Finish(NamedTuple):
+    """How an inserted object reflects at a point."""
+
+    on: Bool  # there is one; else the point is the proxy's own
+    metallic: Float
+    roughness: Float
 
 
 class Point(NamedTuple):
@@ -50,13 +58,17 @@ class Point(NamedTuple):
     normal: Vector3f  # shading normal
     albedo: Vector3f
     emission: Vector3f  # radiance
+    finish: Finish | None = None  # where objects are inserted
 
 
 class DeviceProxy:
     """The mesh in device memory and Mitsuba's scene over it. The kinds of data it has are compiled in, not values."""
 
-    def __init__(self, proxy: ProxyMesh) -> None:
+    def __init__(self, proxy: ProxyMesh, first_inserted: int | None = None) -> None:
+        """`first_inserted`: faces from there on are inserted objects', which reflect as glTF says; None: none are."""
         self.bounds = proxy.bounds
+        self.has_objects = first_inserted is not None
+        self.first_inserted = dr.opaque(mi.UInt32, first_inserted or 0)
         self.scene = _scene(proxy)
         self.faces = integers(np.append(proxy.faces.ravel(), np.zeros(6, np.int32)))
         self.vertices = _vectors(proxy.vertices)
@@ -66,7 +78,7 @@ class DeviceProxy:
         self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in _constant_albedo(proxy)))
         self.emissive = is_emissive(proxy)
         self.atlas: Atlas | None = None
-        if (from_file and _needs_materials(proxy)) or self.emissive:
+        if (from_file and _needs_materials(proxy)) or self.emissive or self.has_objects:
             self.atlas = pack_materials(proxy)
             self.materials = floats(self.atlas.rows)
             self.material_of_face = integers(self.atlas.of_face)
@@ -77,6 +89,7 @@ class DeviceProxy:
         self.colored = from_file and self.atlas is not None
         self.textured = self.colored and proxy.uvs is not None and _has_base_texture(proxy)
         self.glow_textured = has_emissive_texture(proxy)
+        self.finish_textured = proxy.uvs is not None and any(m.finish_texture is not None for m in proxy.materials)
         if self.atlas is not None and self.atlas.texels is not None and proxy.uvs is not None:
             self.texels = floats(self.atlas.texels)
             self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
@@ -111,7 +124,12 @@ class DeviceProxy:
         n, lifted = (ng, p) if self.normals is None else self._smooth(i, v, b, p, ng, side, active)
         start = lifted + ng * (OFFSET * (dr.max(abs(p)) + longest))
         albedo, emission = self._material(face, i, b, active)
-        return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission)
+        finish = self._finish(face, i, b, active) if self.has_objects else None
+        return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission, finish)
+
+    def is_inserted(self, face: UInt32) -> Bool:
+        """Whether a face is an object's."""
+        return face >= self.first_inserted
 
     def glow_pdf(self, face: UInt32, distance: Float, cosine: Float, active: Bool) -> Float:
         """Density per solid angle of `sample_glow` at a point that far away on a face that slanted."""
@@ -171,10 +189,14 @@ class DeviceProxy:
         """Radiance of a glowing point."""
         return self._of_material(EMISSION, face, i, b, active, textured=self.glow_textured)
 
+    def _finish(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Finish:
+        value = self._of_material(FINISH, face, i, b, active, textured=self.finish_textured)
+        return Finish(self.is_inserted(face), dr.clip(value.z, 0, 1), dr.clip(value.y, 0, 1))
+
     def _of_material(
         self, group: int, face: UInt32, i: Corners, b: Weights, active: Bool, *, textured: bool
     ) -> Vector3f:
-        """Factor times texture of a face's material: its base colour or its emission."""
+        """Factor times texture of a face's material: its base colour, emission or finish."""
         row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4) + group
         factor = dr.gather(mi.Vector4f, self.materials, row, active)
         value = mi.Vector3f(factor.x, factor.y, factor.z)
@@ -182,7 +204,7 @@ class DeviceProxy:
             return value
         uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in i]
         at = uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]
-        place = dr.gather(mi.Vector4f, self.materials, row + 2, active)
+        place = dr.gather(mi.Vector4f, self.materials, row + 3, active)
         return value * self._texture(place, factor.w, at, active)
 
     def _texture(self, place: Vector4f, wrap: Float, at: Point2f, active: Bool) -> Vector3f:

@@ -12,6 +12,7 @@ from mirelight.lighting.environment import distribution, pixels_per_cell
 from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import bounded_ray
+from mirelight.lighting.kernel.scatter import Gloss, density, reflected
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f, Vector4f
 from mirelight.model import F32, Environment
 
@@ -142,10 +143,13 @@ def _brightness(texels: Float, height: int, width: int) -> F32:
     return np.asarray(_mean_brightness(texels, cell, *size).numpy().reshape(rows, columns))
 
 
-def sky_irradiance(surface: DeviceProxy, sky: Sky, at: Point, choice: Float, inside: Point2f, active: Bool) -> Vector3f:
+def sky_irradiance(
+    surface: DeviceProxy, sky: Sky, at: Point, gloss: Gloss | None, choice: Float, inside: Point2f, active: Bool
+) -> Vector3f:
     """The environment's light on a point by one sample of its map, weighted against the reflected ray's density."""
     d, drawn = sky.sample(choice, inside, active)
     cosine = dr.dot(d, at.normal)
     lit = active & (cosine > 0) & (drawn > 0)
     lit &= ~surface.blocked(bounded_ray(at.start, d, mi.Float(dr.inf)), lit)
-    return dr.select(lit, sky.radiance(d, lit) * (cosine / (drawn + cosine * dr.inv_pi)), 0)
+    light = sky.radiance(d, lit) * (cosine / (drawn + density(gloss, cosine, d)))
+    return dr.select(lit, reflected(gloss, light, d), 0)

@@ -72,7 +72,7 @@ def sample_sky(
         at = surface.at(face, uv, d, mi.Bool(True))
         even = (mi.Float(sample) + number(sample, stream)) / mi.Float(each)
         choice, times = spread.choice(cell, even, mi.Bool(True))
-        light = sky_irradiance(surface, sky, at, choice, pair(sample, mix(stream, 2)), mi.Bool(True)) * dr.inv_pi
+        light = sky_irradiance(surface, sky, at, None, choice, pair(sample, mix(stream, 2)), mi.Bool(True)) * dr.inv_pi
         where = dr.minimum(mi.UInt32(choice * bins), bins - 1)
         dr.eval(where, light, times)
         values = np.stack([light.x.numpy(), light.y.numpy(), light.z.numpy()], axis=1)

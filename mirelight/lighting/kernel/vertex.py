@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mirelight.lighting.kernel.proxy import Point
+from mirelight.lighting.kernel.scatter import Gloss
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
 
 
@@ -30,4 +31,5 @@ class Vertex(NamedTuple):
     indirect: Bool  # there are some
     throughput: Vector3f  # β, the albedo of every hit before
     albedo: Vector3f  # of this hit
-    weight: Vector3f  # what irradiance here adds to the pixel: β · albedo / π
+    weight: Vector3f  # what irradiance here adds to the pixel, once it is `reflected`: β · albedo / π, or β
+    gloss: Gloss | None  # where objects are inserted

@@ -21,6 +21,7 @@ SECTIONS = {
     "The job": "",
     "splats": "SplatsTable",
     "proxy": "ProxyTable",
+    "objects": "ObjectTable",
     "transform": "Transform",
     "environment": "EnvironmentTable",
     "sky": "SkyTable",

@@ -1,0 +1,59 @@
+"""From a job's table of an object to the model's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from mirelight.base.conventions import Matrix
+from mirelight.io.job import placing
+from mirelight.io.job.scene_tables import ObjectTable
+from mirelight.model import Deferred, Inserted, Material, ProxyMesh, digest
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What a job says of an object's surface; None: as its file has it."""
+
+    base_color: tuple[float, ...] | None
+    metallic: float | None
+    roughness: float | None
+
+    def of(self, material: Material) -> Material:
+        """The material with it."""
+        if self.base_color is not None:
+            material = replace(material, base_color=np.asarray(self.base_color), base_color_texture=None)
+        texture = None if material.finish_texture is None else material.finish_texture.copy()
+        if self.roughness is not None:
+            material = replace(material, roughness=self.roughness)
+        if self.metallic is not None:
+            material = replace(material, metallic=self.metallic)
+        if texture is not None:
+            texture[..., 1] = texture[..., 1] if self.roughness is None else 1
+            texture[..., 2] = texture[..., 2] if self.metallic is None else 1
+        return replace(material, finish_texture=texture)
+
+
+def of_table(table: ObjectTable, path: Path, sha256: str) -> Inserted:
+    """An object in world space, before it is dropped; its file, of that digest, is read when it is needed."""
+    m = placing.matrix(table.transform)
+    base = None if table.base_color is None else tuple(table.base_color)
+    look = _Look(base, table.metallic, table.roughness)
+    known = digest("object", sha256, m, look)
+    return Inserted(
+        name=table.name or path.stem,
+        mesh=Deferred(known, partial(_mesh, path, m, look)),
+        drop=table.drop,
+        source=str(path),
+    )
+
+
+def _mesh(path: Path, m: Matrix, look: _Look) -> ProxyMesh:
+    from mirelight.io import mesh
+
+    found = mesh.transform(mesh.read_mesh(path, finish=True), m)
+    colors = found.vertex_colors if look.base_color is None else None
+    return replace(found, albedo=None, vertex_colors=colors, materials=tuple(look.of(x) for x in found.materials))

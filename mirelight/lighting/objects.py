@@ -1,0 +1,110 @@
+"""Inserted objects as meshes: set down on the proxy, and joined with it to what is traced. NumPy only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mirelight.base.errors import InputError
+from mirelight.model import F32, F64, I32, Inserted, Material, ProxyMesh
+
+_FOOT = 0.02  # of an object's height: vertices that low may carry it
+_MOST_FEET = 256  # of those that are looked at
+_AT_ONCE = 1 << 22  # pairs of a foot and a triangle
+
+
+def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> tuple[ProxyMesh, int]:
+    """(the proxy with objects where they belong, as one mesh with the file's colours; the first face of theirs).
+
+    Raises:
+        InputError: one that is to be dropped where there is no proxy below or above.
+    """
+    placed = [_dropped(x, proxy) if x.drop else x.mesh.value for x in objects]
+    return joined([_with_own_colors(proxy), *map(_with_own_colors, placed)]), len(proxy.faces)
+
+
+def _dropped(one: Inserted, ground: ProxyMesh) -> ProxyMesh:
+    """The mesh moved along Y by the least gap between its lowest vertices and the ground under them."""
+    mesh = one.mesh.value
+    low, high = mesh.bounds
+    height = float(high[1] - low[1])
+    feet = np.unique(mesh.vertices[mesh.vertices[:, 1] <= low[1] + _FOOT * height], axis=0).astype(np.float64)
+    feet = feet[np.linspace(0, len(feet) - 1, min(len(feet), _MOST_FEET)).astype(int)]
+    heights = ground_below(ground, feet, reach=float(high[1]))
+    if not np.isfinite(heights).any():
+        remedy = "move it over the ground, or leave drop out"
+        raise InputError(one.source, f"nothing of the proxy lies under {one.name!r} to drop it on", remedy)
+    down = float((feet[:, 1] - heights)[np.isfinite(heights)].min())
+    return replace(mesh, vertices=(mesh.vertices - np.array([0, down, 0])).astype(np.float32))
+
+
+def ground_below(mesh: ProxyMesh, points: F64, reach: float) -> F64:
+    """(N,) the highest Y of the mesh on the vertical line through each point (N, 3), up to `reach`; -inf: none."""
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    low, high = points[:, [0, 2]].min(axis=0), points[:, [0, 2]].max(axis=0)
+    flat = corners[..., [0, 2]]
+    near = (flat.max(axis=1) >= low).all(axis=1) & (flat.min(axis=1) <= high).all(axis=1)
+    corners, flat = corners[near], flat[near]
+    out = np.full(len(points), -np.inf)
+    step = max(_AT_ONCE // max(len(points), 1), 1)
+    for at in range(0, len(corners), step):
+        found = _heights(corners[at : at + step], flat[at : at + step], points[:, [0, 2]])
+        found[found > reach] = -np.inf
+        np.maximum(out, found.max(axis=1, initial=-np.inf), out=out)
+    return out
+
+
+def _heights(corners: F64, flat: F64, at: F64) -> F64:
+    """(N, F) Y of each triangle over each place (N, 2); -inf where it does not lie over it."""
+    e1, e2 = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
+    w = at[:, None] - flat[None, :, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (w[..., 0] * e2[:, 1] - w[..., 1] * e2[:, 0]) / area
+        v = (e1[:, 0] * w[..., 1] - e1[:, 1] * w[..., 0]) / area
+        y = corners[:, 0, 1] * (1 - u - v) + corners[:, 1, 1] * u + corners[:, 2, 1] * v
+    return np.where((u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9), y, -np.inf)
+
+
+def _with_own_colors(mesh: ProxyMesh) -> ProxyMesh:
+    """The same look told by vertex colours and materials alone, both there."""
+    colors = np.ones_like(mesh.vertices) if mesh.vertex_colors is None else mesh.vertex_colors
+    materials = mesh.materials
+    if mesh.albedo is not None:
+        colors = np.broadcast_to(mesh.albedo.astype(np.float32), mesh.vertices.shape)
+        materials = tuple(replace(m, base_color=np.ones(3), base_color_texture=None) for m in materials)
+    owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
+    return replace(mesh, vertex_colors=colors, materials=materials, face_materials=owners, albedo=None)
+
+
+def joined(meshes: Sequence[ProxyMesh]) -> ProxyMesh:
+    """One mesh of several that have vertex colours and materials of faces; normals of one without are 0: flat."""
+    vertices = np.cumsum([0] + [len(m.vertices) for m in meshes])
+    materials = np.cumsum([0] + [len(m.materials) for m in meshes])
+    own: list[Material] = [x for m in meshes for x in m.materials]
+    return ProxyMesh(
+        vertices=np.concatenate([m.vertices for m in meshes]),
+        faces=np.concatenate([m.faces + np.int32(k) for m, k in zip(meshes, vertices, strict=False)]),
+        normals=_filled([m.normals for m in meshes], meshes, 3),
+        uvs=_filled([m.uvs for m in meshes], meshes, 2),
+        vertex_colors=np.concatenate([_there(m.vertex_colors) for m in meshes]),
+        face_materials=np.concatenate(
+            [_there(m.face_materials) + np.int32(k) for m, k in zip(meshes, materials, strict=False)]
+        ),
+        materials=tuple(own),
+        albedo=None,
+    )
+
+
+def _there(values: F32 | I32 | None) -> F32 | I32:
+    assert values is not None
+    return values
+
+
+def _filled(parts: Sequence[F32 | None], meshes: Sequence[ProxyMesh], width: int) -> F32 | None:
+    if all(x is None for x in parts):
+        return None
+    blanks = (np.zeros((len(m.vertices), width), np.float32) for m in meshes)
+    return np.concatenate([blank if x is None else x for x, blank in zip(parts, blanks, strict=True)])

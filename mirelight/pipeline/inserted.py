@@ -1,0 +1,60 @@
+"""The scene with objects in it, as the light of a view asks for it."""
+
+from __future__ import annotations
+
+import weakref
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from mirelight.model import Camera, Lighting, ProxyMesh, SurfaceCache
+from mirelight.model.unit_lights import LightSet
+from mirelight.pipeline import requirements
+from mirelight.pipeline.prepared import Prepared
+from mirelight.pipeline.view_light import Progress
+
+if TYPE_CHECKING:
+    from mirelight.lighting import Tracer
+
+
+class SceneWithObjects(Prepared):
+    """New light falls on proxy and objects, while captured light knows the proxy alone."""
+
+    def __init__(self, bare: Prepared) -> None:
+        super().__init__(bare.job, bare.kept)
+        self.keys = bare.keys
+        self._bare: Prepared = weakref.proxy(bare)  # the scene holds this: a cycle would outlive both
+
+    @cached_property
+    def _joined(self) -> tuple[ProxyMesh, int]:
+        """The mesh that is traced, and its first face that is an object's."""
+        from mirelight.lighting.objects import inserted
+
+        proxy = self._bare.proxy
+        assert proxy is not None
+        return inserted(self.job.objects, proxy)
+
+    @cached_property
+    def proxy(self) -> ProxyMesh | None:
+        """The proxy with the objects."""
+        return self._joined[0]
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """What lights them."""
+        from mirelight.lighting import Tracer
+
+        mesh, first = self._joined
+        apart, aovs = requirements.keeps_lights_apart(self.job), requirements.wants_aovs(self.job)
+        return Tracer(mesh, self.job.render, layers=apart, aovs=aovs, first_inserted=first)
+
+    def light_key(self, light_set: LightSet, seen: Camera) -> str:
+        """The key of a set's traced buffer; `seen` is the lighting's camera."""
+        return self.keys.light_with_objects(light_set, seen)
+
+    def resolved(self, lighting: Lighting) -> Lighting:
+        """As the scene has it, whose estimate is made once."""
+        return self._bare.resolved(lighting)
+
+    def surface_cache(self, light_set: LightSet, *, progress: Progress | None = None) -> SurfaceCache | None:
+        """None: light on the surface is kept without objects, so all is traced."""
+        return None

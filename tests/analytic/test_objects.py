@@ -1,0 +1,156 @@
+"""Inserted objects: glTF's reflection model against its formulas, and lamps that mirrors show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mirelight.base.errors import InputError
+from mirelight.lighting import Tracer
+from mirelight.lighting.objects import inserted
+from mirelight.model import (
+    AreaLight,
+    Deferred,
+    DirectionalLight,
+    Environment,
+    Inserted,
+    Light,
+    Lighting,
+    LightingBuffer,
+    Material,
+    ProxyMesh,
+    RenderSettings,
+    SunLight,
+)
+
+from .lighting_scenes import FLOOR, Array, constant_sky, overhead
+
+CAMERA = overhead(24, 16, extent=12.0)
+DOWN = np.array([0.0, -1.0, 0.0])
+
+
+def plate(y: float = 1.0, size: float = 3.0, **finish: object) -> Inserted:
+    """A square that faces up, with a finish, over the middle of the floor."""
+    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], np.float32) * np.float32(size)
+    mesh = ProxyMesh(
+        vertices=corners + np.array([0, y, 0], np.float32),
+        faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        materials=(Material(**finish),),  # type: ignore[arg-type]
+        albedo=None,
+    )
+    return Inserted(name="plate", mesh=Deferred("plate", lambda: mesh))
+
+
+def lit(one: Inserted, *lights: Light, sky: Environment | None = None, spp: int = 16, depth: int = 1) -> LightingBuffer:
+    mesh, first = inserted([one], replace(FLOOR, albedo=np.full(3, 0.5)))
+    tracer = Tracer(mesh, RenderSettings(spp=spp, max_depth=depth), first_inserted=first)
+    return tracer.trace(Lighting(name="one", lights=lights, environment=sky), CAMERA)
+
+
+def shown(buffer: LightingBuffer) -> NDArray[np.float32]:
+    """(3,) mean radiance of the plate."""
+    assert buffer.objects is not None
+    return np.asarray(buffer.objects.beauty.sum((0, 1)) / buffer.objects.coverage.sum())
+
+
+def brdf(base: Array, metallic: float, roughness: float, n: Array, v: Array, wi: Array) -> Array:
+    """glTF 2.0, appendix B.3.5, of directions (..., 3); separable masking and shadowing."""
+    a2 = np.float64(roughness) ** 4
+    h = (v + wi) / np.linalg.norm(v + wi, axis=-1, keepdims=True)
+    nl, nv, nh, vh = wi @ n, v @ n, h @ n, np.sum(v * h, -1)
+    f0 = 0.04 + (base - 0.04) * metallic
+    fresnel = f0 + (1 - f0) * (1 - vh)[..., None] ** 5
+    d = a2 / (np.pi * (nh**2 * (a2 - 1) + 1) ** 2)
+    g = 2 * nl / (nl + np.sqrt(a2 + (1 - a2) * nl**2)) * (2 * nv / (nv + np.sqrt(a2 + (1 - a2) * nv**2)))
+    return np.asarray((1 - fresnel) * base * (1 - metallic) / np.pi + fresnel * (d * g / (4 * nl * nv))[..., None])
+
+
+BASE = np.array([0.8, 0.5, 0.2])
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("roughness", [0.25, 0.6, 1.0])
+@pytest.mark.parametrize("angle", [0.0, 35.0, 80.0])
+def test_a_directional_light_is_reflected_as_the_appendix_of_gltf_says(
+    metallic: float, roughness: float, angle: float
+) -> None:
+    to_light = np.array([np.sin(np.radians(angle)), np.cos(np.radians(angle)), 0.0])
+    light = DirectionalLight(name="key", direction=-to_light, intensity=3.0)
+    measured = shown(lit(plate(base_color=BASE, metallic=metallic, roughness=roughness), light))
+    truth = 3 * to_light[1] * brdf(BASE, metallic, roughness, -DOWN, -DOWN, to_light[None])[0]
+    np.testing.assert_allclose(measured, truth, rtol=2e-4)
+
+
+@pytest.mark.parametrize(("metallic", "roughness"), [(0.0, 0.3), (0.0, 1.0), (0.5, 0.15), (1.0, 0.5), (1.0, 0.9)])
+def test_a_constant_sky_is_reflected_by_the_integral_of_the_model(metallic: float, roughness: float) -> None:
+    z, phi = np.meshgrid((np.arange(4000) + 0.5) / 4000, (np.arange(64) + 0.5) / 64 * 2 * np.pi, indexing="ij")
+    r = np.sqrt(1 - z**2)
+    wi = np.stack([r * np.cos(phi), z, r * np.sin(phi)], -1)
+    truth = (brdf(BASE, metallic, roughness, -DOWN, -DOWN, wi) * z[..., None]).mean((0, 1)) * 2 * np.pi
+    one = plate(base_color=BASE, metallic=metallic, roughness=roughness)
+    measured = shown(lit(one, sky=constant_sky(1.0), spp=256))
+    np.testing.assert_allclose(measured, truth, rtol=0.01)
+
+
+def test_a_mirror_shows_the_sky_and_no_more() -> None:
+    measured = shown(lit(plate(base_color=np.ones(3), metallic=1.0, roughness=0.0), sky=constant_sky(2.0)))
+    np.testing.assert_allclose(measured, 2.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.1])
+def test_mirrors_show_suns_and_area_lamps_with_their_radiance(roughness: float) -> None:
+    """Straight above the plate, seen from there: what covers the whole lobe is seen at its own radiance."""
+    finish = {"base_color": np.ones(3), "metallic": 1.0, "roughness": roughness}
+    sun = SunLight(name="sun", direction=DOWN, intensity=5.0, angular_diameter=120.0)
+    measured = shown(lit(plate(**finish), sun, spp=64))  # type: ignore[arg-type]
+    np.testing.assert_allclose(measured, 5 / (np.pi * np.sin(np.radians(60)) ** 2), rtol=0.01)
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = [1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 200, 0]
+    for shape in ("rectangle", "disk"):
+        lamp = AreaLight(name="lamp", world_from_light=pose, size=(900.0, 900.0), shape=shape, intensity=7.0)
+        measured = shown(lit(plate(**finish), lamp, spp=64))  # type: ignore[arg-type]
+        np.testing.assert_allclose(measured, 7.0, rtol=0.01, err_msg=shape)
+
+
+def test_light_on_objects_and_beside_them_is_kept_apart() -> None:
+    sun = DirectionalLight(name="sun", direction=np.array([0.6, -0.8, 0.0]), intensity=2.0)
+    buffer, bare = (
+        lit(plate(), sun),
+        Tracer(FLOOR, RenderSettings(spp=16, max_depth=1)).trace(Lighting(name="one", lights=(sun,)), CAMERA),
+    )
+    assert buffer.objects is not None
+    np.testing.assert_array_equal(buffer.coverage + buffer.objects.coverage, 1)
+    objects = buffer.objects.coverage
+    inside, outside = objects == 1, objects == 0
+    np.testing.assert_allclose(buffer.objects.depth[inside], 99 - CAMERA.near + CAMERA.near, rtol=1e-5)
+    np.testing.assert_allclose(buffer.depth[outside], 100, rtol=1e-5)
+    assert not buffer.objects.beauty[outside].any() and not buffer.beauty[inside].any()
+    shadow = outside & (buffer.beauty[..., 0] == 0)  # 0.75 to the right of the plate
+    assert shadow.any() and shadow.sum() < outside.sum() / 2
+    np.testing.assert_allclose(buffer.beauty[outside & ~shadow].max(), bare.beauty.max(), rtol=1e-5)
+
+
+def test_dropped_objects_stand_on_the_proxy_by_their_lowest_vertices() -> None:
+    high = replace(plate(y=7.0), drop=True)
+    mesh, first = inserted([high], FLOOR)
+    assert mesh.vertices[mesh.faces[first:]][..., 1].max() == 0
+    below = replace(plate(y=-2.0), drop=True)  # sunk into the ground: nothing lies under it
+    with pytest.raises(InputError, match="nothing of the proxy lies under 'plate' to drop it on"):
+        inserted([below], FLOOR)
+    aside = FLOOR.vertices + np.array([500, 0, 0], np.float32)
+    with pytest.raises(InputError, match="nothing of the proxy"):
+        inserted([high], replace(FLOOR, vertices=aside))
+
+
+def test_an_object_on_a_flat_proxy_keeps_its_own_normals_and_colours(tmp_path: Path) -> None:
+    one = plate().mesh.value
+    smooth = replace(one, normals=np.tile(np.array([[0, 1, 0]], np.float32), (4, 1)))
+    mesh, first = inserted([Inserted(name="p", mesh=Deferred("p", lambda: smooth))], FLOOR)
+    assert first == 2 and mesh.normals is not None and not mesh.normals[:4].any()
+    assert mesh.vertex_colors is not None
+    np.testing.assert_allclose(mesh.vertex_colors[:4], 0.5)
+    np.testing.assert_allclose(mesh.vertex_colors[4:], 1.0)

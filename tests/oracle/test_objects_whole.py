@@ -1,0 +1,113 @@
+"""Objects in whole frames: in the captured light nothing else changes, and what is in front veils them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mirelight
+from mirelight.io import splats
+from mirelight.io.gltf.write import write_glb
+from mirelight.model import Camera, Frame, Material, ProxyMesh, SplatCloud
+
+JOB = """splats = "splats.ply"
+proxy = "proxy.glb"
+cameras_from = "proxy"
+lightings = "captured"
+resolution = [60, 40]
+
+[captured]
+environment = { radiance = 0.5 }
+
+[[captured.lights]]
+type = "sun"
+name = "sun"
+direction = [-0.5, -1, -0.3]
+intensity = 2
+angular_diameter = 3
+
+[render]
+spp = 16
+"""
+BALL = """
+[[objects]]
+path = "ball.glb"
+drop = true
+base_color = 0.9
+roughness = 0.4
+transform = { translation = [0, 3, 0] }
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A floor of splats on a floor, a curtain of splats before its right half, and an octahedron to put there."""
+    here = tmp_path_factory.mktemp("yard")
+    x, z = np.meshgrid(np.linspace(-3, 3, 41), np.linspace(-3, 3, 41))
+    floor = np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1)
+    a, b = np.meshgrid(np.linspace(0.1, 1.2, 12), np.linspace(0.1, 1.6, 16))
+    curtain = np.stack([a.ravel(), b.ravel(), np.full(a.size, 1.5)], axis=1)
+    means = np.concatenate([floor, curtain]).astype(np.float32)
+    n = len(means)
+    scales = np.tile(np.array([0.09, 0.01, 0.09], np.float32), (n, 1))
+    scales[len(floor) :] = [0.06, 0.06, 0.01]
+    cloud = SplatCloud(
+        means=means,
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+        scales=scales,
+        opacities=np.full(n, 0.95, np.float32),
+        sh=np.zeros((n, 1, 3), np.float32),
+    )
+    splats.write(cloud, here / "splats.ply")
+    ground = ProxyMesh(
+        vertices=np.array([[-3, 0, -3], [-3, 0, 3], [3, 0, 3], [3, 0, -3]], np.float32),
+        faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+    )
+    camera = Camera.look_at((0, 1.4, 5), (0, 0.4, 0), 60, 40, yfov=45, name="front")
+    write_glb(here / "proxy.glb", ground, (), (camera,))
+    tips = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float32) * 0.7
+    faces = [[i, j, k] if (i + j + k) % 2 else [j, i, k] for i in (0, 1) for j in (2, 3) for k in (4, 5)]
+    ball = ProxyMesh(vertices=tips, faces=np.array(faces, np.int32), materials=(Material(name="white"),))
+    write_glb(here / "ball.glb", ball, (), ())
+    return here
+
+
+def frame(folder: Path, text: str) -> Frame:
+    path = folder / "job.toml"
+    path.write_text(text, encoding="utf-8")
+    scene = mirelight.prepare(mirelight.load(path))
+    camera, lighting = scene.job.cameras[0], scene.job.lightings[0]
+    light = mirelight.light(scene, camera, lighting)
+    return mirelight.relight(scene, mirelight.composite(scene, camera), light)
+
+
+def test_in_the_captured_light_nothing_but_the_object_changes_the_picture(folder: Path) -> None:
+    bare = frame(folder, JOB)
+    assert bare.factor is not None and bare.unlit is not None
+    np.testing.assert_array_equal(bare.factor, 1)
+    np.testing.assert_array_equal(bare.rgba, bare.unlit)
+    made = frame(folder, JOB + BALL)
+    assert made.factor is not None and made.lighting is not None and made.lighting.objects is not None
+    objects = made.lighting.objects
+    seen = objects.coverage > 0.99
+    assert seen.sum() > 40
+    # in its shadow the floor is darker, beside it what the object reflects changes little, far away nothing
+    beside = (objects.coverage == 0) & (made.lighting.coverage > 0)
+    assert (made.factor[beside] < 0.75).any()
+    far = beside & (np.abs(made.lighting.position[..., 0]) > 2)
+    assert np.mean(np.abs(made.factor[far] - 1) < 0.02) > 0.9
+    np.testing.assert_allclose(made.factor[far].mean(), 1, rtol=0.01)
+    # left of the curtain the object is seen as it is lit; behind the curtain it is veiled
+    left = seen & (np.arange(60) < 27)
+    np.testing.assert_allclose(made.rgba[left][:, :3], objects.beauty[left], rtol=1e-3)
+    behind = seen & (np.arange(60) >= 32)
+    assert behind.any()
+    gap = np.abs(made.rgba[behind][:, :3] - objects.beauty[behind]).mean()
+    assert gap > 0.1 * float(objects.beauty[behind].mean())
+
+
+def test_the_same_object_and_seed_are_the_same_bits(folder: Path) -> None:
+    first, again = frame(folder, JOB + BALL), frame(folder, JOB + BALL)
+    np.testing.assert_array_equal(first.rgba, again.rgba)

@@ -1,0 +1,62 @@
+"""Inserted objects in a frame: the split at their depth, on buffers made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mirelight import relighting
+from mirelight.model import Frame, SplatLayer
+
+from .test_relight import RATIO, H, W, camera, lit, splat_layer
+
+
+def relit(objects: Any, **changed: Any) -> Frame:
+    new = replace(lit(0.4), objects=objects)
+    return relighting.apply(splat_layer(**changed), new, RATIO, captured=lit(0.2), captured_level=0.1)
+
+
+def in_front(through: float, gray: float = 0.0) -> SplatLayer:
+    return replace(
+        splat_layer(),
+        transmittance=np.full((H, W), through, np.float32),
+        color=np.full((H, W, 3), gray * (1 - through), np.float32),
+    )
+
+
+def test_a_frame_stays_bit_for_bit_where_no_object_is() -> None:
+    frame = relit(replace(lit(5.0, coverage=0.0), variance=np.zeros((H, W, 3), np.float32)))
+    made = relighting.with_objects(frame, in_front(1.0), RATIO)
+    np.testing.assert_array_equal(made.rgba, frame.rgba)
+    np.testing.assert_array_equal(made.noise, frame.noise)
+    plain = relit(None)
+    assert relighting.with_objects(plain, None, RATIO) is plain
+
+
+def test_an_object_before_everything_hides_it_by_its_coverage() -> None:
+    frame = relit(lit(5.0, coverage=0.25))
+    made = relighting.with_objects(frame, in_front(1.0), RATIO)
+    np.testing.assert_allclose(made.rgba[..., :3], 0.75 * frame.rgba[..., :3] + 0.25 * 5.0, rtol=1e-5)
+    np.testing.assert_allclose(made.rgba[..., 3], 0.75 * frame.rgba[..., 3] + 0.25, rtol=1e-5)
+
+
+def test_what_is_in_front_veils_an_object_by_what_it_lets_through() -> None:
+    frame = relit(lit(5.0, coverage=1.0))
+    made = relighting.with_objects(frame, in_front(0.3), RATIO)
+    np.testing.assert_allclose(made.rgba[..., :3], 0.3 * 5.0, rtol=1e-5)
+    np.testing.assert_allclose(made.rgba[..., 3], 1.0, rtol=1e-5)
+    assert made.noise is not None and frame.noise is not None
+    np.testing.assert_allclose(made.noise, 0.3 * 0.2, rtol=1e-4)  # that of the object alone
+    bright = relighting.with_objects(frame, in_front(0.3, gray=1.0), RATIO)
+    assert frame.factor is not None
+    np.testing.assert_allclose(bright.rgba[..., :3], 0.7 * frame.factor + 0.3 * 5.0, rtol=1e-4)
+
+
+def test_without_splats_the_frame_is_proxy_and_objects() -> None:
+    new = replace(lit(0.4, coverage=0.75), objects=lit(2.0, coverage=0.25))
+    frame = relighting.with_objects(relighting.apply(None, new, RATIO), None, RATIO)
+    np.testing.assert_allclose(frame.rgba[..., :3], 0.75 * 0.4 + 0.25 * 2, rtol=1e-5)
+    np.testing.assert_allclose(frame.rgba[..., 3], 1)
+    assert frame.camera.width == camera().width

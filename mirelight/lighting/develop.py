@@ -64,7 +64,7 @@ def develop_with_objects(
     sun: bool = False,
     occlusion: bool = False,
 ) -> LightingBuffer:
-    """As `develop`, of a film that keeps paths apart that begin on inserted objects."""
+    """As `develop`, (H * W) samples of a film that keeps paths apart that begin on inserted objects."""
     proxy, objects = (develop(camera, layers, x, samples, batch, sun=sun, occlusion=occlusion) for x in sums.halves())
     return replace(proxy, objects=objects)
 

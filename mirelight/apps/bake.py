@@ -10,11 +10,13 @@ What a colour does with the view (SH above degree 0) is multiplied by that curve
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from mirelight.base.sh import C0
-from mirelight.model import F32, F64, Lighting, RelightSettings, SplatCloud
+from mirelight.lighting import sunsky
+from mirelight.model import F32, F64, Camera, Job, Lighting, ProxyMesh, RelightSettings, SplatCloud
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.splat_light import Progress, SplatLight
@@ -65,6 +67,38 @@ def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) ->
     sh = cloud.sh * slope[:, None, :].astype(np.float32)
     sh[:, 0] = (new - 0.5) / C0
     return replace(cloud, sh=sh)
+
+
+def write_stage(path: Path, baked: SplatCloud, job: Job, proxy: ProxyMesh | None, lighting: Lighting) -> None:
+    """A stage of OpenUSD to go on with elsewhere: the relit splats, those as captured (not seen), the proxy, the lights
+    that the splats are relit by, and the job's cameras; those of one animation are one that moves.
+
+    Raises:
+        OutputError: it cannot be written.
+        BackendError: the library for it is not installed.
+    """
+    from mirelight.io.usd.write import StageWriter
+    from mirelight.io.usd.write_lights import add_camera, add_environment, add_light
+
+    writer = StageWriter(path)
+    writer.splats(baked, "relit")
+    if job.splats is not None:
+        writer.splats(job.splats.value, "captured", seen=False)
+    if proxy is not None:
+        writer.proxy(proxy)
+    plain = sunsky.resolved(lighting, job.render.variant)
+    for light in plain.lights:
+        add_light(writer, light)
+    if plain.environment is not None:
+        add_environment(writer, plain.environment)
+    moments: dict[str, list[Camera]] = {}
+    for camera in job.cameras:
+        moments.setdefault(camera.name.rpartition(".")[0] if camera.time is not None else camera.name, []).append(
+            camera
+        )
+    for shots in moments.values():
+        add_camera(writer, shots)
+    writer.save()
 
 
 def _relit(cloud: SplatCloud, shown: F64, factor: F32) -> F64:

@@ -16,14 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 Matrix = NDArray[np.float64]
 
+_UNIT = 5e-16  # so near to 1 is the length of a vector that was scaled to 1
+
 
 def unit(vector: ArrayLike) -> Matrix:
-    """The vector scaled to length 1; (..., 3) float64. A zero vector raises ValueError."""
+    """The vector scaled to length 1; (..., 3) float64; one that has it stays, bit for bit. A zero vector raises
+    ValueError."""
     v = np.asarray(vector, dtype=np.float64)
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     if not np.all(length > 0) or not np.all(np.isfinite(length)):
         raise ValueError("a direction of length zero")
-    return np.asarray(v / length)
+    return np.asarray(v / np.where(np.abs(length - 1) < _UNIT, 1.0, length))
 
 
 def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> Matrix:

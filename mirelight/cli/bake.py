@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 from mirelight.base.errors import InputError
 from mirelight.cli import options, outputs, say
 from mirelight.cli.command import Command
+from mirelight.io.suffixes import USD
 
 if TYPE_CHECKING:
     from mirelight.io.job import JobTable, Source
     from mirelight.model import Job, SplatCloud
 
-_SUFFIXES = (".compressed.ply", ".ply", ".sog", ".spz", ".splat", ".glb")  # what io.splats.write writes
-_WORLD = ".glb"  # has a world of its own, which is the job's
+_SUFFIXES = (".compressed.ply", ".ply", ".sog", ".spz", ".splat", ".glb", *USD)  # what io.splats.write writes
+_WORLD = (".glb", *USD)  # have a world of their own, which is the job's
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,11 +57,15 @@ def run_bake(args: argparse.Namespace) -> int:
         def hear(what: str, done: int, total: int) -> None:
             report(what, done / max(total, 1))
 
-        factor = baking.factors(prepare(work), lighting, spp=args.samples, progress=hear)
+        scene = prepare(work)
+        factor = baking.factors(scene, lighting, spp=args.samples, progress=hear)
         baked = baking.relit(_as_named(source, table, work, out), factor, work.relight_of(lighting))
         of = f"{work.source.name}, lighting {lighting.name}, {args.samples} spp"
         comments = (f"relit by mirelight {__version__}: {of}",)
-        splats.write(baked, out, comments=comments)
+        if out.suffix.lower() in USD:
+            baking.write_stage(out, baked, work, scene.mesh, lighting)
+        else:
+            splats.write(baked, out, comments=comments)
     if not args.quiet:
         say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
         if len(table.splats or []) > 1:
@@ -86,13 +91,13 @@ COMMAND = Command(
 
 
 def _as_named(source: Source, table: JobTable, work: Job, out: Path) -> SplatCloud:
-    """The splats in their file's own axes, as the capture's viewer had them; of several files and as glTF, in world
-    space."""
+    """The splats in their file's own axes, as the capture's viewer had them; of several files, and as glTF or a
+    stage, in world space."""
     from mirelight.io import splats
 
     assert work.splats is not None
     tables = table.splats or []
-    if len(tables) == 1 and out.suffix.lower() != _WORLD:
+    if len(tables) == 1 and out.suffix.lower() not in _WORLD:
         cloud = splats.read(source.folder / tables[0].path, lod=tables[0].lod)
         return replace(cloud, color_space=work.compositor.color_space)  # the job may know better than the file
     return work.splats.value

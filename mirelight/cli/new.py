@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import outputs, say
 from mirelight.cli.command import Command
-from mirelight.io.suffixes import SPLATS
+from mirelight.io.suffixes import SPLATS, USD
 
 if TYPE_CHECKING:
     from mirelight.io.job.overrides import Override
@@ -59,6 +59,11 @@ COMMAND = Command(
 def is_capture(path: str) -> bool:
     """Whether `mirelight render` is given splats in place of a job."""
     return not path.lower().endswith(".toml")
+
+
+def is_stage(path: str) -> bool:
+    """Whether it is a stage of OpenUSD, which may have lights of its own."""
+    return path.lower().endswith(USD)
 
 
 def refuse_capture(path: str) -> None:

@@ -125,7 +125,8 @@ def _say_forecast(found: Forecast, as_json: bool) -> None:
 
 
 def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
-    if args.light is None:
+    light = "" if args.light is None and new.is_stage(args.job) else args.light
+    if light is None:
         new.refuse_capture(args.job)
         return order.load()
     if not new.is_capture(args.job):
@@ -134,7 +135,7 @@ def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
         if value is not None:
             raise InputError(args.job, f"a splat file together with {option}", "write a job file first: mirelight new")
     tally.note("mirelight: looking at the capture")
-    work = new.first_job(args.job, args.light, order.overrides(), lambda line: tally.note(f"mirelight: {line}"))
+    work = new.first_job(args.job, light, order.overrides(), lambda line: tally.note(f"mirelight: {line}"))
     if args.out is None:
         return work
     return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.apps.first_job import beside, captured, lighting, up, view
+from mirelight.apps.first_job import beside, captured, lighting, stage_text, up, view
 from mirelight.apps.first_job.toml_text import Names, position, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
@@ -53,6 +53,9 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     from mirelight.io import splats
 
     lighting.check(wish.light)  # before the capture is looked at, which takes longer
+    text = None if wish.light else stage_text.of_stage(capture, folder, wish.resolution)
+    if text is not None:
+        return FirstJob(text, stage_text.said(capture), "Its own lights light it as they stand.", ())
     cloud = splats.read(capture)
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")

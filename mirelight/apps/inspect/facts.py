@@ -26,6 +26,7 @@ from mirelight.model import (
 
 if TYPE_CHECKING:
     from mirelight.io.gltf.cameras import GltfCamera
+    from mirelight.io.usd.cameras import UsdCamera
 
 Numbers: TypeAlias = tuple[float, ...]
 
@@ -306,6 +307,21 @@ def gltf_camera_facts(camera: GltfCamera, animated: bool) -> CameraFacts:
         ymag=camera.ymag,
         aspect=None if camera.aspect is None else rounded(camera.aspect),
         animated=animated,
+    )
+
+
+def stage_camera_facts(camera: UsdCamera) -> CameraFacts:
+    """A camera as a stage has it."""
+    flat, one = camera.row.orthographic, camera.to_camera(1000, 1000)
+    half = 500 / one.fy
+    return CameraFacts(
+        name=camera.name,
+        type=one.projection,
+        position=numbers(camera.world[:3, 3]),
+        yfov=None if flat else rounded(math.degrees(2 * math.atan(half))),
+        ymag=rounded(half) if flat else None,
+        aspect=rounded(camera.aspect),
+        animated=camera.row.moves,
     )
 
 

@@ -25,12 +25,13 @@ from mirelight.apps.inspect.facts import (
     lighting_facts,
     numbers,
     rounded,
+    stage_camera_facts,
 )
 from mirelight.base import primaries
 from mirelight.base.errors import InputError
 from mirelight.base.primaries import Chromaticities
 from mirelight.io.safety import existing, open_binary, read_bytes
-from mirelight.io.suffixes import GLTF
+from mirelight.io.suffixes import GLTF, USD
 from mirelight.model import Job, ProxyMesh, SplatCloud, camera_checks
 from mirelight.pipeline import peak
 
@@ -57,6 +58,8 @@ def inspect(path: str | Path) -> Facts:
         return _picture(path)
     if path.is_file() and (suffix in _MESHES or _is_mesh(path, suffix)):
         return _gltf(path) if suffix in GLTF else _mesh(path)
+    if path.is_file() and suffix in USD:
+        return _stage(path)
     if path.is_file() and suffix not in splats.SUFFIXES:
         known = ", ".join((".toml", *splats.SUFFIXES, *_MESHES, *_PICTURES))
         raise InputError(path, f"of no known kind ({suffix or 'no suffix'})", f"known are {known}")
@@ -121,6 +124,24 @@ def _gltf(path: Path) -> MeshFacts:
         return facts
     note = blender.note(path.name, scene.blender, 'in a job: lights_from with unit = "blender"')
     return replace(facts, notes=(*facts.notes, note))
+
+
+def _stage(path: Path) -> SplatFacts | MeshFacts:
+    """A stage: of one with splats those, and a line on what else there is; of another meshes, lights and cameras."""
+    from mirelight.io.usd.cameras import read_cameras
+    from mirelight.io.usd.contents import contents
+    from mirelight.io.usd.lights import read_lights
+    from mirelight.io.usd.mesh import read_proxy
+
+    found = contents(path)
+    lit = read_lights(path)
+    if found.splats:
+        facts = _splats(path)
+        line = f"beside them {found.meshes} meshes, {found.cameras} cameras, {found.lamps} lamps, {found.domes} domes"
+        return replace(facts, notes=tuple(dict.fromkeys((*facts.notes, line, *lit.notes))))
+    cameras = tuple(stage_camera_facts(camera) for camera in read_cameras(path))
+    mesh = _mesh_facts(path, read_proxy(path, textures=False), tuple(light_facts(x) for x in lit.lights), cameras)
+    return replace(mesh, notes=tuple(dict.fromkeys((*mesh.notes, *lit.notes))))
 
 
 def _mesh_facts(

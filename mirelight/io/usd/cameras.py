@@ -45,7 +45,7 @@ class UsdCamera:
         focal = scale / row.unit if row.orthographic else scale * row.focal
         return Camera(
             name=self.name,
-            world_from_camera=conventions.rigid_part(self.world if world is None else world),
+            world_from_camera=_rigid(self.world if world is None else world),
             width=width,
             height=height,
             fx=focal,
@@ -56,6 +56,13 @@ class UsdCamera:
             near=max(row.clipping[0], 1e-6),
             far=row.clipping[1],
         )
+
+
+def _rigid(pose: Matrix) -> Matrix:
+    """The pose without scale; one that has none stays, bit for bit."""
+    turn = pose[:3, :3]
+    is_rigid = np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-14) and np.linalg.det(turn) > 0
+    return pose if is_rigid else conventions.rigid_part(pose)
 
 
 def read_cameras(path: str | Path) -> tuple[UsdCamera, ...]:

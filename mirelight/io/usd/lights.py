@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from mirelight.model.ies import AROUND, DOWN
 
 _FACETS = 32  # of a cylinder: its irradiance is within 0.25 % of a round one's
 _CELLS = 8  # along each side of a textured rectangle
+_MODELS: dict[str, Any] = {x.__name__: x for x in (DirectionalLight, PointLight, SpotLight, SunLight, AreaLight)}
 _EDGE = 1e-6  # rad: inner and outer half angle of a hard cone are this far apart
 
 
@@ -90,6 +92,8 @@ def light_times(path: str | Path, fps: float | None, count: int | None) -> list[
 
 
 def _lamps(read: Read, row: LightRow, name: str) -> list[Light]:
+    if row.exact is not None:
+        return [_exact(read, row, name)]
     pose = conventions.rigid_part(np.array(row.world))
     color, strength = _split(row.candela if row.point else row.radiance)
     if row.kind == "DistantLight":
@@ -111,6 +115,22 @@ def _lamps(read: Read, row: LightRow, name: str) -> list[Light]:
     if row.kind == "CylinderLight":
         return _cylinder(name, pose, row, color, strength)
     return _rectangle(read, name, pose, row, color, strength)
+
+
+def _exact(read: Read, row: LightRow, name: str) -> Light:
+    """A lamp as this package wrote it beside UsdLux's words."""
+    values = dict(row.exact or {})
+    kind = _MODELS.get(str(values.pop("type", "")))
+    try:
+        if kind is None:
+            raise ValueError
+        arrays = {key: np.array(x) if isinstance(x, list) and key != "size" else x for key, x in values.items()}
+        size = {"size": tuple(values["size"])} if "size" in values else {}
+        light: Light = kind(**(arrays | size | {"name": name}))
+    except (TypeError, ValueError):
+        found = "mirelight's own values of a light, damaged"
+        raise InputError(read.path, found, "clear the prim's customData", field=row.prim) from None
+    return light
 
 
 def _area(

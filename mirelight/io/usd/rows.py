@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 Part: TypeAlias = Literal["splats", "head", "mesh", "cameras", "lights", "files", "times"]
 Rows4: TypeAlias = list[list[float]]  # a matrix (4, 4), row-major, acting on columns
@@ -87,6 +87,7 @@ class LightRow:
     ies_angle_scale: float = 0.0
     texture_file: str = ""
     texture_format: str = "automatic"
+    exact: dict[str, Any] | None = None  # the lamp in full, of a stage that this package wrote
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +113,7 @@ class Answer:
     files: list[str] = field(default_factory=list)  # absolute
     times: list[float] = field(default_factory=list)  # s: first and last key, where there are some
     rate: float = 24.0  # time codes a second
-    meshes: int = 0  # "head": how many are drawn
+    counts: list[int] = field(default_factory=list)  # "head": meshes, cameras, lamps, domes
 
 
 def answer_from(data: dict[str, object]) -> Answer:

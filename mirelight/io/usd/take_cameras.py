@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
+from mirelight.io.usd.exact import kept
 from mirelight.io.usd.rows import Answer, CameraRow, Request
 from mirelight.io.usd.stage import Stage, rows
 
@@ -33,7 +35,7 @@ def _row(stage: Stage, prim: Any, code: Any) -> CameraRow:
     stop = number(camera.GetFStopAttr())
     if stop > 0:
         stage.note(f"{prim.GetPath()}: f-stop {stop:g} and its focus, which are not followed; all is sharp")
-    return CameraRow(
+    row = CameraRow(
         name=prim.GetName(),
         prim=str(prim.GetPath()),
         world=rows(stage.world(prim, code)),
@@ -46,6 +48,8 @@ def _row(stage: Stage, prim: Any, code: Any) -> CameraRow:
         moves=len(_samples(prim, _LENS)) > 1,
         f_stop=stop,
     )
+    exact = None if code is not None else kept(prim)
+    return row if exact is None else replace(row, **exact)
 
 
 def keys(stage: Stage, prims: Iterable[Any]) -> list[float]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.io.usd.exact import kept
 from mirelight.io.usd.rows import Answer, LightRow, Request
 from mirelight.io.usd.stage import RefusedError, Stage, rows
 from mirelight.io.usd.take_cameras import keys
@@ -40,7 +42,7 @@ def lights(stage: Stage, _: Request) -> Answer:
             continue
         row = _light(stage, prim, kind)
         if row is not None:
-            found.append(row)
+            found.append(replace(row, exact=kept(prim)))
     return Answer(lights=found)
 
 

@@ -19,18 +19,20 @@ _READ = "a mesh belongs under the proxy; splats are prims of ParticleField3DGaus
 
 
 def head(stage: Stage, _: Request) -> Answer:
-    """How many splats there are, without handing them over; and of which other things there is some."""
+    """How many splats there are, without handing them over, and how many other things."""
     from pxr import UsdGeom, UsdLux
 
     found: list[SplatRow] = []
-    meshes = lights = cameras = 0
+    meshes = cameras = lamps = domes = 0
     for prim in stage.prims():
         if prim.GetTypeName() == _KIND:
             found.append(_row(stage, prim, len(_values(stage, prim, "positions"))))
         meshes += prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.PointInstancer)
-        lights += prim.HasAPI(UsdLux.LightAPI)
         cameras += prim.IsA(UsdGeom.Camera)
-    return Answer(splats=found, meshes=meshes, nodes=["light"] * min(lights, 1) + ["camera"] * min(cameras, 1))
+        if prim.HasAPI(UsdLux.LightAPI):
+            is_dome = str(prim.GetTypeName()).startswith("DomeLight")
+            lamps, domes = lamps + (not is_dome), domes + is_dome
+    return Answer(splats=found, counts=[meshes, cameras, lamps, domes])
 
 
 def splats(stage: Stage, _: Request) -> Answer:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from mirelight.base.errors import OutputError
 from mirelight.base.extras import require
 from mirelight.io.atomic import atomic_path
+from mirelight.io.environment import write_environment
 from mirelight.io.suffixes import USD
 from mirelight.io.usd.names import PrimNames
-from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.model import F32, ProxyMesh, SplatCloud
 from mirelight.model.scene import holds_light
 
 SPLAT_SPACE = "srgb_rec709_scene"  # of the coefficients: display-encoded colours
@@ -29,8 +30,19 @@ _ROOT = "/World"
 class StageWriter:
     """Collects a stage; :meth:`save` writes it. Each thing gets a prim below /World, with its own name as label."""
 
-    def __init__(self) -> None:
-        """An empty stage. Raises BackendError where the library is not installed."""
+    def __init__(self, path: str | Path) -> None:
+        """An empty stage.
+
+        Args:
+            path: the file that it will be; its suffix decides how.
+
+        Raises:
+            BackendError: the library is not installed.
+            OutputError: another suffix.
+        """
+        self._path = Path(path)
+        if self._path.suffix.lower() not in USD:
+            raise OutputError(f"{path}: a stage is written as one of {', '.join(USD)}")
         require("usd")
         from pxr import Usd, UsdGeom
 
@@ -39,6 +51,13 @@ class StageWriter:
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
         self.stage.SetDefaultPrim(UsdGeom.Xform.Define(self.stage, _ROOT).GetPrim())
         self._names = PrimNames()
+        self._pictures: dict[str, F32] = {}
+
+    def picture(self, name: str, pixels: F32) -> str:
+        """Add a linear picture (h, w, 3), written beside the stage, or into its package; how the stage names it."""
+        file = f"{self._path.stem}.{name}.exr"
+        self._pictures[file] = pixels
+        return f"./{file}"
 
     def path(self, name: str, below: str = "") -> str:
         """A free prim path for a thing of this name."""
@@ -49,8 +68,8 @@ class StageWriter:
             UsdGeom.Scope.Define(self.stage, where)
         return f"{where}/{self._names.take(where, name)}"
 
-    def splats(self, cloud: SplatCloud, name: str = "splats") -> None:
-        """A field of splats, every value a float."""
+    def splats(self, cloud: SplatCloud, name: str = "splats", *, seen: bool = True) -> None:
+        """A field of splats, every value a float; one that is not seen is there to be switched on."""
         from pxr import UsdVol, Vt
 
         path = self.path(name)
@@ -70,7 +89,8 @@ class StageWriter:
         reach = 3 * cloud.scales.max(axis=1, keepdims=True)
         low, high = (cloud.means - reach).min(axis=0), (cloud.means + reach).max(axis=0)
         field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([low, high]).astype(np.float32)))
-        prim.GetAttribute("sortingModeHint").Set("zDepth")
+        if not seen:
+            prim.GetAttribute("visibility").Set("invisible")
 
     def proxy(self, mesh: ProxyMesh, name: str = "proxy") -> None:
         """A mesh of purpose proxy: light falls on it, viewers do not draw it."""
@@ -101,24 +121,22 @@ class StageWriter:
         for code, one in zip(times, matrix, strict=False):
             op.Set(Gf.Matrix4d(*np.asarray(one, np.float64).T.reshape(-1).tolist()), code)
 
-    def save(self, path: str | Path) -> None:
-        """Write it; appears whole or not at all.
-
-        Raises:
-            OutputError: another suffix, or it cannot be written.
-        """
-        path = Path(path)
-        suffix = path.suffix.lower()
-        if suffix not in USD:
-            raise OutputError(f"{path}: a stage is written as one of {', '.join(USD)}")
-        with tempfile.TemporaryDirectory(prefix="mirelight-usd-") as folder:
-            made = self._made(Path(folder), suffix)
+    def save(self) -> None:
+        """Write it; appears whole or not at all. Raises OutputError: it cannot be written."""
+        path = self._path
+        with tempfile.TemporaryDirectory(prefix="mirelight-usd-") as name:
+            folder = Path(name)
+            packed = path.suffix.lower() == ".usdz"
+            for file, pixels in self._pictures.items():
+                write_environment((folder if packed else path.parent) / file, pixels)
+            made = self._made(folder)
             with atomic_path(path) as temporary:
                 temporary.write_bytes(made.read_bytes())
 
-    def _made(self, folder: Path, suffix: str) -> Path:
+    def _made(self, folder: Path) -> Path:
         from pxr import Sdf, Tf, UsdUtils
 
+        suffix = self._path.suffix.lower()
         root = folder / ("stage" + (".usdc" if suffix in (".usd", ".usdz") else suffix))
         try:
             sound = self.stage.GetRootLayer().Export(str(root))
@@ -134,6 +152,6 @@ class StageWriter:
 
 def write_splats(cloud: SplatCloud, path: Path) -> None:
     """A stage with one field of splats, which has to stand in its world: metres, Y up. Raises OutputError."""
-    writer = StageWriter()
+    writer = StageWriter(path)
     writer.splats(cloud)
-    writer.save(path)
+    writer.save()

@@ -1,0 +1,164 @@
+"""Lamps and environments as UsdLux, cameras as UsdGeom; what USD has no words for stands beside (`exact`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from mirelight.base import conventions
+from mirelight.io.usd.exact import keep
+from mirelight.io.usd.write import StageWriter
+from mirelight.model import (
+    F64,
+    AreaLight,
+    Camera,
+    DirectionalLight,
+    Environment,
+    Light,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
+
+_FILM = 24.0  # mm high, of cameras
+_CODES = 24.0  # time codes a second
+_KINDS = {"rectangle": "RectLight", "disk": "DiskLight", "sphere": "SphereLight"}
+
+
+def add_light(writer: StageWriter, light: Light) -> None:
+    """A lamp below /World/lights; what faces it is lit as here, up to the shape of a spot's edge."""
+    match light:
+        case DirectionalLight():
+            prim = _prim(writer, light, "DistantLight", _aimed(light.direction, np.zeros(3)))
+            _inputs(prim, intensity=light.intensity, angle=0.0)
+        case SunLight():
+            prim = _prim(writer, light, "DistantLight", _aimed(light.direction, np.zeros(3)))
+            _inputs(prim, intensity=light.intensity, angle=light.angular_diameter, normalize=True)
+        case PointLight():
+            prim = _prim(writer, light, "SphereLight", conventions.compose(light.position))
+            _ball(prim, light.intensity, light.radius)
+        case SpotLight():
+            prim = _prim(writer, light, "SphereLight", _aimed(light.direction, light.position))
+            _ball(prim, light.intensity, light.radius)
+            _cone(prim, light)
+        case AreaLight():
+            prim = _prim(writer, light, _KINDS[light.shape], light.world_from_light)
+            _inputs(prim, intensity=light.intensity)
+            if light.shape == "rectangle":
+                _inputs(prim, width=light.size[0], height=light.size[1])
+            else:
+                _inputs(prim, radius=light.size[0] / 2)
+    if getattr(light, "profile", None) is None:
+        keep(prim, _described(light))
+
+
+def add_environment(writer: StageWriter, environment: Environment) -> None:
+    """A dome below /World/lights."""
+    from pxr import Sdf
+
+    prim = writer.stage.DefinePrim(writer.path(environment.name, "lights"), "DomeLight")
+    pixels = environment.pixels
+    turn = conventions.rotation_from_euler((0, environment.rotation + 90, 0))
+    writer.place(prim, conventions.compose(rotation=turn))
+    _inputs(prim, intensity=environment.intensity)
+    if environment.is_constant:
+        _color(prim, pixels[0, 0].astype(np.float64))
+        return
+    prim.GetAttribute("inputs:texture:file").Set(Sdf.AssetPath(writer.picture(prim.GetName(), pixels)))
+    prim.GetAttribute("inputs:texture:format").Set("latlong")
+
+
+def add_camera(writer: StageWriter, cameras: Sequence[Camera], images: Sequence[str] = ()) -> None:
+    """A camera below /World/cameras: one, or the moments of one that moves.
+
+    Args:
+        writer: the stage.
+        cameras: at least one; several have a time each.
+        images: pictures seen by it, named as the stage's file would.
+    """
+    from pxr import Sdf, UsdGeom
+
+    first = cameras[0]
+    moves = len(cameras) > 1
+    name = first.name.rpartition(".")[0] if moves else first.name
+    camera = UsdGeom.Camera.Define(writer.stage, writer.path(name or first.name, "cameras"))
+    prim = camera.GetPrim()
+    codes = [(one.time or 0.0) * _CODES for one in cameras] if moves else []
+    writer.place(prim, np.stack([x.world_from_camera for x in cameras]) if moves else first.world_from_camera, codes)
+    flat = first.projection == "orthographic"
+    camera.CreateProjectionAttr("orthographic" if flat else "perspective")
+    unit = 10 * first.height / first.fy if flat else _FILM  # tenths of a unit that the film is high
+    pixel = unit / first.height
+    camera.CreateVerticalApertureAttr(unit)
+    camera.CreateHorizontalApertureAttr(pixel * first.width)
+    camera.CreateHorizontalApertureOffsetAttr((first.width / 2 - first.cx) * pixel)
+    camera.CreateVerticalApertureOffsetAttr((first.cy - first.height / 2) * pixel)
+    camera.CreateClippingRangeAttr((first.near, first.far if math.isfinite(first.far) else 1e9))
+    focal = camera.CreateFocalLengthAttr(50.0 if flat else first.fy * pixel)
+    if moves and not flat:
+        for code, one in zip(codes, cameras, strict=True):
+            focal.Set(one.fy / one.height * _FILM, code)
+        span = [writer.stage.GetStartTimeCode(), writer.stage.GetEndTimeCode()]
+        writer.stage.SetTimeCodesPerSecond(_CODES)
+        writer.stage.SetStartTimeCode(min(codes[0], span[0]))
+        writer.stage.SetEndTimeCode(max(codes[-1], span[1]))
+    if images:
+        attribute = prim.CreateAttribute("mirelight:images", Sdf.ValueTypeNames.AssetArray, custom=True)
+        attribute.Set(Sdf.AssetPathArray([Sdf.AssetPath(x) for x in images]))
+    if not moves and not flat and first.fx == first.fy:
+        lens = {"focal": first.fy, "apertures": [first.width, first.height], "clipping": [first.near, first.far]}
+        keep(prim, lens | {"offsets": [first.width / 2 - first.cx, first.cy - first.height / 2], "unit": 1.0})
+
+
+def _prim(writer: StageWriter, light: Light, kind: str, pose: F64) -> Any:
+    prim = writer.stage.DefinePrim(writer.path(light.name, "lights"), kind)
+    writer.place(prim, pose)
+    _color(prim, light.color)
+    return prim
+
+
+def _aimed(way: F64, place: F64) -> F64:
+    return conventions.look_at(place, place + way)
+
+
+def _inputs(prim: Any, **values: float | bool) -> None:
+    for name, value in values.items():
+        prim.GetAttribute(f"inputs:{name}").Set(value)
+
+
+def _color(prim: Any, color: F64) -> None:
+    prim.GetAttribute("inputs:color").Set(tuple(float(x) for x in color))
+
+
+def _ball(prim: Any, candela: float, radius: float) -> None:
+    """A sphere of so many candela; without a radius the limit of small ones: a normalised sphere has a quarter."""
+    prim.GetAttribute("inputs:radius").Set(radius)
+    if radius > 0:
+        _inputs(prim, intensity=candela / (math.pi * radius**2))
+        return
+    prim.GetAttribute("treatAsPoint").Set(True)
+    _inputs(prim, intensity=4 * candela, normalize=True)
+
+
+def _cone(prim: Any, light: SpotLight) -> None:
+    from pxr import UsdLux
+
+    UsdLux.ShapingAPI.Apply(prim)
+    outer = light.outer_cone_angle
+    softness = 1 - light.inner_cone_angle / outer
+    angle = UsdLux.ShapingAPI(prim)
+    angle.CreateShapingConeAngleAttr(math.degrees(outer))
+    angle.CreateShapingConeSoftnessAttr(softness)
+
+
+def _described(light: Light) -> dict[str, object]:
+    out: dict[str, object] = {"type": type(light).__name__}
+    for one in fields(light):
+        value = getattr(light, one.name)
+        value = value.tolist() if isinstance(value, np.ndarray) else value
+        out[one.name] = value
+    return out

@@ -70,7 +70,7 @@ def run_bake(args: argparse.Namespace) -> int:
         say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
         if len(table.splats or []) > 1:
             say.remark("several splat files are written as one, in world space")
-        if work.compositor.holds_light and out.suffix.lower() != _WORLD:
+        if work.compositor.holds_light and out.suffix.lower() not in _WORLD:
             say.remark(f"{out.name} cannot say that its colours are linear light; viewers take them for display values")
     return 0
 

@@ -8,14 +8,16 @@ import random
 import zipfile
 from collections.abc import Iterator
 
-from fuzzing import commands, damage, reviewed, written
+from fuzzing import commands, damage, reviewed, stages, written
 from fuzzing.case import Case, of_files
 from fuzzing.sound import CAMERA_FILES, TINY, WHOLE, base, job, scene
+
+_STAGES = 25  # one in so many drawn cases is a stage: each starts processes
 
 
 def cases(count: int, seed: int = 1) -> Iterator[Case]:
     """`count` cases: the written ones first, then drawn ones."""
-    fixed = [*written.written(), *reviewed.written()]
+    fixed = [*written.written(), *reviewed.written(), *stages.written()]
     yield from fixed[:count]
     kinds = (
         reviewed.drawn,
@@ -33,6 +35,9 @@ def cases(count: int, seed: int = 1) -> Iterator[Case]:
     )
     for number in range(max(count - len(fixed), 0)):
         rng = random.Random(f"{seed} {number}")
+        if number % _STAGES == _STAGES - 1:
+            yield stages.drawn(number, rng)
+            continue
         yield commands.drawn(number, rng) if number % 2 else kinds[number // 2 % len(kinds)](number, rng)
 
 

@@ -68,7 +68,11 @@ def _limit(most: int) -> None:
 
 
 def _reason(error: Any) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    try:
+        text = str(error)
+    except UnicodeDecodeError:  # the library quotes the stage's bytes
+        return "it holds bytes that are no text"
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     named = [line for line in lines if "rror" in line]
     text = (named or lines or [type(error).__name__])[-1]
     return text.rpartition(" : ")[2].strip("'")[:200]

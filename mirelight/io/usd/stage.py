@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mirelight.io.usd.rows import Rows4
 
-_MOST_PRIMS = 2_000_000
+_MOST_PRIMS = 300_000  # with those in instances, once for each place
 _MOST_FILES = 10_000
 _COLLECT = "collect the stage into one file with its assets: usdzip -a whole.usdz STAGE"
 _PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr", ".ies")

@@ -89,6 +89,7 @@ class StageWriter:
         reach = 3 * cloud.scales.max(axis=1, keepdims=True)
         low, high = (cloud.means - reach).min(axis=0), (cloud.means + reach).max(axis=0)
         field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([low, high]).astype(np.float32)))
+        prim.GetAttribute("sortingModeHint").Set("zDepth")
         if not seen:
             prim.GetAttribute("visibility").Set("invisible")
 

@@ -94,16 +94,16 @@ def estimate(
     suns = [_searched(half, p, rng) for half, p in zip(halves, pairs, strict=True)]
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns)
-    found = [_fitted(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
+    found = [_settled(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
     if len(shining):
-        firm = _firm(places, best.sun)
-        dark = _fitted(places, every, None, shining, firm)
-        best = dark if best.sun is None else _fitted(places, every, best.sun, shining, firm)
+        told, firm = _telling(places, every, best.sun)
+        dark = _fitted(places, told, None, shining, firm)
+        best = dark if best.sun is None else _fitted(places, told, best.sun, shining, firm)
         gain = dark.light.loss - best.light.loss
         if gain < LEAST_GAIN:  # the sun was the lamps
             best = dark
-        found = [_fitted(half, p, best.sun and s, shining) for half, p, s in zip(halves, pairs, suns, strict=True)]
+        found = [_settled(half, p, best.sun and s, shining) for half, p, s in zip(halves, pairs, suns, strict=True)]
     known = places.blocked >= LEAST_BLOCKED
     scale = 1.0 if known else _scale_for_albedo(places, best)
     light = best.at(places) if known else _scaled(best, scale).at(places)
@@ -203,7 +203,7 @@ def _lamps(halves: list[Places], pairs: list[Pairs], base: _Found, rng: np.rando
         if lamp is None or float(over.losses(np.zeros(len(some))).min()) - lamp.loss < LEAST_GAIN:
             break
         more = np.concatenate([positions, lamp.position[None]])
-        found = _fitted(half, pairs[0], base.sun, more)
+        found = _settled(half, pairs[0], base.sun, more)
         before, after = (fit.judged(other.color, one.at(other), pairs[1]) for one in (base, found))
         if before - after < LEAST_GAIN:
             break
@@ -342,6 +342,20 @@ def _agreed(places: Places, pairs: Pairs, one: Sun) -> _Agreed:
         _descended(_Task(places, across, x, _NO_LAMPS, _beams(places, x, _NO_LAMPS), rows)) for x in (one, None)
     )
     return _Agreed(found, across, rows, dark.light.loss - found.light.loss)
+
+
+def _telling(places: Places, pairs: Pairs, one: Sun | None) -> tuple[Pairs, NDArray[np.bool_]]:
+    """Pairs, and (N,) places, that a sun's strength is fitted to: off its shadows' edges, where it agrees."""
+    if one is None:
+        return pairs, np.ones(len(places), bool)
+    agreed = _agreed(places, pairs, one)
+    return agreed.pairs, agreed.rows
+
+
+def _settled(places: Places, pairs: Pairs, one: Sun | None, positions: F64 = _NO_LAMPS) -> _Found:
+    """Radiances with that sun and lamps at positions (L, 3), fitted to what tells of them."""
+    told, rows = _telling(places, pairs, one)
+    return _fitted(places, told, one, positions, rows)
 
 
 def _gain(places: Places, pairs: Pairs, one: Sun | None) -> float:

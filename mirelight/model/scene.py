@@ -54,11 +54,11 @@ class SplatCloud(ArrayHolder):
         return round(float(self.sh.shape[1] ** 0.5)) - 1
 
     def light(self, shown: F32) -> F32:
-        """Linear light of colours in the splats' space."""
+        """(..., 3) linear light of colours (..., 3) in the splats' space."""
         return shown if holds_light(self.color_space) else colour.srgb_decode(shown)
 
     def colors_of(self, light: F32) -> F32:
-        """Colours in the splats' space, the inverse of :meth:`light`."""
+        """(..., 3) colours in the splats' space of linear light (..., 3), the inverse of :meth:`light`."""
         return light if holds_light(self.color_space) else colour.srgb_encode(light)
 
     @property

@@ -40,9 +40,10 @@ def run_schema(args: argparse.Namespace) -> int:
 
 def run_completion(args: argparse.Namespace) -> int:
     """The script on stdout."""
+    from mirelight.cli import say
     from mirelight.cli.completion import script
 
-    print(script(args.parser, args.shell))
+    say.result(script(args.parser, args.shell))
     return 0
 
 

@@ -37,7 +37,7 @@ def test_the_engines_frame_is_compared_with_ours(run: Run, folder: Path) -> None
     assert run("realtime", "job.toml", "-o", "live", *chosen, "-q").returncode == 0
     assert run("render", "job.toml", "--out", "ours", *chosen, "-q").returncode == 0
     pair = ("ours/front.night.exr", "live/front.night/frame.png")
-    held = run("compare", "ours", "live", "--require", "psnr>=5", "--json", "all.json")
+    held = run("compare", "ours", "live", "--require", "psnr>=5", "-o", "all.json")
     assert held.returncode == 0, held.stderr
     found = json.loads((folder / "all.json").read_text(encoding="utf-8"))
     assert [(p["reference"], p["test"]) for p in found["pairs"]] == [pair]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -376,9 +377,9 @@ def test_the_proxy_is_made_ready_for_rays_once(monkeypatch: pytest.MonkeyPatch) 
     made = []
 
     class Counted(kernel.DeviceProxy):
-        def __init__(self, mesh: ProxyMesh) -> None:
+        def __init__(self, mesh: ProxyMesh, *rest: Any) -> None:
             made.append(len(mesh.faces))
-            super().__init__(mesh)
+            super().__init__(mesh, *rest)
 
     monkeypatch.setattr(kernel, "DeviceProxy", Counted)
     assert len(transport.places_of(splats, mesh, SETTINGS)) > 200

@@ -56,7 +56,6 @@ PAIRS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {  # job, setti
     "one layer of all lights": ("lit", (), ("output.layers=false",)),
     "no EXR": ("lit", (), ("output.exr=false",)),
     "splat by splat, another seed": ("lit", ("relight.per=splat",), ("relight.per=splat", "render.seed=3")),
-    "soft shadows, another seed": ("lit", ("relight.per=both",), ("relight.per=both", "render.seed=3")),
     "from the surface, fewer bounces": (
         "lit",
         ("render.indirect=surface",),

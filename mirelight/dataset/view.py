@@ -352,8 +352,8 @@ class DataSet:
             return None
         if unit.lights:
             return one_distant(unit.lights)
-        rows = [row for around in unit.around for row in self._kept_array(around.key).astype(np.float64)]
-        lamps = [SunLight(name="sun", direction=x[:3], color=x[3:6], angular_diameter=float(x[6])) for x in rows]
+        suns = [sun for around in unit.around for sun in self.suns(around) or ()]
+        lamps = [SunLight(name="sun", direction=x.direction, color=x.lux, angular_diameter=x.diameter) for x in suns]
         return one_distant(lamps)
 
     def _light_camera(self, view: indexing.KeptView) -> Camera:

@@ -40,7 +40,6 @@ class Sums:
 
     def halves(self) -> tuple[Sums, Sums]:
         """Of paths that begin on the proxy, and of those that begin on inserted objects."""
-
         rows = len(self.light) // 2  # floats of all layers' squares; behind them stand those of the beauties
         layers, beauties = _halved(self.squares[:rows]), _halved(self.squares[rows:])
         squares = [np.concatenate(x) for x in zip(layers, beauties, strict=True)]
@@ -52,21 +51,6 @@ class Sums:
 def _halved(x: F32) -> tuple[F32, F32]:
     middle = len(x) // 2
     return x[:middle], x[middle:]
-
-
-def develop_with_objects(
-    camera: Camera,
-    layers: Layers,
-    sums: Sums,
-    samples: NDArray[np.int64],
-    batch: int = 1,
-    *,
-    sun: bool = False,
-    occlusion: bool = False,
-) -> LightingBuffer:
-    """As `develop`, (H * W) samples of a film that keeps paths apart that begin on inserted objects."""
-    proxy, objects = (develop(camera, layers, x, samples, batch, sun=sun, occlusion=occlusion) for x in sums.halves())
-    return replace(proxy, objects=objects)
 
 
 def develop(

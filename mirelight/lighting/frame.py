@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ from mirelight.base.machine import uninterrupted
 from mirelight.lighting import error_estimate, grid
 from mirelight.lighting import lights as table
 from mirelight.lighting.adaptive import Estimate
-from mirelight.lighting.develop import Sums, develop, develop_with_objects
+from mirelight.lighting.develop import Sums, develop
 from mirelight.lighting.layers import Layers, sun_shares
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
 
@@ -186,16 +186,16 @@ class FrameInProgress:
         return self._developed(self._film.sums())
 
     def _developed(self, sums: Sums) -> LightingBuffer:
-        made = develop_with_objects if self._world.surface.has_objects else develop
-        return made(
-            self.camera,
-            self.layers,
-            sums,
-            self.samples,
-            self._batch,
-            sun=self._film.aovs and self._sun,
-            occlusion=self._film.aovs,
-        )
+        aovs = self._film.aovs
+
+        def made(of: Sums) -> LightingBuffer:
+            sun = aovs and self._sun
+            return develop(self.camera, self.layers, of, self.samples, self._batch, sun=sun, occlusion=aovs)
+
+        if not self._world.surface.has_objects:
+            return made(sums)
+        proxy, objects = (made(x) for x in sums.halves())
+        return replace(proxy, objects=objects)
 
 
 def tile_size(settings: RenderSettings) -> tuple[int, int]:

@@ -119,6 +119,10 @@ class Mixture:
         """SHA-256 over sets and weights, not over names."""
         return digest([s.digest for s in self.sets], [(t.unit.digest, t.weight) for t in self.terms])
 
+    def home(self, unit: Unit) -> LightSet:
+        """The set that one of its unit lights is traced in."""
+        return next(s for s in self.sets if s.layer_of(unit) is not None)
+
 
 @dataclass(frozen=True, slots=True)
 class Rules:

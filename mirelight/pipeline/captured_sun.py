@@ -45,7 +45,7 @@ def seen_sun(
         return None if lamp is None or apart else _traced(lamp, camera, tracer, denoised)
     found: list[relighting.Sun] = []
     for term in mixture.terms:
-        home = next(s for s in mixture.sets if s.layer_of(term.unit) is not None)
+        home = mixture.home(term.unit)
         unit, layer = LightSet((term.unit,)).as_lighting(resolved), home.layer_of(term.unit)
         lamp = one_distant(unit.lights) if unit.environment is None else None
         own = [x for x in there[home.digest].layers if x.name == layer]

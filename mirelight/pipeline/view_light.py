@@ -46,7 +46,6 @@ class ViewLight:
         self._progress: Progress | None = None
         self.is_broken = False  # a trace was interrupted: what it left is no whole set
         self._captured: LightingBuffer | None = None  # the captured light, which every frame of a ratio asks for
-
         self._sun: tuple[relighting.Sun | None] | None = None  # of the captured light, once it was looked for
 
     @property
@@ -193,7 +192,7 @@ def _sun_strengths(scene: Prepared, mixture: Mixture) -> Mapping[str, float]:
     for term in mixture.terms:
         if not term.unit.has_sun:
             continue
-        home = next(s for s in mixture.sets if s.layer_of(term.unit) is not None)
+        home = mixture.home(term.unit)
         lights = LightSet((term.unit,)).as_lighting(scene.resolved).lights
         suns = [x for x in lights if isinstance(x, DirectionalLight | SunLight)]
         own = sum(x.intensity * float(x.color.mean()) for x in suns) * float(term.weight.mean())

@@ -85,7 +85,7 @@ class _Units:
             return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),), lighting.relight)
         places: list[int] = []
         for term in mixture.terms:
-            home = next(s for s in mixture.sets if s.layer_of(term.unit) is not None)
+            home = mixture.home(term.unit)
             layer = home.layer_of(term.unit) or ""
             places.append(
                 self._place(term.unit.digest, term.layer, _kind(term.unit), groups[home.digest], layer, term.unit)

@@ -16,6 +16,7 @@ from mirelight.lighting.lights import ROW, Kind
 from mirelight.model import F32
 from mirelight.model.ies import AROUND, DOWN
 
+_WIDE = 0.02  # sr; narrower rectangles are sampled by area: single precision fails the formula, and it is as good
 SHADOW_END = (
     1.0 - 2.0**-10
 )  # how far a shadow ray goes to its light, so that a lamp on a wall is not in the wall's shadow
@@ -171,7 +172,7 @@ def _area_sample(table: Float, row: UInt32, position: Vector3f, kind: Float, p: 
     x0, y0 = dr.dot(to_centre, x_axis) - half_width, dr.dot(to_centre, y_axis) - half_height
 
     x_s, y_s, solid_angle = _rectangle_point(x0, y0, z0, 2 * half_width, 2 * half_height, u)
-    by_angle = (~disk) & (solid_angle > 0.02)  # below, single precision fails the formula and area sampling is as good
+    by_angle = (~disk) & (solid_angle > _WIDE)
     on_disk = mi.warp.square_to_uniform_disk_concentric(u)
     flat_x = dr.select(disk, on_disk.x, 2 * u.x - 1)
     flat_y = dr.select(disk, on_disk.y, 2 * u.y - 1)
@@ -221,7 +222,7 @@ def _area_met(
     _, _, solid_angle = _rectangle_point(x0, y0, z0, 2 * half_width, 2 * half_height, mi.Point2f(0.5, 0.5))
     area = dr.select(disk, dr.pi, 4) * half_width * half_height
     by_area = area * abs(slant) / dr.square(distance)
-    solid = dr.select((~disk) & (solid_angle > 0.02), solid_angle, by_area)
+    solid = dr.select((~disk) & (solid_angle > _WIDE), solid_angle, by_area)
     return distance, radiance, dr.select(inside & (z0 < 0) & (slant < -1e-6), 1 / solid, 0)
 
 

@@ -15,20 +15,16 @@ from functools import cached_property
 from mirelight import relighting
 from mirelight.model import (
     Camera,
-    CompositorSettings,
-    DisplaySettings,
     Environment,
     EstimatedSky,
     Job,
     Lighting,
-    OutputSettings,
     RelightSettings,
     SkyModel,
     digest,
 )
-from mirelight.model.profiles import rules_of
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
-from mirelight.pipeline import provenance, requirements
+from mirelight.pipeline import provenance, reads, requirements
 
 FILE_SUFFIXES = (".exr", ".png")
 
@@ -155,7 +151,7 @@ class Keys:
         if job.splats is None:
             return "no splats"
         wanted = requirements.wants_depth(job), requirements.wants_diffuse(job)
-        settings = _read(job.compositor, _compositor_reads(job.compositor)), *wanted
+        settings = reads.read(job.compositor, reads.compositor_reads(job.compositor)), *wanted
         return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
@@ -184,7 +180,7 @@ class Keys:
     def _traced(self) -> str:
         job = self.job
         settings = (
-            _read(job.render, _light_reads(job)),
+            reads.read(job.render, reads.light_reads(job)),
             requirements.keeps_lights_apart(job),
             requirements.wants_aovs(job),
         )
@@ -288,7 +284,7 @@ class Keys:
             denoised = (True, self._versions("pyoidn")) if job.render.denoise else (False,)
             found = self._relights[settings] = digest(
                 "relit",
-                _read(settings, relighting.reads(settings)),
+                reads.read(settings, relighting.reads(settings)),
                 denoised,
                 self._versions("numpy", *(("scipy",) if relighting.repairs(settings) else ())),
                 job.splats is None,
@@ -307,8 +303,8 @@ class Keys:
     def _writing(self) -> dict[str, str]:
         """By suffix, how a file is written."""
         job = self.job
-        exr = digest(".exr", exr_settings(job.output), self._mattes, self._versions("OpenEXR"))
-        return {".exr": exr, ".png": digest(".png", _display_reads(job.display), self._versions("numpy"))}
+        exr = digest(".exr", reads.exr_settings(job.output), self._mattes, self._versions("OpenEXR"))
+        return {".exr": exr, ".png": digest(".png", reads.display_reads(job.display), self._versions("numpy"))}
 
     @cached_property
     def _mattes(self) -> str:
@@ -348,48 +344,9 @@ class Keys:
         return provenance.versions()
 
 
-def exr_settings(output: OutputSettings) -> dict[str, object]:
-    """The settings that decide what an EXR holds."""
-    elsewhere = "directory", "exr", "png", "store"
-    return _read(output, (field.name for field in fields(output) if field.name not in elsewhere))
-
-
-def _read(settings: object, names: Iterable[str]) -> dict[str, object]:
-    return {name: getattr(settings, name) for name in sorted(names)}
-
-
-def _display_reads(settings: DisplaySettings) -> tuple[object, ...]:
-    """What decides a PNG's pixels: of a view not where its config lies, but what it computes."""
-    view = settings.view
-    if view is None:
-        return (settings,)
-    return replace(settings, view=None), view.display, view.view, view.identity
-
-
-def _compositor_reads(settings: CompositorSettings) -> set[str]:
-    """Names of the settings that shape a composite in its profile."""
-    rules = rules_of(settings.profile).splats
-    names = {"profile", "sort", "alpha_clip"}
-    if rules.drops_small:
-        names.add("min_pixel_size")
-    if rules.packed:
-        names.add("work_buffer")
-    names |= {"linear", "eight_bit", "tone", "exposure"} if rules.pipelines else {"color_space", "cutoff"}
-    return names
-
-
-def _light_reads(job: Job) -> set[str]:
-    """Names of the settings that shape a traced buffer in its profile."""
-    names = {"profile", "variant"}
-    if requirements.follows_engine(job):
-        return names
-    names |= {"spp", "noise", "max_depth", "indirect", "seed", "denoise"}
-    return names | {"ao_distance"} if requirements.wants_aovs(job) else names
-
-
 def view(camera: Camera) -> str:
     """What a camera sees: all of it but its name and time."""
-    return digest("view", _read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
+    return digest("view", reads.read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
 
 
 def _light(lighting: Lighting) -> str:

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from mirelight.base.colour import blackbody
 from mirelight.io.job.fields import (
@@ -14,7 +14,6 @@ from mirelight.io.job.fields import (
     Color,
     Degrees,
     Direction,
-    DisplayColor,
     Elevation,
     Kelvin,
     LightName,
@@ -28,12 +27,11 @@ from mirelight.io.job.fields import (
 )
 from mirelight.io.job.light_units import AreaUnit, LampUnit, Shape, SunUnit, candela, nits
 from mirelight.io.job.sun_position import SOUTH, to_sun
-from mirelight.model import F64, Falloff, cones
-from mirelight.model.playcanvas_lights import DEFAULT_RANGE
+from mirelight.model import F64, cones
 
 _DIRECTION = "[x, y, z], the way the light travels."
 _POSITION = "[x, y, z] in world units."
-_TARGET = "[x, y, z], a point to shine at; instead of direction."
+TARGET = "[x, y, z], a point to shine at; instead of direction."
 _RADIUS = "Radius of a glowing sphere of the same candela, in world units; 0: hard shadows."
 _CANDELA = "Luminous intensity in candela, or what `unit` says."
 _LAMP_UNIT = (
@@ -215,7 +213,7 @@ class SpotTable(ColouredTable):
     type: Literal["spot"]
     position: Vec3 = Field(description=_POSITION)
     direction: Direction | None = Field(default=None, description=_DIRECTION)
-    target: Vec3 | None = Field(default=None, description=_TARGET)
+    target: Vec3 | None = Field(default=None, description=TARGET)
     intensity: NotNegative = Field(default=1.0, description=_CANDELA)
     unit: LampUnit = Field(default="candela", description=_LAMP_UNIT)
     range: Positive | None = Field(default=None, description=_RANGE)
@@ -251,7 +249,7 @@ class SpotTable(ColouredTable):
 
     @model_validator(mode="after")
     def _check(self) -> SpotTable:
-        _aimed(self, self.position, self.target)
+        aimed(self, self.position, self.target)
         if self.ies is None and "turn" in self.model_fields_set:
             raise wrong("turn of a light that is the same around its axis", "leave it out, or add ies", at="turn")
         if self.ies is not None and self.unit == "watt":
@@ -307,7 +305,7 @@ class AreaTable(ColouredTable):
     shape: Shape = Field(default="rectangle", description="Form of the glowing surface.")
     position: Vec3 = Field(description="[x, y, z] of its centre in world units.")
     direction: Direction | None = Field(default=None, description=_DIRECTION)
-    target: Vec3 | None = Field(default=None, description=_TARGET)
+    target: Vec3 | None = Field(default=None, description=TARGET)
     up: Direction = Field(default=[0.0, 1.0, 0.0], description="[x, y, z], towards which a rectangle's height points.")
     size: Size = Field(
         default=[1.0, 1.0], description="World units: a diameter or a square's side, or [width, height]."
@@ -324,7 +322,7 @@ class AreaTable(ColouredTable):
     @model_validator(mode="after")
     def _check(self) -> AreaTable:
         if self.shape != "sphere":
-            _aimed(self, self.position, self.target)
+            aimed(self, self.position, self.target)
         elif self.direction or self.target:
             raise wrong("a sphere shines all around", "leave it out", at="direction" if self.direction else "target")
         if self.shape != "rectangle" and self.size[0] != self.size[1]:
@@ -338,83 +336,8 @@ class AreaTable(ColouredTable):
         return nits(self.intensity, self.unit, self.shape, (self.size[0], self.size[1]))
 
 
-class PlayCanvasTable(LightTable):
-    """A light component of the real-time engine, in its own units and with its defaults."""
-
-    type: Literal["playcanvas"]
-    kind: Literal["omni", "spot", "directional"] = Field(description="The component's type.")
-    color: DisplayColor = Field(default=[1.0, 1.0, 1.0], description="Display-encoded [r, g, b], 0 to 1 (2.2 power).")
-    intensity: NotNegative = Field(default=1.0, description="The component's intensity.")
-    luminance: NotNegative | None = Field(
-        default=None,
-        description="The component's luminance, with `engine.physical_units`: lumens of an omni or spot, lux of a "
-        "directional light; instead of intensity.",
-    )
-    position: Vec3 | None = Field(default=None, description="[x, y, z] in world units; not of directional.")
-    direction: Direction | None = Field(default=None, description="[x, y, z], the way the light travels; not of omni.")
-    target: Vec3 | None = Field(default=None, description=_TARGET)
-    range: Positive = Field(default=DEFAULT_RANGE, description="Distance at which the light has faded to nothing.")
-    falloff: Falloff = Field(
-        default="linear", description="1 - d / range, or 16 / (d² + 1) with a squared window at the range."
-    )
-    inner_cone_angle: Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)] = Field(
-        default=40.0, description="Half angle in degrees at which a spot starts to fade."
-    )
-    outer_cone_angle: Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)] = Field(
-        default=45.0, description="Half angle in degrees at which it is gone."
-    )
-    cast_shadows: bool = Field(default=False, description="Whether it casts shadows, in the profile playcanvas.")
-    penumbra_size: Positive | None = Field(
-        default=None,
-        description="With cast_shadows: soft shadows (PCSS) of this penumbraSize, the engine's own frames alone. "
-        "Default: hard ones (PCF3).",
-    )
-    penumbra_falloff: Positive = Field(
-        default=1.0, description="The penumbraFalloff of a directional light's soft shadows."
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> PlayCanvasTable:
-        pose = {"position": self.position, "direction": self.direction, "target": self.target}
-        for key in {"omni": ("direction", "target"), "directional": ("position", "target"), "spot": ()}[self.kind]:
-            if pose[key] is not None:
-                raise wrong(f"a {key} of a light of kind {self.kind}", "leave it out", at=key)
-        needed = "direction" if self.kind == "directional" else "position"
-        if pose[needed] is None:
-            raise wrong(f"a light of kind {self.kind} without {needed}", f"add {needed} = [x, y, z]")
-        if self.kind == "spot" and self.position is not None:
-            _aimed(self, self.position, self.target)
-            if self.inner_cone_angle > self.outer_cone_angle:
-                found = f"{self.inner_cone_angle:g}, and outer_cone_angle is {self.outer_cone_angle:g}"
-                raise wrong(found, "make the inner angle the smaller one", at="inner_cone_angle")
-        if self.penumbra_size is not None and not self.cast_shadows:
-            raise wrong("a penumbra without shadows", "add cast_shadows = true", at="penumbra_size")
-        if "penumbra_falloff" in self.model_fields_set:
-            if self.penumbra_size is None:
-                raise wrong("the falloff of a penumbra that has no size", "add penumbra_size", at="penumbra_falloff")
-            if self.kind != "directional":
-                found = f"a penumbra's falloff of a light of kind {self.kind}"
-                raise wrong(found, "leave it out; the engine has it of directional ones", at="penumbra_falloff")
-        return self
-
-
-def _aimed(light: Table, position: list[float], target: list[float] | None) -> None:
+def aimed(light: Table, position: list[float], target: list[float] | None) -> None:
+    """One of direction and target, and no target at the light itself."""
     one_way(light, ("direction",), ("target",), needed="add direction = [x, y, z] or target = [x, y, z]")
     if target == position:
         raise wrong("the light's own position", "give another point", at="target")
-
-
-def _light_type(value: Any) -> str | None:
-    kind = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
-    return f"type={kind}" if isinstance(kind, str) else None
-
-
-AnyLight: TypeAlias = Annotated[
-    Annotated[DirectionalTable, Tag("type=directional")]
-    | Annotated[PointTable, Tag("type=point")]
-    | Annotated[SpotTable, Tag("type=spot")]
-    | Annotated[SunTable, Tag("type=sun")]
-    | Annotated[AreaTable, Tag("type=area")]
-    | Annotated[PlayCanvasTable, Tag("type=playcanvas")],
-    Discriminator(_light_type),
-]

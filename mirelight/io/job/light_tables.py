@@ -17,7 +17,8 @@ from mirelight.io.job.fields import (
     paths_as_tables,
     wrong,
 )
-from mirelight.io.job.lamp_tables import CONE, GROUP, AnyLight, ConeName, GroupName
+from mirelight.io.job.lamp_tables import CONE, GROUP, ConeName, GroupName
+from mirelight.io.job.light_kinds import AnyLight
 from mirelight.io.job.scene_tables import Environment, Transform
 
 MOST_MOMENTS = 10_000  # of one lighting

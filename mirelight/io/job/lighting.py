@@ -15,15 +15,14 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.ies import IesFile
 from mirelight.io.job.lamp_tables import (
-    AnyLight,
     AreaTable,
     ConeName,
     DirectionalTable,
-    PlayCanvasTable,
     PointTable,
     SpotTable,
     SunTable,
 )
+from mirelight.io.job.light_kinds import AnyLight, PlayCanvasTable
 from mirelight.io.job.light_tables import LightsFromTable, LightUnit, Lit
 from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.placing import environment_rotation, matrix, placed_light

@@ -1,0 +1,207 @@
+"""Files that a job names: read by those names, and a digest kept of each."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mirelight import model
+from mirelight.base.conventions import Matrix
+from mirelight.io.job import inserted, placing
+from mirelight.io.job.camera_files import SceneCamera
+from mirelight.io.job.fields import PROXY
+from mirelight.io.job.hashing import digest, digest_of_all, file_digest
+from mirelight.io.job.light_tables import LightUnit
+from mirelight.io.job.scene_tables import ObjectTable, ProxyTable, SplatsTable, Transform
+from mirelight.io.suffixes import GLTF, USD
+from mirelight.model import F32, Deferred, Inserted, Light, ProxyMesh, SplatCloud, SplatFile
+
+if TYPE_CHECKING:
+    from mirelight.io.cameras import CameraFile
+    from mirelight.io.gltf.moving_lights import Shot
+    from mirelight.io.ies import IesFile
+
+
+@dataclass(slots=True)
+class Assets:
+    """Reads files by the names that the job gives them, and keeps a digest of each."""
+
+    folder: Path
+    proxy: ProxyTable | None
+    engine: model.EngineSettings  # what lights in its terms count on
+    digests: dict[str, str] = field(default_factory=dict)
+    shots: dict[Path, Shot] = field(default_factory=dict)  # open glTF files whose lights move
+    notes: dict[str, None] = field(default_factory=dict)  # lines about what the files hold, each once
+
+    def path(self, named: str) -> Path:
+        """The file of a name in the job; its digest is taken now."""
+        path = self.folder / named
+        if named not in self.digests:
+            self.digests[named] = digest(path)
+        return path
+
+    def splat_files(self, tables: list[SplatsTable]) -> tuple[SplatFile, ...]:
+        """The splat files, and how the job places them."""
+        return tuple(
+            SplatFile(
+                path=self.path(t.path),
+                world_from_file=placing.matrix(t.transform),
+                lod=t.lod,
+                color_space=t.color_space,
+            )
+            for t in tables
+        )
+
+    def splats(self, tables: list[SplatsTable], files: tuple[SplatFile, ...]) -> Deferred[SplatCloud]:
+        """All splat files in world space, as one cloud."""
+        known = [
+            (self.digests[t.path], x.world_from_file, x.lod, x.color_space) for t, x in zip(tables, files, strict=True)
+        ]
+        return Deferred(model.digest("splats", known), partial(_cloud, files))
+
+    def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
+        """The proxy in world space; gray where its colours come from the splats."""
+        path, m = self.path(table.path), placing.matrix(table.transform)
+        if path.suffix.lower() in GLTF:
+            from mirelight.io.gltf.decoders import refuse_without_decoder
+
+            refuse_without_decoder(path)
+        albedo = "gray" if table.albedo == "splats" else table.albedo
+        return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
+
+    def inserted(self, table: ObjectTable) -> Inserted:
+        """An object in world space, before it is dropped."""
+        return inserted.of_table(table, self.path(table.path), self.digests[table.path])
+
+    def scene_lights(
+        self, path: str, unit: LightUnit | None = None, time: float | None = None
+    ) -> tuple[tuple[Light, ...], Matrix]:
+        """See :class:`lighting.LightFiles`."""
+        from mirelight.io.gltf import blender
+        from mirelight.io.gltf.moving_lights import Shot
+        from mirelight.io.gltf.scene import read_lights_of
+
+        file, default = self._scene(path)
+        if file.suffix.lower() in USD:
+            return self._stage_lights(file, time), default
+        if time is not None and file not in self.shots:
+            self.shots[file] = Shot.of(file)
+        found = read_lights_of(file) if time is None else self.shots[file].at(time)
+        if unit == "blender":
+            return tuple(blender.as_in_blender(light) for light in found.lights), default
+        if unit is None and found.blender and found.lights:
+            remedy = f'lights_from = {{ path = "{path}", unit = "blender" }} takes that out, unit = "khr" keeps it'
+            self.notes[blender.note(file.name, found.blender, remedy)] = None
+        return found.lights, default
+
+    def _stage_lights(self, file: Path, time: float | None) -> tuple[Light, ...]:
+        from mirelight.io.usd.lights import read_lights
+
+        found = read_lights(file, time)
+        self.notes |= dict.fromkeys(f"{file.name}: {note}" for note in found.notes)
+        return found.lights
+
+    def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
+        """See :class:`lighting.LightFiles`."""
+        file, _ = self._scene(path)
+        if file.suffix.lower() in USD:
+            from mirelight.io.usd.lights import light_times as stage_times
+
+            return stage_times(file, fps, frames)
+        from mirelight.io.gltf.moving_lights import light_times
+
+        return [float(t) for t in light_times(file, fps=fps, count=frames)]
+
+    def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
+        """See :class:`cameras.CameraFiles`."""
+        file, default = self._scene(path)
+        if file.suffix.lower() in USD:
+            from mirelight.io.usd.cameras import read_cameras as stage_cameras
+
+            return stage_cameras(file), default
+        from mirelight.io.gltf.scene import read_cameras
+
+        return read_cameras(file), default
+
+    def sampled(
+        self, path: str, name: str, fps: float | None, frames: int | None
+    ) -> tuple[tuple[float, SceneCamera], ...]:
+        """See :class:`cameras.CameraFiles`."""
+        file, _ = self._scene(path)
+        if file.suffix.lower() in USD:
+            from mirelight.io.usd.cameras import sample_cameras as sampled_stage
+
+            return sampled_stage(file, name, fps=fps, count=frames)
+        from mirelight.io.gltf.animation import sample_cameras
+        from mirelight.io.gltf.scene import read_cameras
+
+        poses = sample_cameras(file, name, fps=fps, count=frames)  # says where there is no such camera
+        camera = next(x for x in read_cameras(file) if x.name == name)
+        return tuple((time, replace(camera, world=pose)) for time, pose in poses)
+
+    def camera_file(self, path: str) -> CameraFile:
+        """See :class:`cameras.CameraFiles`. Of a folder, the digests are those of the files that are read."""
+        from mirelight.io.cameras import open_file
+
+        found = open_file(self.folder / path)
+        if len(found.files) > 2:  # one for each picture
+            self.digests[path] = digest_of_all(found.files, found.files[0].parent)
+        else:
+            named = {os.path.relpath(file, self.folder): file for file in found.files}
+            self.digests |= {name: file_digest(file) for name, file in named.items()}
+        return found
+
+    def ies(self, path: str) -> IesFile:
+        """See :class:`lighting.LightFiles`."""
+        from mirelight.io.ies import read_ies
+
+        return read_ies(self.path(path))
+
+    def panorama(self, path: str) -> Deferred[F32]:
+        """A panorama (H, W, 3), read when it is first asked for; see :class:`lighting.LightFiles`."""
+        file = self.path(path)
+        return Deferred(
+            model.digest("picture", self.digests[path]), partial(_panorama, file, self.digests[path]), keep=False
+        )
+
+    def _scene(self, path: str) -> tuple[Path, Matrix]:
+        if path == PROXY and self.proxy is not None:
+            return self.path(self.proxy.path), placing.matrix(self.proxy.transform)
+        return self.path(path), placing.matrix(Transform())
+
+
+def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
+    from mirelight.io import splats
+
+    clouds = []
+    for file in files:
+        cloud, m = splats.read(file.path, lod=file.lod), file.world_from_file
+        cloud = replace(cloud, color_space=file.color_space or cloud.color_space)
+        clouds.append(cloud if placing.is_identity(m) else splats.transform(cloud, m))
+    return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
+
+
+def _mesh(path: Path, m: Matrix, albedo: list[float] | str) -> ProxyMesh:
+    from mirelight.io import mesh
+
+    found = mesh.read_mesh(path, textures=albedo == "file")
+    found = found if placing.is_identity(m) else mesh.transform(found, m)
+    if albedo == "gray":
+        return found
+    return replace(found, albedo=None if albedo == "file" else np.asarray(albedo))
+
+
+@lru_cache(maxsize=2)  # neighbouring frames share theirs; a job may name hundreds
+def _panorama(path: Path, sha256: str) -> F32:
+    if path.suffix.lower() in USD:
+        from mirelight.io.usd.lights import read_domes
+
+        return read_domes(path)
+    from mirelight.io.environment import read_environment
+
+    return read_environment(path)

@@ -146,7 +146,7 @@ def make(order: str, camera: str, expected: str, run: str, beside: dict[str, int
 
 
 def version() -> str:
-    """Of mirelight there."""
+    """The version of mirelight on that worker."""
     return __version__
 
 

@@ -53,7 +53,7 @@ class Progress:
     """
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
-        """Before the first frame."""
+        """Told once, before the first frame is made."""
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """Light samples of a frame so far; the captured light's and those of unit lights it is the first to need

@@ -25,7 +25,7 @@ FATAL = "fatal"  # why nothing can go on, in lines
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """One message."""
+    """One message from a worker process."""
 
     kind: str
     values: tuple[str | int, ...] = ()
@@ -59,7 +59,7 @@ class Reporter(Progress):
             self._say(Word(SAMPLES, (task.name, done, total)))
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
-        """A frame is there."""
+        """Passes on that a frame is finished."""
         self._say(Word(FINISHED, (task.name, int(skipped))))
 
     def failed(self, task: FrameTask, error: str) -> None:
@@ -67,5 +67,5 @@ class Reporter(Progress):
         self._say(Word(FAILED, (task.name, error)))
 
     def note(self, line: str) -> None:
-        """Something to know."""
+        """Passes on a line for the person who waits."""
         self._say(Word(NOTE, (line,)))

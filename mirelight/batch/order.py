@@ -28,7 +28,7 @@ class Shard:
 
     @staticmethod
     def parse(text: str) -> Shard:
-        """From "2/8".
+        """The shard that a text such as "2/8" names.
 
         Raises:
             InputError: it is not of that form.
@@ -58,12 +58,12 @@ class Order:
     lightings: tuple[str, ...] | None = None
 
     def text(self) -> str:
-        """As JSON, for :meth:`read`."""
+        """The order as JSON text, which :meth:`read` takes."""
         return json.dumps(asdict(self))
 
     @staticmethod
     def read(text: str) -> Order:
-        """Back from :meth:`text`."""
+        """The order that :meth:`text` has written."""
         entry = json.loads(text)
         values: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in entry.items()}
         return Order(**values)

@@ -57,14 +57,14 @@ class Pace:
         self._due = self._began = 0.0
 
     def is_due(self, task: FrameTask) -> bool:
-        """Whether now."""
+        """Whether it is time to show this frame."""
         self._began = time.monotonic()
         if self._task is not task:
             self._task, self._due = task, self._began + _EVERY
         return self._began >= self._due
 
     def done(self) -> None:
-        """It was shown."""
+        """Told that it was shown; the next one waits in proportion to what that took."""
         ended = time.monotonic()
         self._due = ended + max(_EVERY, _SHARE * (ended - self._began))
 
@@ -107,7 +107,7 @@ class Previews:
             self._pace.done()
 
     def made(self, task: FrameTask, frame: Frame) -> None:
-        """Its own files follow."""
+        """Shows nothing: the finished frame's own files follow."""
 
 
 def quick_frame(quick: Scene, task: FrameTask) -> Frame:

@@ -39,7 +39,7 @@ def threads_of(workers: int) -> int:
 
 
 def run(order: Order, plan: Plan, store: Store, workers: int, progress: Progress) -> RenderSummary:
-    """`mirelight.batch.executor.run` by worker processes.
+    """Makes the frames of a plan by worker processes, as `mirelight.batch.executor.run` does in one.
 
     Args:
         order: what `plan` was made from, for the workers to make theirs.

@@ -14,7 +14,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_cache(args: argparse.Namespace) -> int:
-    """The command."""
+    """Shows what is kept for all commands, or clears it."""
     from mirelight.model.shown import count
     from mirelight.pipeline.cache import VARIABLE, UserCache
 

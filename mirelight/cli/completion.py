@@ -11,7 +11,7 @@ _FOLDERS = {"DIR"}
 
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """What the shell reads."""
+    """The completion script of a shell."""
     _mark(parser)
     return shtab.complete(parser, shell)
 

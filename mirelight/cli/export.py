@@ -121,15 +121,15 @@ class Counted:
         return f"{count} frames in {out}{existed}; {progress.duration(tally.elapsed)}"
 
     def started(self, count: int) -> None:
-        """Before the first frame."""
+        """Starts counting before the first frame."""
         self._tally.started([_Frame("")] * count)
 
     def finished(self, name: str, skipped: bool) -> None:
-        """A frame is there."""
+        """Counts a frame that is finished."""
         self._tally.finished(_Frame(name), skipped)
 
     def note(self, line: str) -> None:
-        """Something to know."""
+        """Prints a line for the person who waits."""
         self._tally.note(f"mirelight: {line}")
 
 

@@ -27,7 +27,7 @@ def add_job(parser: argparse.ArgumentParser, what: str = "job file (TOML)") -> N
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Which of many frames."""
+    """Adds the options that choose frames by camera and lighting."""
     parser.add_argument(
         "--camera", metavar="NAME", nargs="+", action="extend", help="only these cameras (* and ? work)"
     )
@@ -35,7 +35,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 
 
 def add_lightings(parser: argparse.ArgumentParser) -> None:
-    """Which of many lightings."""
+    """Adds the option that chooses lightings."""
     parser.add_argument("--lighting", metavar="NAME", nargs="+", action="extend", help="only these lightings")
 
 
@@ -60,7 +60,7 @@ def add_quiet(parser: argparse.ArgumentParser, but: str = "errors") -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """What a program reads."""
+    """Adds `--json`, for results that a program reads."""
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 

@@ -36,7 +36,7 @@ class Parser(argparse.ArgumentParser):
     command: Command | None = None  # that it is of
 
     def error(self, message: str) -> NoReturn:
-        """Ends the process."""
+        """Prints a wrong command line's mistake and ends the process."""
         name = self.prog.removeprefix("mirelight").strip()
         say.remark(f"{name}{': ' if name else ''}{message}; {self.prog} --help says more")
         sys.exit(BAD)

@@ -19,7 +19,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The frame's name."""
 
     @property
     def camera(self) -> object:
@@ -50,7 +50,7 @@ class Tally:
         return None
 
     def started(self, tasks: Sequence[Named]) -> None:
-        """Before the first frame."""
+        """Starts counting before the first frame."""
         self.total = len(tasks)
         self._began = time.monotonic()
         self._pace = Pace(Counter(id(task.camera) for task in tasks), 0.0)
@@ -62,7 +62,7 @@ class Tally:
         self._pace.part(id(task.camera), self._begun[task.name], self.elapsed)
 
     def finished(self, task: Named, skipped: bool) -> None:
-        """A frame is there."""
+        """Counts a frame that is finished."""
         self._over(task)
         if skipped:
             self.skipped += 1
@@ -125,7 +125,7 @@ class Lines(Tally):
         self._waits = False
 
     def waiting(self, cameras: int) -> None:
-        """Said once."""
+        """Says, once, that other processes are waited for."""
         if not self._waits:
             say.remark(f"waiting for {cameras} cameras that other processes render")
         self._waits = True
@@ -135,7 +135,7 @@ class Lines(Tally):
         say.line(line)
 
     def started(self, tasks: Sequence[Named]) -> None:
-        """Before the first frame."""
+        """Starts counting before the first frame."""
         super().started(tasks)
         self._frame_began = self.elapsed
 
@@ -177,7 +177,7 @@ class Bar(Tally):
         self._show(task.name)
 
     def finished(self, task: Named, skipped: bool) -> None:
-        """A frame is there."""
+        """Counts a frame that is finished."""
         super().finished(task, skipped)
         self._show(task.name)
 

@@ -231,7 +231,7 @@ def _vector(values: Sequence[float]) -> str:
 
 
 def size(count: int) -> str:
-    """Bytes for people."""
+    """A number of bytes with its unit, for people."""
     value = float(count)
     for unit in ("B", "KiB", "MiB"):
         if value < 1024:

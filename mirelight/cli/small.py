@@ -30,7 +30,7 @@ def run_doctor(args: argparse.Namespace) -> int:
 
 
 def run_schema(args: argparse.Namespace) -> int:
-    """As JSON on stdout."""
+    """Prints the job file's JSON schema."""
     from mirelight.cli.report import print_json
     from mirelight.io.job import json_schema
 
@@ -39,7 +39,7 @@ def run_schema(args: argparse.Namespace) -> int:
 
 
 def run_completion(args: argparse.Namespace) -> int:
-    """The script on stdout."""
+    """Prints a shell's completion script."""
     from mirelight.cli import say
     from mirelight.cli.completion import script
 

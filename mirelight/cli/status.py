@@ -24,7 +24,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_status(args: argparse.Namespace) -> int:
-    """The command."""
+    """Prints how far an output folder is."""
     from mirelight.batch.status import status
     from mirelight.cli.report import print_json
 
@@ -53,7 +53,7 @@ COMMAND = Command(
 
 
 def lines(found: Status) -> Iterator[str]:
-    """The state for people."""
+    """The state of an output folder in lines for people."""
     from mirelight.cli.progress import duration
     from mirelight.store.journal import said_of
 

@@ -37,7 +37,7 @@ class Watched(Progress):
             signal.signal(number, handler)
 
     def started(self, tasks: Sequence[FrameTask]) -> None:
-        """Before the first frame."""
+        """Starts counting, unless a signal has asked to stop."""
         self._tally.started(tasks)
         self._raise_noted()
 
@@ -47,12 +47,12 @@ class Watched(Progress):
         self._raise_noted()
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
-        """A frame is there."""
+        """Counts a finished frame, then stops where a signal has asked for it."""
         self._tally.finished(task, skipped)
         self._raise_noted()
 
     def note(self, line: str) -> None:
-        """Something to know."""
+        """Prints a line, then stops where a signal has asked for it."""
         self._tally.note(f"mirelight: {line}")
         self._raise_noted()
 

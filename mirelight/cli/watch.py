@@ -87,7 +87,7 @@ class _Signals:
             signal.signal(number, handler)
 
     def check(self) -> None:
-        """Raises what was noted."""
+        """Ends the command where a signal has asked for it."""
         if self._noted is not None:
             raise _Ended(0 if self._noted == signal.SIGINT else TERMINATED)
 
@@ -116,7 +116,7 @@ class _Heard(Progress):
             self._screen.status(f"{task.name}: {done / total:.0%}" if total else task.name)
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
-        """A frame is there."""
+        """Counts a frame that is finished."""
         if not skipped:
             self._there += 1
         self.samples(task, 1, 1)
@@ -126,18 +126,18 @@ class _Heard(Progress):
         self._screen.say(f"{task.name}: failed: {error.strip().rpartition(chr(10))[2]}")
 
     def note(self, line: str) -> None:
-        """Something to know."""
+        """Prints a line for the person who watches."""
         self._screen.say(line)
         self._signals.check()
 
     def shown(self, task: FrameTask, what: str) -> None:
-        """A picture was replaced."""
+        """Says that a picture was replaced, and how long after the change."""
         if what != "so far":
             name = {"quick": "quick picture", "full": "shown in full", "done": "done"}[what]
             self._screen.say(f"{task.name}: {name} after {time.monotonic() - self._began:.1f} s")
 
     def ended(self) -> None:
-        """All frames are there."""
+        """Says that all frames are finished."""
         if not self._there:
             self._screen.say("all frames are there")
 
@@ -149,7 +149,7 @@ class _Screen:
         self._live = sys.stderr is not None and sys.stderr.isatty()
 
     def say(self, line: str) -> None:
-        """A line that stays."""
+        """Prints a line with the time, above the line that changes."""
         if sys.stderr is not None:
             clear = "\r\033[K" if self._live else ""
             print(f"{clear}{time.strftime('%H:%M:%S')} {printable(line)}", file=sys.stderr, flush=True)

@@ -25,7 +25,7 @@ from mirelight.model import F32
 
 
 def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
-    """Compare two files.
+    """Scores one picture file against another.
 
     Returns:
         The figures, and the pictures behind them.

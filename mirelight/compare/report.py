@@ -73,7 +73,7 @@ class Report:
             temporary.write_text(page, encoding="utf-8")
 
     def page(self, failures: Sequence[str] = (), unpaired: Sequence[str] = ()) -> str:
-        """The page as text."""
+        """The report's page as HTML text."""
         pairs = sorted(self._pairs, key=lambda p: (-p[0].overall.flip, p[0].overall.psnr))
         sections = [_section(k, result, images) for k, (result, images) in enumerate(pairs[:_WITH_PICTURES])]
         return _PAGE.format(

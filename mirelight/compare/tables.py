@@ -37,7 +37,7 @@ def write_json(
 def json_text(
     results: Sequence[Comparison], settings: CompareSettings, failures: Sequence[str], unpaired: Sequence[str] = ()
 ) -> str:
-    """What :func:`write_json` writes."""
+    """The results as JSON text, which :func:`write_json` writes."""
     document = {
         "settings": asdict(settings),
         "failures": list(failures),

@@ -50,7 +50,7 @@ class TooLarge:
 
 
 def split(band: Band) -> tuple[Band, Band]:
-    """Upper and lower half."""
+    """The band cut into its upper and lower half."""
     upper = band.rows // 2
     return (
         Band(band.columns, upper, band.first_row),

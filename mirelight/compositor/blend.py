@@ -88,7 +88,7 @@ class Source:
 
     @property
     def slots(self) -> int:
-        """Arrays of a splat."""
+        """How many numbers a splat has in the queue."""
         return self.values + 3 + self.channels + self.depth
 
     def load(self, data: list[Array], rank: Array, ok: Array) -> list[Array]:

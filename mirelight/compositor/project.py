@@ -59,7 +59,7 @@ def project(
     settings: CompositorSettings,
     drawing: EngineDrawing = EXACT,
 ) -> Projected:
-    """Project every splat."""
+    """Every splat as an ellipse on the picture's plane."""
     dr, types = device.dr, device.types
     offset = from_eye(cloud, view)
     at = _position(device, view, offset)

@@ -26,7 +26,7 @@ class SplatSource(Hashable, Protocol):
 
     @property
     def slots(self) -> int:
-        """Arrays of a splat."""
+        """How many numbers a splat has in the queue."""
         ...
 
     def load(self, data: list[Array], rank: Array, ok: Array) -> Splat:

@@ -14,7 +14,7 @@ FILE = "sheet.jpg"
 
 
 def write(files: Files, cameras: Sequence[str], lightings: Sequence[str], of: Callable[[int, str], Picture]) -> None:
-    """Draw sheet.jpg.
+    """Draws the data set's contact sheet, sheet.jpg.
 
     Args:
         files: of the data set.

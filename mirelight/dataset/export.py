@@ -44,7 +44,7 @@ class Progress(Protocol):
         """A frame is there: made now, or found."""
 
     def note(self, line: str) -> None:
-        """Something to know."""
+        """Told a line for the person who waits."""
 
 
 class Silent:
@@ -180,7 +180,7 @@ class _Chosen:
         return out
 
     def described(self, settings: DatasetSettings) -> dict[str, object]:
-        """The content of splits.json."""
+        """The parts of a data set, as splits.json has them."""
         return {"by": settings.split, "held_out": settings.held_out, "seed": settings.seed, "parts": self.frames()}
 
     def facts(self) -> card.Facts:

@@ -44,7 +44,7 @@ def only_lamp(data: DataSet, lighting: str, world: Matrix) -> Lamp | None:
 def described(
     data: DataSet, names: Sequence[str], file_names: Mapping[str, str], shared: Shared, written: Collection[str]
 ) -> dict[str, Any]:
-    """The content of lights.json.
+    """The lights of a data set, as lights.json has them.
 
     Args:
         data: the data set.

@@ -249,7 +249,7 @@ class DataSet:
         return (self[i] for i in range(len(self)))
 
     def frame(self, camera: int | str, lighting: int | str | ArrayLike) -> F32:
-        """One mixed frame.
+        """One frame, mixed from the kept layers.
 
         Args:
             camera: index or name.

@@ -111,7 +111,7 @@ def _primaries(path: Path, lines: list[str]) -> Chromaticities | None:
 
 
 def _read_pixels(path: Path, data: bytes, at: int, width: int, height: int) -> Rgbe:
-    """(h, w, 4) bytes."""
+    """The picture's bytes (h, w, 4), run lengths undone."""
     flat = data[at : at + width * height * 4]
     if len(data) - at == width * height * 4 and not _has_runs(flat, width):
         return np.frombuffer(flat, dtype=np.uint8).reshape(height, width, 4)

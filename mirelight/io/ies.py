@@ -78,7 +78,7 @@ class _Numbers:
         self._path, self._words, self._at = path, words, 0
 
     def take(self, count: int) -> F64:
-        """(count,) the next numbers."""
+        """The next `count` numbers of the file (count,)."""
         words = self._words[self._at : self._at + count]
         if len(words) < count:
             raise InputError(self._path, f"{len(self._words)} numbers after TILT, and more are promised", _DAMAGED)

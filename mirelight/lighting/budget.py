@@ -99,11 +99,11 @@ def averaged(caches: Sequence[SurfaceCache]) -> SurfaceCache:
         return np.asarray(sum(values[1:], values[0]) / np.float32(len(values)), np.float32)
 
     def light(same: Sequence[CellLight]) -> CellLight:
-        met = [x.met for x in same if x.met is not None]
+        first_bounce = [x.first_bounce for x in same if x.first_bounce is not None]
         return replace(
             same[0],
             direct=mean([x.direct for x in same]),
-            met=mean(met) if met else None,
+            first_bounce=mean(first_bounce) if first_bounce else None,
             indirect=mean([x.indirect for x in same]),
             rays=sum(x.rays for x in same),
         )

@@ -21,7 +21,7 @@ def on_device(
     cells: SurfaceCells,
     whole: F32,
     rest: F32 | None = None,
-    met: F32 | None = None,
+    first_bounce: F32 | None = None,
     doubt: F32 | None = None,
     spread: sky_guiding.U16 | None = None,
 ) -> DeviceCells:
@@ -31,8 +31,10 @@ def on_device(
 
     groups = np.zeros(len(cells), np.int64) if spread is None else sky_guiding.groups(cells)
     nothing = np.zeros((1, 1, 3), np.float32)
-    rest, met = (nothing if x is None else x for x in (rest, met))
-    return DeviceCells(cells, whole, rest, met, doubt, nearest=TOO_NEAR * cells.size, spread=Spread(spread, groups))
+    rest, first_bounce = (nothing if x is None else x for x in (rest, first_bounce))
+    return DeviceCells(
+        cells, whole, rest, first_bounce, doubt, nearest=TOO_NEAR * cells.size, spread=Spread(spread, groups)
+    )
 
 
 def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], most: int | None) -> DeviceCells:
@@ -55,14 +57,15 @@ def bound(cache: SurfaceCache, layers: Layers, names: tuple[str, ...], most: int
     refuse_if_too_many(len(cache.cells), len(names), most)
     zero = np.zeros((2, len(cache.cells), 3), np.float32)
     chosen = [lights[name] for name in names]
-    met = [zero if x.met is None else x.met for x in chosen]
+    first_bounce = [zero if x.first_bounce is None else x.first_bounce for x in chosen]
     indirect = [x.indirect for x in chosen]
-    whole = [x.direct + x.indirect + y for x, y in zip(chosen, met, strict=True)]
-    rest = [x + y for x, y in zip(indirect, met, strict=True)]
+    whole = [x.direct + x.indirect + y for x, y in zip(chosen, first_bounce, strict=True)]
+    rest = [x + y for x, y in zip(indirect, first_bounce, strict=True)]
     if not layers.separate or not chosen:
         indirect, whole, rest = [sum(indirect, zero)], [sum(whole, zero)], [sum(rest, zero)]
     of_kind = [
-        sum((x.met for x in chosen if x.kind == k and x.met is not None), zero) for k in ("environment", "emission")
+        sum((x.first_bounce for x in chosen if x.kind == k and x.first_bounce is not None), zero)
+        for k in ("environment", "emission")
     ]
     return on_device(
         cache.cells,

@@ -65,7 +65,7 @@ class _Evidence:
 
     @staticmethod
     def of(shown: Shown, count: int) -> _Evidence:
-        """Of `count` patches."""
+        """What is shown of each of `count` patches of the surface."""
         over, log = shown.over[:, None], np.log(np.maximum(np.pi * shown.color, 1e-9) / np.maximum(shown.light, 1e-9))
         values = [shown.color * ~over, shown.light * ~over, shown.color * over, shown.light * over]
         whole = over & ~shown.clipped

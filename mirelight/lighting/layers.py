@@ -21,7 +21,9 @@ class Layers:
     of_light: NDArray[np.uint32]  # (max(n, 2),) layer of each light
     environment: int  # its layer; 0 where there is none
     emission: int  # its layer; 0 where there is none
-    met: tuple[int, int] | None = None  # layers of the environment and of emission where a reflected ray meets them
+    first_bounce: tuple[int, int] | None = (
+        None  # layers of the environment and of emission where a reflected ray meets them
+    )
     separate: bool = True  # False: nobody asks for layers, so lights may be sampled for the sum alone
 
     @staticmethod

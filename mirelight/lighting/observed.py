@@ -84,7 +84,7 @@ def observed(splats: SplatCloud, views: Sequence[SplatLayer], mesh: ProxyMesh, t
 
 
 class _Splats:
-    """By single splats."""
+    """Colours of the surface as single splats show them."""
 
     def __init__(self, splats: SplatCloud, mesh: ProxyMesh, tracer: Tracer) -> None:
         self._splats, self._mesh, self._tracer = splats, mesh, tracer
@@ -127,7 +127,7 @@ class _Splats:
 
     @cached_property
     def samples(self) -> Samples:
-        """The splats themselves."""
+        """Splats as points with a normal and a colour."""
         splats = self._splats
         step = max(-(-len(splats) // MOST_AROUND), 1)
         axes = conventions.rotation_from_quaternion(splats.quats[::step].astype(np.float64))
@@ -152,16 +152,16 @@ class _Pixels:
 
     @property
     def area(self) -> F64:
-        """(N,) of the surface."""
+        """Area of the surface that each pixel shows (N,)."""
         return np.asarray(self.footprint**2 / self.cosine)
 
     def taken(self, rows: Int) -> _Pixels:
-        """Some of them."""
+        """The same of some pixels."""
         return _Pixels(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
 class _Pictures:
-    """By composites."""
+    """Colours of the surface as pictures of the splats show them."""
 
     def __init__(self, views: Sequence[SplatLayer], mesh: ProxyMesh, tracer: Tracer) -> None:
         self._mesh = mesh
@@ -198,7 +198,7 @@ class _Pictures:
 
     @cached_property
     def samples(self) -> Samples:
-        """Of pixels."""
+        """Pixels as points with a normal and a colour."""
         some = self._pixels.taken(self._even(MOST_AROUND))
         return Samples(some.points, self._normals[some.face], some.color, some.cosine)
 

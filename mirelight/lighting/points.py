@@ -31,7 +31,7 @@ def gathered(
     frame: Callable[[PointRays, Camera, int], FrameInProgress],
     sample: Callable[[FrameInProgress, int], None],
 ) -> PointLayers:
-    """Every chunk's light.
+    """The light at all points, chunk after chunk.
 
     Args:
         points, normals: (N, 3) on the proxy, and unit normals of the faces, on the side that is lit.

@@ -369,7 +369,7 @@ def _digest(environment: Environment | None) -> str:
 
 
 def _ignore(done: int, total: int) -> None:
-    """No progress wanted."""
+    """Stands for progress where nobody waits."""
 
 
 def _looking(frame: FrameInProgress, progress: Progress, look: Look | None) -> Progress:

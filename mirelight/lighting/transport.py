@@ -183,9 +183,9 @@ def gather(
 
     lighting, layers, n = lit.lighting, Layers.of(lit.lighting, emissive=lit.emission), len(cells)
     count, around, outside = len(layers.names), layers.environment, lighting.environment is not None
-    direct, met = np.zeros((2, 2, count, n, 3), np.float32)
+    direct, first_bounce = np.zeros((2, 2, count, n, 3), np.float32)
     if not count or not n:
-        return _cache(cells, lit, direct, met, direct)
+        return _cache(cells, lit, direct, first_bounce, direct)
     refuse_if_too_many(transport.nodes, count + 2, settings.max_memory)
     # apart, so that each has the same bits with and without the others
     lamps = replace(lit, lighting=replace(lighting, environment=None), sky=Sky(None), emission=False)
@@ -204,15 +204,15 @@ def gather(
         if lighting.lights:
             direct[k, of_lamps] = own(lamps, cells, DIRECT, k).direct
         if lit.emission:
-            (direct[k, -1],), _, met[k, -1] = own(glow, cells, GLOWING, 3 + k)
+            (direct[k, -1],), _, first_bounce[k, -1] = own(glow, cells, GLOWING, 3 + k)
     spread = None
     if outside:
         if lit.sky.is_sampled:
             spread, direct[:, around] = sky_guiding.guide_sky_sampling(lit.surface, lit.sky, cells, settings.seed)
         links = DeviceLinks(transport.target, transport.albedo)
-        met[:, around] = links.met(lit.surface, CellPoints(cells), lit.sky, transport.seed)
+        first_bounce[:, around] = links.first_bounce(lit.surface, CellPoints(cells), lit.sky, transport.seed)
     base = np.zeros((count, transport.nodes, 3), np.float32)
-    base[:, :n] = direct.mean(axis=0) + met.mean(axis=0)
+    base[:, :n] = direct.mean(axis=0) + first_bounce.mean(axis=0)
     if len(transport.faces):
         if lighting.lights:
             base[of_lamps, n:] = own(lamps, transport, BEYOND_DIRECT, 2).direct
@@ -222,7 +222,7 @@ def gather(
         if lit.emission:
             made = own(glow, transport, BEYOND_DIRECT, 2)
             base[-1, n:] = made.direct[0] + made.glow
-    return _cache(cells, lit, direct, met, _bounced(base, transport, n), spread, len(transport.target))
+    return _cache(cells, lit, direct, first_bounce, _bounced(base, transport, n), spread, len(transport.target))
 
 
 def _bounced(base: F32, transport: SurfaceTransport, n: int) -> F32:
@@ -288,7 +288,11 @@ def _own(
 
     layers = Layers.of(lit.lighting, emissive=lit.emission)
     count = len(layers.names)
-    layers = replace(layers, names=(*layers.names, "sky met", "glow met"), met=(count, count + 1))
+    layers = replace(
+        layers,
+        names=(*layers.names, "first bounce of the sky", "first bounce of glow"),
+        first_bounce=(count, count + 1),
+    )
     row = Camera.perspective(np.eye(4), len(of.faces), 1, yfov=45, name="cells")
     refuse_if_too_large(row, layers, most=settings.max_memory)
     seed = (settings.seed + 0x9E3779B9 * (number + 1)) & 0xFFFFFFFF
@@ -305,7 +309,7 @@ def _cache(
     cells: SurfaceCells,
     lit: LitProxy,
     direct: F32,
-    met: F32,
+    first_bounce: F32,
     indirect: F32,
     spread: sky_guiding.U16 | None = None,
     rays: int = 0,
@@ -323,7 +327,7 @@ def _cache(
             name=name,
             kind=kind,
             direct=direct[:, k],
-            met=None if kind == "lights" else met[:, k],
+            first_bounce=None if kind == "lights" else first_bounce[:, k],
             indirect=indirect[:, k],
             spread=spread if kind == "environment" else None,
             rays=rays,

@@ -28,7 +28,7 @@ class Plane:
 
     @property
     def width(self) -> int:
-        """Floats a pixel."""
+        """How many numbers a pixel has."""
         return len(self.channels)
 
 

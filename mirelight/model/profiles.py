@@ -45,7 +45,7 @@ class SplatRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProfileRules:
-    """One profile."""
+    """What a profile decides: transfer curve, modes, how splats and light are computed."""
 
     name: Profile
     transfer: Transfer  # curve between light and display values

@@ -129,7 +129,7 @@ class LightingBuffer(ArrayHolder):
 
     @property
     def nbytes(self) -> int:
-        """Bytes of its arrays."""
+        """Size of all its arrays in bytes."""
         owners: tuple[LightingBuffer | LightLayer, ...] = (self, *self.layers, *self.noisy)
         values = (getattr(owner, f.name) for owner in owners for f in fields(owner))
         own = sum(x.nbytes for x in values if isinstance(x, np.ndarray))

@@ -50,7 +50,7 @@ class SplatCloud(ArrayHolder):
 
     @property
     def sh_degree(self) -> int:
-        """0 to 3."""
+        """Degree of the spherical harmonics, 0 to 3."""
         return round(float(self.sh.shape[1] ** 0.5)) - 1
 
     def light(self, shown: F32) -> F32:

@@ -22,7 +22,7 @@ def names(values: Sequence[str]) -> str:
 
 
 def count(number: int, thing: str) -> str:
-    """So many things."""
+    """A number and its noun, in the plural where it is not 1."""
     return f"{number:,} {thing}{'' if number == 1 else 's'}"
 
 

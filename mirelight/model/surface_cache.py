@@ -92,7 +92,7 @@ class SurfaceTransport(ArrayHolder):
 
     @property
     def nbytes(self) -> int:
-        """Size of all arrays."""
+        """Size of all arrays in bytes."""
         return 2 * self.target.nbytes + len(self.faces) * (4 + 8 + 12 + 8)
 
 
@@ -103,21 +103,21 @@ class CellLight(ArrayHolder):
     name: str  # of the layer that it belongs to
     kind: Literal["lights", "environment", "emission"]
     direct: F32  # at once, as far as it is sampled towards the light
-    met: F32 | None  # at once, as far as a reflected ray meets it; None for lights, which no ray meets
+    first_bounce: F32 | None  # at once, as far as a reflected ray meets it; None for lights, which no ray meets
     indirect: F32  # after one reflection and more
     rays: int = 0  # of each cell that reflected light was gathered along, in both halves
     spread: NDArray[np.uint16] | None = None  # (G, S) of an environment's samples: see `mirelight.lighting.sky_guiding`
 
     def __post_init__(self) -> None:
-        for name in ("direct", "met", "indirect"):
+        for name in ("direct", "first_bounce", "indirect"):
             freeze(self, name, (2, None, 3))
         freeze(self, "spread", (None, None), np.uint16)
 
     def scaled(self, factor: F64 | float) -> CellLight:
         """With the light's intensity or colour multiplied, a number or linear [r, g, b]."""
         by = np.asarray(factor, np.float32)
-        met = None if self.met is None else self.met * by
-        return replace(self, direct=self.direct * by, met=met, indirect=self.indirect * by)
+        first_bounce = None if self.first_bounce is None else self.first_bounce * by
+        return replace(self, direct=self.direct * by, first_bounce=first_bounce, indirect=self.indirect * by)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -68,7 +68,7 @@ class MemoryCache:
         self._views: OrderedDict[str, Packed] = OrderedDict()
 
     def get(self, key: str, codec: Codec[T]) -> T | None:
-        """See :class:`ArtefactCache`."""
+        """As :class:`ArtefactCache` describes it."""
         if codec.place != "view":
             return self._beneath.get(key, codec)
         found = self._views.get(key)
@@ -88,28 +88,28 @@ class MemoryCache:
             self._views.popitem(last=False)
 
     def has(self, key: str, codec: Codec[T]) -> bool:
-        """See :class:`ArtefactCache`."""
+        """As :class:`ArtefactCache` describes it."""
         return key in self._views if codec.place == "view" else self._beneath.has(key, codec)
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
-        """See :class:`ArtefactCache`."""
+        """As :class:`ArtefactCache` describes it."""
         return self._beneath.claim(name)
 
 
 class NullCache:
-    """Keeps nothing."""
+    """A cache that keeps nothing."""
 
     def get(self, key: str, codec: Codec[T]) -> T | None:
-        """There is none."""
+        """Never finds anything."""
         return None
 
     def put(self, key: str, value: T, codec: Codec[T]) -> None:
-        """Forgets it."""
+        """Keeps nothing of the value."""
 
     def has(self, key: str, codec: Codec[T]) -> bool:
-        """There is none."""
+        """Never finds anything."""
         return False
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
-        """Nobody else is here."""
+        """Always has the claim: there is no other process."""
         return nullcontext(True)

@@ -30,14 +30,14 @@ _KINDS = ("lights", "environment", "emission")  # of `CellLight`
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packed:
-    """An artefact as arrays."""
+    """An artefact as named arrays, and what is said about them."""
 
     arrays: Mapping[str, NDArray[Any]]
     about: Mapping[str, Any] = field(default_factory=dict)  # JSON values
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all arrays."""
+        """Size of all arrays in bytes."""
         return sum(x.nbytes for x in self.arrays.values())
 
 
@@ -114,7 +114,7 @@ def _cell_light(packed: Packed, index: int, count: int) -> CellLight:
     if kind not in _KINDS:
         raise ValueError(f"light of kind {kind}")
     names = [f.name for f in fields(CellLight) if f"{index}.{f.name}" in packed.arrays]
-    arrays: dict[str, Any] = {"met": None} | {name: packed.arrays[f"{index}.{name}"] for name in names}
+    arrays: dict[str, Any] = {"first_bounce": None} | {name: packed.arrays[f"{index}.{name}"] for name in names}
     made = CellLight(name=packed.about["names"][index], kind=kind, rays=int(packed.about["rays"][index]), **arrays)
     if made.direct.shape[1] != count or made.indirect.shape != made.direct.shape:
         raise ValueError("light on other cells")

@@ -40,7 +40,7 @@ class SceneWithObjects(Prepared):
 
     @cached_property
     def tracer(self) -> Tracer:
-        """What lights them."""
+        """The tracer of the scene with its objects."""
         from mirelight.lighting import Tracer
 
         mesh, first = self._joined

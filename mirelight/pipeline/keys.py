@@ -235,7 +235,7 @@ class Keys:
     # --- frames ---
 
     def frame(self, camera: Camera, lighting: Lighting | None) -> str:
-        """The frame's pixels, linear."""
+        """Key of a frame's linear pixels."""
         job = self.job
         composite = self.composite(camera)
         if lighting is None:
@@ -350,7 +350,7 @@ def view(camera: Camera) -> str:
 
 
 def _light(lighting: Lighting) -> str:
-    """A lighting without names."""
+    """Digest of a lighting without its names."""
     return digest("lighting", [(x.unit.digest, x.weight) for x in terms(lighting)])
 
 

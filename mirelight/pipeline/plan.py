@@ -48,7 +48,7 @@ class Plan:
 
     @property
     def tasks(self) -> tuple[FrameTask, ...]:
-        """All frames in order."""
+        """All frames in the order in which they are made."""
         return tuple(task for group in self.groups for task in group.tasks)
 
     def __repr__(self) -> str:

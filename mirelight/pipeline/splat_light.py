@@ -135,7 +135,7 @@ class SplatLight:
 
     @cached_property
     def tracer(self) -> Tracer:
-        """What lights them."""
+        """The tracer that lights the splats."""
         from mirelight.lighting import splat_light
 
         assert self._scene.proxy is not None

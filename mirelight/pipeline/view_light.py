@@ -50,7 +50,7 @@ class ViewLight:
 
     @property
     def camera(self) -> Camera:
-        """The lighting's camera."""
+        """The camera that light is traced for."""
         return self._seen
 
     def expect(self, lightings: Sequence[Lighting], progress: Progress | None) -> None:

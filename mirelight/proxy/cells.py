@@ -228,7 +228,7 @@ class _Parts:
         return _Parts(self.corners, faces, owners, self.start)
 
     def soup(self) -> Soup:
-        """All of them."""
+        """All parts as one mesh."""
         return Soup(np.concatenate(self.corners), np.concatenate(self.faces))
 
 

@@ -17,7 +17,7 @@ LEVEL = 0.1  # of the spacing: so much more must it rise
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discs:
-    """Pieces of planes."""
+    """Flat discs that stand for splats."""
 
     at: F64  # (N, 3) their middles
     axes: F64  # (N, 3, 3) columns: normal, then along the disc

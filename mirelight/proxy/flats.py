@@ -30,7 +30,7 @@ _ROUNDS = 6  # of fitting a plane to what lies on it
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Points of a surface."""
+    """Points on surfaces that cameras saw."""
 
     at: F64  # (N, 3)
     normal: F64  # (N, 3) unit, to the side that was seen

@@ -35,7 +35,7 @@ class Grid:
 
 
 def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) -> Grid:
-    """Fuse depth maps.
+    """One mesh from many depth maps.
 
     Where a sheet thinner than a few cells is seen from both sides, the views on the side of the origin count, as a
     floor or a wall has its scene on that side; their average would be no surface at all.

@@ -16,7 +16,7 @@ _TRIES = 12  # voxel sizes tried
 
 
 def joined(splats: SplatCloud, most: int) -> SplatCloud:
-    """At most `most` splats.
+    """The cloud with close splats joined, until at most `most` are left.
 
     Each voxel's splats become one, with the weights opacity times the area of the two longer axes: its mean and its
     covariance are theirs, its opacity is their mean. The voxel is as small as that allows, within a few percent.

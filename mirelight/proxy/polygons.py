@@ -83,7 +83,7 @@ class Polygons:
         return np.asarray(np.sqrt(np.where(used, (self.corners**2).sum(axis=2), 0).max(axis=1)))
 
     def area(self) -> F64:
-        """(N,)."""
+        """Area of each polygon (N,)."""
         used, following = self._sides(np.arange(len(self.count)))
         x, y = self.corners[..., 0], self.corners[..., 1]
         x_next, y_next = (np.take_along_axis(v, following, axis=1) for v in (x, y))

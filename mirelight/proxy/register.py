@@ -93,7 +93,7 @@ class _Misfit:
         return index, np.asarray(np.minimum(np.maximum(off, past), self._most))
 
     def mesh(self, at: F64, faces: Int) -> float:
-        """Of a mesh."""
+        """Mean misfit of a mesh to the splats."""
         return float(self.of(spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum()))[1].mean())
 
 

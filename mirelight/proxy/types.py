@@ -63,7 +63,7 @@ class ProxyQuality:
 
     @property
     def fits(self) -> bool:
-        """Nothing to complain about."""
+        """Whether there is nothing to say against the proxy."""
         return not self.advice
 
 
@@ -93,7 +93,7 @@ class Soup:
         )
 
     def mesh(self) -> ProxyMesh:
-        """In single precision."""
+        """The same as a proxy mesh, in single precision."""
         return ProxyMesh(vertices=self.vertices.astype(np.float32), faces=self.faces.astype(np.int32))
 
 

@@ -26,7 +26,7 @@ def apply(
     made_by: Provenance | None = None,
     noise: bool = True,
 ) -> Frame:
-    """One relit frame.
+    """Makes a relit frame from splats and light.
 
     Args:
         splats: the composite to relight; None gives the lit proxy itself (radiance, premultiplied, alpha = coverage;
@@ -150,7 +150,7 @@ def lighting_camera(camera: Camera, settings: RelightSettings) -> Camera:
 
 
 def blended(factor: F32, blend: float) -> F32:
-    """mix(1, factor, blend)."""
+    """The factor, blended with no change: mix(1, factor, blend)."""
     if blend == 1:
         return factor
     share = np.float32(blend)

@@ -32,7 +32,7 @@ class Lit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Task:
-    """One factor to make."""
+    """What a mode makes a factor from: splats, light and settings of one view."""
 
     size: tuple[int, int]  # rows and columns of the frame; those of the light may be fewer
     unlit: F32  # (H, W, 4) the splats as captured: linear, premultiplied

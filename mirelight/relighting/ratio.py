@@ -6,7 +6,7 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.model import F32
-from mirelight.relighting.fill import Continuation
+from mirelight.relighting.factor_extension import Continuation
 from mirelight.relighting.mode import Factor, Lit, Mode, Task
 from mirelight.relighting.pixels import divide, multiply
 from mirelight.relighting.resample import bilinear

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from mirelight.model import F32, rules_of
-from mirelight.relighting.fill import Continuation
+from mirelight.relighting.factor_extension import Continuation
 from mirelight.relighting.mode import Factor, Mode, Task
 from mirelight.relighting.pixels import divide
 from mirelight.relighting.resample import bilinear

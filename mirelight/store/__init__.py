@@ -193,7 +193,7 @@ class Store:
         return self._journal.rows()
 
     def claim(self, name: str) -> AbstractContextManager[bool]:
-        """See :meth:`mirelight.store.claims.Claims.claim`."""
+        """As :meth:`mirelight.store.claims.Claims.claim` describes it."""
         return self._claims.claim(name, self._run)
 
     def _partial_paths(self, task: FrameTask) -> list[Path]:

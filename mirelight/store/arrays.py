@@ -64,7 +64,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], about: Mapping[
 
 
 def read_arrays(path: Path) -> Packed:
-    """Map a file.
+    """The arrays of a file, mapped into memory.
 
     Raises:
         ValueError, KeyError, TypeError, OSError: missing, damaged or cut off.

@@ -42,7 +42,7 @@ class Artefacts:
         return self._read(self._path(key, _suffix(codec)), codec.unpack)
 
     def put(self, key: str, value: T, codec: Codec[T]) -> None:
-        """Keep an artefact.
+        """Writes an artefact under its key.
 
         Raises:
             OutputError: it cannot be written.
@@ -72,7 +72,7 @@ class Artefacts:
             return frozenset()
 
     def files(self) -> list[Path]:
-        """All of them, sorted."""
+        """Paths of all artefacts, sorted."""
         try:
             with os.scandir(self._folder) as entries:
                 return sorted(Path(x.path) for x in entries if x.name[0] != "." and x.name.endswith((_LIGHT, _ARRAY)))

@@ -49,7 +49,7 @@ class Ballast:
         self._toucher.hold(path)
 
     def free(self) -> None:
-        """Give the room back."""
+        """Gives the reserved room on the disk back."""
         if self._path is not None:
             self._toucher.leave(self._path)
             with suppress(OSError):

@@ -202,7 +202,7 @@ class Claims:
         return True
 
     def close(self) -> None:
-        """Stop touching."""
+        """Ends the thread that touches claims."""
         self._toucher.close()
 
 
@@ -220,7 +220,7 @@ def _put_back(taken: Path, path: Path) -> None:
 
 
 def _signed(path: Path) -> _Signed:
-    """What a claim says.
+    """Who made a claim, and when it was last touched.
 
     Raises:
         OSError: it has been given up.

@@ -53,7 +53,7 @@ class Folder:
 
     @cached_property
     def index(self) -> Index:
-        """Which files are there."""
+        """The index of the files that are there."""
         return Index(self.path, (row for rows in self.rows for row in rows))
 
     @cached_property

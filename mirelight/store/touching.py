@@ -41,7 +41,7 @@ class Toucher:
                 os.utime(path)
 
     def close(self) -> None:
-        """End the thread."""
+        """Ends the thread that touches files."""
         with self._lock:
             if self._ended is not None:
                 self._ended.set()

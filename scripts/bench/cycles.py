@@ -10,16 +10,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 import numpy as np
+from ztest import worst_and_allowed
 
 from bench.common import Table, table
 from bench.lighting import Cycles, ours
 from bench.scenes import scenes
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from tests.statistical.ztest import worst_and_allowed
 
 WIDTH, HEIGHT, CELLS, SPP, SEEDS, BLOCK = 160, 90, 160, 64, 12, 15
 

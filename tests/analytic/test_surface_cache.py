@@ -172,7 +172,7 @@ cells = tracer.cells([view, view.resized(20, 30)], 0.1)
 cache = tracer.fill(cells, lighting, samples=64)
 buffer = tracer.trace(lighting, view, cache=cache)
 arrays = [cells.keys, cells.starts, cells.anchors, cells.faces, cells.corners, buffer.beauty, buffer.variance]
-arrays += [y for x in cache.lights for y in (x.direct, x.met, x.indirect, x.spread) if y is not None]
+arrays += [y for x in cache.lights for y in (x.direct, x.first_bounce, x.indirect, x.spread) if y is not None]
 for array in arrays:
     digest.update(np.ascontiguousarray(array).tobytes())
 print(digest.hexdigest())

@@ -38,8 +38,8 @@ def test_a_white_sky_on_a_white_ball_is_met_and_nothing_is_reflected() -> None:
     tracer = Tracer(ball, SURFACE)
     cells = tracer.cells([Camera.look_at([0, 0.5, 3], [0, 0, 0], 32, 24)], 0.2)
     (sky,) = tracer.fill(cells, Lighting(environment=constant_sky(0.7)), transport=tracer.transport(cells)).lights
-    assert sky.kind == "environment" and sky.met is not None
-    np.testing.assert_allclose(sky.direct + sky.met, 0.7, rtol=1e-4)
+    assert sky.kind == "environment" and sky.first_bounce is not None
+    np.testing.assert_allclose(sky.direct + sky.first_bounce, 0.7, rtol=1e-4)
     assert sky.indirect.max() < 1e-6
 
 
@@ -153,7 +153,7 @@ import numpy as np
 from tests.analytic.test_surface_transport import filled, stage
 digest = hashlib.sha256()
 for light in filled(stage()[1], threads=int(sys.argv[1]))[1]:
-    for array in (light.direct, light.met, light.indirect):
+    for array in (light.direct, light.first_bounce, light.indirect):
         digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
 print(digest.hexdigest())
 """

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import path_oracle as oracle
 import pytest
+from ztest import Array, worst_and_allowed
 
 from mirelight.base import backend
 from mirelight.lighting import Tracer
@@ -27,8 +28,6 @@ from mirelight.model import (
     Wrap,
 )
 from mirelight.model.ies import AROUND, DOWN
-
-from .ztest import Array, worst_and_allowed
 
 SEEDS, SPP = 24, 16
 VIEW = Camera.look_at([0.3, 1.5, 4], [0, 0, 0], 64, 48)

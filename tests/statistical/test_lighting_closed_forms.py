@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ztest import Array, worst_against_truth
 
 from mirelight.base import conventions
 from mirelight.lighting import Tracer
@@ -25,8 +26,6 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
-
-from .ztest import Array, worst_against_truth
 
 SEEDS = 24
 DISTANCES, ANGLES = (0.7, 2.0, 9.0), (0.0, 40.0, 75.0)  # from a speck of the floor; from its normal, in degrees

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from ztest import worst_and_allowed
 
 from mirelight.lighting import Tracer
 from mirelight.lighting.layers import Layers
@@ -20,7 +21,6 @@ from mirelight.model import (
 )
 
 from .by_path import trace_by_path
-from .ztest import worst_and_allowed
 
 SEEDS = 8
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ztest import Array, worst_and_allowed
 
 from mirelight.lighting import Interrupted, Tracer, adaptive, frame
 from mirelight.model import (
@@ -22,7 +23,6 @@ from mirelight.model import (
 from tests.threads import printed
 
 from .test_lighting_against_path import FLAT, KEY, VIEW, _quad, _sky
-from .ztest import Array, worst_and_allowed
 
 LAMPS = tuple(
     PointLight(

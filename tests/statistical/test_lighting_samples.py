@@ -8,13 +8,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from ztest import Array, block_means, worst_and_allowed
 
 from mirelight.base import backend
 from mirelight.lighting import Tracer, frame
 from mirelight.model import RenderSettings
 
 from ..analytic.test_surface_cache import stage
-from .ztest import Array, block_means, worst_and_allowed
 
 SEEDS = 12
 

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import path_oracle as oracle
 import pytest
+from ztest import Array, worst_and_allowed
 
 from mirelight.base import backend, colour
 from mirelight.lighting import Tracer, sunsky, tracer
 from mirelight.model import Camera, Lighting, ProxyMesh, RenderSettings, SkyModel, SunLight, digest
-
-from .ztest import Array, worst_and_allowed
 
 SEEDS, SPP = 16, 64
 VIEW = Camera.look_at([0.6, 2.0, 4], [0, 0.5, 0], 32, 24)

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ztest import Array, worst_and_allowed
 
 from mirelight.lighting import Tracer
 from mirelight.model import Indirect, LightingBuffer, RenderSettings
 
 from ..analytic.test_surface_cache import stage
-from .ztest import Array, worst_and_allowed
 
 SEEDS = 12
 BIAS = 0.02  # of a block of 8 x 8 pixels, relative: what a cell's width may shift

@@ -38,7 +38,11 @@ def test_the_mean_of_fills() -> None:
     for made, a, b in zip(both.lights, one.lights, other.lights, strict=True):
         np.testing.assert_allclose(made.indirect, (a.indirect + b.indirect) / 2, rtol=1e-6)
         np.testing.assert_allclose(made.direct, (a.direct + b.direct) / 2, rtol=1e-6)
-        assert (made.met is None) == (a.met is None) and made.name == a.name and made.rays == a.rays + b.rays
+        assert (
+            (made.first_bounce is None) == (a.first_bounce is None)
+            and made.name == a.name
+            and made.rays == a.rays + b.rays
+        )
 
 
 @pytest.mark.parametrize("count", [1, 7, 1024, 1500, 100_000])

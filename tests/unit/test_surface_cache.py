@@ -53,12 +53,12 @@ def cache() -> SurfaceCache:
     return SurfaceCache(
         cells=cells(),
         lights=(
-            CellLight(name="lamp é", kind="lights", direct=light(), met=None, indirect=light()),
+            CellLight(name="lamp é", kind="lights", direct=light(), first_bounce=None, indirect=light()),
             CellLight(
                 name="sky",
                 kind="environment",
                 direct=light(),
-                met=light(),
+                first_bounce=light(),
                 indirect=light(),
                 spread=np.array([[0, 9], [0, 65535]], np.uint16),
             ),
@@ -117,8 +117,8 @@ def test_lights_are_scaled_and_joined() -> None:
     one = cache()
     lamp, sky = one.lights
     doubled = sky.scaled(np.array([2.0, 1.0, 0.5]))
-    assert doubled.met is not None and sky.met is not None
-    np.testing.assert_allclose(doubled.met, sky.met * np.array([2, 1, 0.5], np.float32))
+    assert doubled.first_bounce is not None and sky.first_bounce is not None
+    np.testing.assert_allclose(doubled.first_bounce, sky.first_bounce * np.array([2, 1, 0.5], np.float32))
     np.testing.assert_allclose(doubled.indirect, sky.indirect * np.array([2, 1, 0.5], np.float32))
     alone = dataclasses.replace(one, lights=(lamp,))
     assert [x.name for x in alone.joined(dataclasses.replace(one, lights=(sky,))).lights] == ["lamp é", "sky"]

@@ -119,7 +119,7 @@ class PointLight:
 
     @property
     def total(self) -> F32:
-        """(H, W, 3)."""
+        """All light: of the lamps and of the sky (H, W, 3)."""
         return self.lamps + self.sky
 
     @property

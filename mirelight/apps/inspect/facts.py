@@ -78,7 +78,7 @@ class CameraFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvironmentFacts:
-    """Light from all around."""
+    """An environment: light from all around."""
 
     width: int
     height: int

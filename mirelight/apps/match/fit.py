@@ -280,7 +280,7 @@ def _small(camera: Camera) -> Camera:
 
 
 def _upright(degrees: float) -> float:
-    """-180 to 180."""
+    """The same angle between -180 and 180 degrees."""
     return (degrees + 180) % 360 - 180
 
 

@@ -76,7 +76,7 @@ def serving(session: Session, folder: Path, saved: Saved, port: int = 0) -> Iter
 
 
 class _Page(Handler):
-    """Answers one page."""
+    """Answers the requests of one browser page."""
 
     def __init__(self, *args: Any, session: Session, saved: Saved, **named: Any) -> None:
         self._session, self._saved = session, saved

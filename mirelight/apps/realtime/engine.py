@@ -87,7 +87,7 @@ def _fetch(npm: str, folder: Path) -> Path:
 
 
 def _unpack(archive: Path, folder: Path) -> Path:
-    """The wanted files alone."""
+    """Unpacks the wanted files alone of the engine's archive."""
     folder.mkdir()
     with tarfile.open(archive) as tar:
         for member in tar:

@@ -152,7 +152,7 @@ class _Live:
             self._progress.samples(task, 0, 1)
 
     def so_far(self, task: FrameTask, frame: Callable[[], Frame]) -> None:
-        """Shown now and then."""
+        """Shows a frame that is still being rendered, every few seconds."""
         if self._session.job is not None and self._pace.is_due(task):
             self._show(task, frame(), self._session.job, "so far")
             self._pace.done()

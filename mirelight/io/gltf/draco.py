@@ -16,7 +16,7 @@ from mirelight.model import I32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DracoData:
-    """One decoded primitive."""
+    """A primitive's arrays after Draco's decoding."""
 
     faces: I32  # (F, 3)
     attributes: dict[str, NDArray[Any]]  # (V, n) each, by glTF name

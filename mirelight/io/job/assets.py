@@ -81,7 +81,7 @@ class Assets:
     def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
     ) -> tuple[tuple[Light, ...], Matrix]:
-        """See :class:`lighting.LightFiles`."""
+        """As :class:`lighting.LightFiles` describes it."""
         from mirelight.io.gltf import blender
         from mirelight.io.gltf.moving_lights import Shot
         from mirelight.io.gltf.scene import read_lights_of
@@ -107,7 +107,7 @@ class Assets:
         return found.lights
 
     def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
-        """See :class:`lighting.LightFiles`."""
+        """As :class:`lighting.LightFiles` describes it."""
         file, _ = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.lights import light_times as stage_times
@@ -118,7 +118,7 @@ class Assets:
         return [float(t) for t in light_times(file, fps=fps, count=frames)]
 
     def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
-        """See :class:`cameras.CameraFiles`."""
+        """As :class:`cameras.CameraFiles` describes it."""
         file, default = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.cameras import read_cameras as stage_cameras
@@ -131,7 +131,7 @@ class Assets:
     def sampled(
         self, path: str, name: str, fps: float | None, frames: int | None
     ) -> tuple[tuple[float, SceneCamera], ...]:
-        """See :class:`cameras.CameraFiles`."""
+        """As :class:`cameras.CameraFiles` describes it."""
         file, _ = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.cameras import sample_cameras as sampled_stage
@@ -157,7 +157,7 @@ class Assets:
         return found
 
     def ies(self, path: str) -> IesFile:
-        """See :class:`lighting.LightFiles`."""
+        """As :class:`lighting.LightFiles` describes it."""
         from mirelight.io.ies import read_ies
 
         return read_ies(self.path(path))

@@ -35,7 +35,7 @@ _RADIUS = "Distance from target, in world units. Default: the whole scene is in 
 
 
 class CameraTable(Table):
-    """What all cameras share."""
+    """Keys that all cameras have."""
 
     name: Name | None = Field(default=None, description="Part of the frames' file names. Default: camera, camera-2, …")
     width: Pixels | None = Field(default=None, description="Image width in pixels. Default: the job's resolution.")
@@ -156,7 +156,7 @@ class OrbitTable(LensTable):
 
 
 class _Sampled(LensTable):
-    """Many perspective cameras."""
+    """Keys of tables that stand for many cameras."""
 
     count: int = Field(default=64, ge=1, le=MOST_CAMERAS, description="Number of cameras.")
     target: Vec3 | None = Field(default=None, description=_TARGET)

@@ -23,7 +23,7 @@ class _Look:
     roughness: float | None
 
     def of(self, material: Material) -> Material:
-        """The material with it."""
+        """A material with what the job sets in place of the file's values."""
         if self.base_color is not None:
             material = replace(material, base_color=np.asarray(self.base_color), base_color_texture=None)
         texture = None if material.finish_texture is None else material.finish_texture.copy()

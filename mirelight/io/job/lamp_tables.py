@@ -70,7 +70,7 @@ GroupName: TypeAlias = Annotated[LightName, AfterValidator(_not_taken)]
 
 
 class LightTable(Table):
-    """What all lights share."""
+    """Keys that all lights have."""
 
     name: LightName | None = Field(default=None, description="Names the light's layer. Default: its type.")
     group: GroupName | None = Field(default=None, description=GROUP)

@@ -70,7 +70,7 @@ class LightFiles(Protocol):
         """An environment picture (h, w, 3), linear."""
 
     def ies(self, path: str) -> IesFile:
-        """A luminaire's measured light."""
+        """Reads a luminaire's measured light by its name in the job."""
 
 
 def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mistake]) -> Lighting:

@@ -65,7 +65,7 @@ def is_similarity(matrix: list[list[float]]) -> bool:
 
 
 class SplatsTable(Table):
-    """One splat file."""
+    """A splat file, and how it is placed."""
 
     path: AssetPath = Field(description="Splat file: .ply, .compressed.ply, .spz, .sog, SOG folder, .splat or .glb.")
     transform: Transform = Field(default=Transform(), description="Places the splats in the world.")

@@ -111,7 +111,7 @@ class CompositorTable(Table):
 
 
 class RelightTable(Table):
-    """Settings of relighting."""
+    """How light changes the splats' colours."""
 
     mode: RelightMode | None = Field(
         default=None,
@@ -195,7 +195,7 @@ class DisplayTable(Table):
 
 
 class OutputTable(Table):
-    """Settings of the files."""
+    """Which files are written, and where."""
 
     directory: str = Field(
         default=str(_OUTPUT.directory), min_length=1, max_length=4096, description="Folder, relative to the job file."

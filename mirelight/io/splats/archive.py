@@ -25,7 +25,7 @@ class Files(Protocol):
 
 
 class FolderFiles:
-    """Files beside a meta.json."""
+    """Files of a SOG capture that lie beside its meta.json."""
 
     def __init__(self, meta: Path) -> None:
         """`meta` is the meta.json itself."""

@@ -149,7 +149,7 @@ def _byte(x: NDArray[np.floating]) -> bytes:
 
 
 def _encode_positions(means: F32, bits: int) -> bytes:
-    """Signed 24-bit fixed point."""
+    """Positions as signed numbers of 24 bits with a fixed point."""
     fixed = np.clip(np.round(means.astype(np.float64) * 2**bits), 1 - 2**23, 2**23 - 1).astype("<i4")
     return bytes(fixed[..., None].view(np.uint8)[..., :3].tobytes())
 

@@ -24,7 +24,7 @@ _LARGEST_META = 1 << 28  # bytes; a tree of a million leaves has some 100 MB
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What one SOG contributes."""
+    """The splats that one SOG file of a streamed capture holds."""
 
     head: SogHead
     degree: int

@@ -31,7 +31,7 @@ class StageWriter:
     """Collects a stage; :meth:`save` writes it. Each thing gets a prim below /World, with its own name as label."""
 
     def __init__(self, path: str | Path) -> None:
-        """An empty stage.
+        """Starts an empty stage.
 
         Args:
             path: the file that it will be; its suffix decides how.

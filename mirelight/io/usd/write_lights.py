@@ -57,7 +57,7 @@ def add_light(writer: StageWriter, light: Light) -> None:
 
 
 def add_environment(writer: StageWriter, environment: Environment) -> None:
-    """A dome below /World/lights."""
+    """Writes an environment as a dome light below /World/lights."""
     from pxr import Sdf
 
     prim = writer.stage.DefinePrim(writer.path(environment.name, "lights"), "DomeLight")

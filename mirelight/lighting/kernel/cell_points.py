@@ -20,7 +20,7 @@ class Pieces(Protocol):
 
     @property
     def faces(self) -> I32:
-        """(N, P)"""
+        """Of each of N cells the faces of its P points (N, P)."""
 
     @property
     def corners(self) -> F32:
@@ -53,5 +53,5 @@ class CellPoints:
         return mi.Bool(face == face), face, dr.gather(mi.Point2f, self.corners, point), -rgb(self.normals, point, True)
 
     def depth(self, p: Point3f) -> Float:
-        """Means nothing here."""
+        """Zero: points on the surface have no depth."""
         return mi.Float(p.x * 0)

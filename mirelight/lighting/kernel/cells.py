@@ -59,7 +59,7 @@ class DeviceCells:
         cells: C of them.
         whole: (K, C, 3) irradiance / pi of each of a film's layers, direct and indirect.
         indirect: (K, C, 3) after one reflection and more.
-        met: (2, C, 3) what a reflected ray meets at once: of the environment, of surfaces that glow.
+        first_bounce: (2, C, 3) what a reflected ray meets at once: of the environment, of surfaces that glow.
         doubt: (K, C, 3) half the difference of two fills, of what is read.
         nearest: later hits nearer than this to the one before are not read.
         spread: how light samples of the sky are spread at first hits.
@@ -70,7 +70,7 @@ class DeviceCells:
         cells: SurfaceCells,
         whole: F32,
         indirect: F32,
-        met: F32,
+        first_bounce: F32,
         doubt: F32 | None,
         *,
         nearest: float,
@@ -87,7 +87,7 @@ class DeviceCells:
         self.count = dr.opaque(mi.UInt32, len(cells))
         self.layers = dr.opaque(mi.UInt32, len(whole))
         self.whole, self.indirect = in_fours(whole), in_fours(indirect)
-        self.met = in_fours(met)
+        self.first_bounce = in_fours(first_bounce)
         self.doubt = in_fours(doubt if doubt is not None else np.zeros((1, 1, 3), np.float32))
 
     @dr.syntax
@@ -127,9 +127,9 @@ class DeviceCells:
         """The indirect light of a first hit's cell, to every layer, and what its reflected ray would have met."""
         sums = self._add_layers(self.indirect, film, sums, vertex, cell, read)
         scale, direct = vertex.throughput * vertex.albedo, mi.Bool(False)
-        sky = scale * rgb(self.met, cell, read)
+        sky = scale * rgb(self.first_bounce, cell, read)
         sums = film.add_light(sums, vertex.place, film.sky_layer, direct, sky, read)
-        glow = scale * rgb(self.met, self.count + cell, read)
+        glow = scale * rgb(self.first_bounce, self.count + cell, read)
         return film.add_light(sums, vertex.place, film.glow_layer, direct, glow, read)
 
     @dr.syntax

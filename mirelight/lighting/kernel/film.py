@@ -41,8 +41,8 @@ class Film:
         self._layers = dr.opaque(mi.UInt32, count)
         self.sky_layer = dr.opaque(mi.UInt32, layers.environment)
         self.glow_layer = dr.opaque(mi.UInt32, layers.emission)
-        met_sky, met_glow = layers.met or (layers.environment, layers.emission)
-        self.met_sky_layer, self.met_glow_layer = dr.opaque(mi.UInt32, met_sky), dr.opaque(mi.UInt32, met_glow)
+        first_sky, first_glow = layers.first_bounce or (layers.environment, layers.emission)
+        self.met_sky_layer, self.met_glow_layer = dr.opaque(mi.UInt32, first_sky), dr.opaque(mi.UInt32, first_glow)
         self._light = dr.zeros(mi.Float, count * 2 * pixels * 3)
         self._squares = dr.zeros(mi.Float, (count + self._halves * layers.separate) * pixels * 3)
         self._surface = dr.zeros(mi.Float, pixels * SURFACE * self._halves)
@@ -62,7 +62,7 @@ class Film:
         return self._pixels, self._layers * self._stride
 
     def add_surface(self, pixel: UInt32, at: Point, depth: Float, active: Bool) -> None:
-        """One sample's surface point."""
+        """Adds the surface point that one sample meets."""
         p, n, g, a = at.p, at.normal, at.geometric_normal, at.albedo
         groups: tuple[Vector4f | Vector2f, ...] = (
             mi.Vector4f(1, depth, p.x, p.y),

@@ -42,7 +42,7 @@ class PointRays:
         return mi.Bool(found.is_valid()), mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(way)
 
     def depth(self, p: Point3f) -> Float:
-        """Means nothing here."""
+        """Zero: points in space have no depth."""
         return mi.Float(p.x * 0)
 
 

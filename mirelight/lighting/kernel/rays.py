@@ -84,11 +84,11 @@ class SomePixels:
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
     ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
-        """As of `CameraRays`."""
+        """As `CameraRays` does it, for these pixels."""
         return self.rays.first_hit(surface, dr.gather(mi.UInt32, self.pixels, pixel), sample, stream)
 
     def depth(self, p: Point3f) -> Float:
-        """As of `CameraRays`."""
+        """As `CameraRays` does it, for these pixels."""
         return self.rays.depth(p)
 
 

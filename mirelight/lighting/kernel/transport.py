@@ -91,7 +91,7 @@ class DeviceLinks:
         self.target, self.albedo = integers(target), integers(albedo)
 
     @dr.syntax
-    def met(self, surface: DeviceProxy, points: CellPoints, sky: Sky, seed: int) -> F32:
+    def first_bounce(self, surface: DeviceProxy, points: CellPoints, sky: Sky, seed: int) -> F32:
         """(2, n, 3) irradiance / pi that the rays that meet the sky bring of it, in each half: what sampling its map
         leaves to them."""
         n, of_half = dr.opaque(mi.UInt32, self.count), dr.opaque(mi.UInt32, self.samples // 2)

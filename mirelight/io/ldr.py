@@ -19,6 +19,20 @@ _EACH = 12 + 4 + 4  # bytes a pixel: the result, the decoded picture, and the sa
 _ROWS = 1 << 18  # pixels that are turned into light at once
 
 
+def decode_with_alpha(stream: IO[bytes], file: str | Path) -> tuple[F32, F32 | None]:
+    """A picture's colours as :func:`decode_srgb_image` gives them, and its alpha (h, w), 0..1; None where it has none.
+
+    Raises:
+        InputError: as there.
+    """
+    with opened(stream, file, _MOST_PIXELS, _EACH + 4) as image:
+        gray = image.mode.startswith("I")
+        clear = not gray and ("A" in image.mode or "transparency" in image.info)
+        whole = image.convert("RGBA") if clear else image
+        alpha = np.asarray(whole.getchannel("A"), np.float32) / np.float32(255) if clear else None
+        return _linear(image if gray or image.mode == "RGB" else whole.convert("RGB"), 65536 if gray else 256), alpha
+
+
 def decode_srgb_image(stream: IO[bytes], file: str | Path, field: str = "") -> F32:
     """A picture's colours in linear light; its alpha and any embedded colour profile are ignored.
 

@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 from mirelight.base.backend import Variant
 from mirelight.base.colour import ToneCurve
 from mirelight.base.primaries import ColorSpace
+from mirelight.model.arrays import F32
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.inserted import Inserted
@@ -179,6 +180,9 @@ class Job:
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
     made_proxy: ProxyRecipe | None = None  # how `proxy` is made, but for its albedo, where it is made from the splats
     capture_cameras: tuple[Camera, ...] = ()  # of the pictures that the splats were made from, in world space
+    capture_pictures: tuple[
+        Deferred[F32] | None, ...
+    ] = ()  # what those took, (H, W, 4) linear and what counts; or none
     objects: tuple[Inserted, ...] = ()  # that are put into the capture
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()

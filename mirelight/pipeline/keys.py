@@ -86,13 +86,19 @@ class Keys:
 
     def estimate(self, sky: EstimatedSky) -> str:
         """The light that the splats were captured under, found from splats and proxy."""
-        return digest("estimate", replace(sky, intensity=1.0), self.job.capture_cameras, self._device)
+        return digest("estimate", replace(sky, intensity=1.0), *self._looked_at, self._device)
 
     @property
     def _shown(self) -> tuple[object, ...]:
-        """What tells the captured colours: splats, and the cameras that they are looked at from."""
+        """What tells the captured colours: splats, the cameras that they are looked at from, their pictures."""
         job = self.job
-        return job.splats and job.splats.digest, job.capture_cameras
+        return job.splats and job.splats.digest, *self._looked_at
+
+    @property
+    def _looked_at(self) -> tuple[object, ...]:
+        """The cameras of the capture, and what they took."""
+        job = self.job
+        return job.capture_cameras, *([job.capture_pictures] if job.capture_pictures else [])
 
     def map_of(self, environment: Environment) -> str:
         """An environment's picture, made as small as data sets keep it; its turn and strength are no part of it."""

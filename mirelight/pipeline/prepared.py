@@ -88,14 +88,26 @@ class Prepared:
 
     @cached_property
     def views(self) -> tuple[SplatLayer, ...]:
-        """The splats as the capture's cameras see them, where colours are taken from that and not from single splats:
-        of splats that are no discs, where the cameras are known."""
+        """What the capture's cameras see, where colours are taken from that and not from single splats: of splats that
+        are no discs, where the cameras are known."""
         from mirelight.proxy.capture_views import capture_views
 
         job = self.job
         if self.splats is None:
             return ()
-        return capture_views(self.splats, job.capture_cameras, job.render.variant, job.render.threads)
+        views = capture_views(
+            self.splats,
+            job.capture_cameras,
+            job.capture_pictures,
+            variant=job.render.variant,
+            threads=job.render.threads,
+            report=self._tell,
+        )
+        if views and not job.capture_pictures:
+            self._tell(
+                "colours are those of the capture's splats, too bright in the dark: none of its pictures is there"
+            )
+        return views
 
     def _tell(self, line: str) -> None:
         if self._report is not None:

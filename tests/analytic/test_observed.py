@@ -6,12 +6,23 @@ import numpy as np
 import pytest
 
 from mirelight.base.colour import srgb_decode, srgb_encode
-from mirelight.base.errors import RenderError
+from mirelight.base.errors import InputError, RenderError
 from mirelight.base.sh import C0
 from mirelight.compositor import Compositor
 from mirelight.io.splats import merge
 from mirelight.lighting import Tracer, captured_level, colored_by
-from mirelight.model import F64, Camera, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
+from mirelight.model import (
+    F32,
+    F64,
+    Camera,
+    Deferred,
+    Environment,
+    Lighting,
+    ProxyMesh,
+    RenderSettings,
+    SplatCloud,
+    SplatLayer,
+)
 from mirelight.proxy.capture_views import capture_views
 
 SETTINGS = RenderSettings(seed=1)
@@ -75,6 +86,41 @@ def test_the_level_is_that_of_the_surface() -> None:
     cloud, mesh = fuzzy(), floor()
     level = captured_level(cloud, mesh, DAY, SETTINGS, capture_views(cloud, VIEWS))
     assert level == pytest.approx(1.0, rel=0.02)
+
+
+def test_pictures_stand_for_composites() -> None:
+    """Each at its own exposure; one of something else, or damaged, is left out with a line; what is masked is not
+    looked at."""
+    cloud = fuzzy()
+    plain = capture_views(cloud, VIEWS)
+
+    def taken(k: int, stops: float) -> F32:
+        """Half as bright in the dark half of what the splats show, as it is elsewhere."""
+        light = srgb_decode(plain[k].color / np.maximum(1 - plain[k].transmittance, 1e-6)[..., None])
+        dark = light < np.median(light)
+        return np.dstack([np.where(dark, light / 2, light) * 2.0**stops, np.ones(light.shape[:2])]).astype(np.float32)
+
+    rng = np.random.default_rng(4)
+    masked = taken(1, -0.4)
+    masked[:, 30:, 3] = 0
+    other = np.dstack([rng.uniform(0.01, 0.6, (40, 60, 3)) ** 2, np.ones((40, 60))]).astype(np.float32)
+    pictures = [Deferred.of(x) for x in (taken(0, 0.3), masked, other)]
+    said: list[str] = []
+    views = capture_views(cloud, VIEWS, [*pictures, Deferred("damaged", refused)], report=said.append)
+    (line,) = said
+    assert line.startswith("2 of 4 pictures of the capture are not used") and "shows something else" in line
+    for k in (0, 1):
+        alpha = 1 - views[k].transmittance
+        there = alpha > 0.9
+        light = srgb_decode(views[k].color / np.maximum(alpha, 1e-6)[..., None])
+        np.testing.assert_allclose(light[there], taken(k, 0)[..., :3][there], rtol=0.05)
+    assert not (1 - views[1].transmittance)[:, 30:].any()
+    for k in (2, 3):
+        np.testing.assert_array_equal(views[k].color, plain[k].color)
+
+
+def refused() -> F32:
+    raise InputError("a.png", "an image that cannot be decoded")
 
 
 def test_discs_are_not_looked_at() -> None:

@@ -370,7 +370,16 @@ def test_every_artefact_has_its_place_in_the_table() -> None:
 
 def test_every_part_of_a_job_has_its_place() -> None:
     """Who adds one says what it decides: settings in DECIDES, content in IN_ROOM."""
-    content = {"splats", "proxy", "made_proxy", "capture_cameras", "albedo_from_splats", "cameras", "lightings"}
+    content = {
+        "splats",
+        "proxy",
+        "made_proxy",
+        "capture_cameras",
+        "capture_pictures",
+        "albedo_from_splats",
+        "cameras",
+        "lightings",
+    }
     content |= {"pooled", "captured", "objects"}
     in_no_key = {"source", "splat_files", "inputs", "notes"}
     assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
@@ -404,6 +413,10 @@ IN_ROOM: dict[str, tuple[Job, set[str]]] = {
     "other cameras of the capture": (
         replace(ROOM, capture_cameras=(VIEW,)),
         {"colours", *SEEDED, *ON_PROXY},
+    ),
+    "other pictures of the capture": (
+        replace(ROOM, capture_pictures=(Deferred.of(np.zeros((1, 1, 4), np.float32)),)),
+        {"colours", *SEEDED, *ON_PROXY} - {"made proxy"},
     ),
     "another capture's light": (
         replace(ROOM, captured=replace(CAPTURED, lights=(replace(CAPTURED.lights[0], intensity=9.0),))),

@@ -110,6 +110,7 @@ def _placed(file: Path, image: _Image, name: str, lenses: dict[int, Lens]) -> Fi
         world_from_camera=reading.inverse(reading.rigid(matrix, fail)) @ reading.FLIP,
         lens=lens.intrinsics,
         distortion=lens.distortion,
+        picture=image.name,
     )
 
 

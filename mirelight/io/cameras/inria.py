@@ -43,6 +43,7 @@ def _camera(entry: Fields, name: str) -> FileCamera:
         name=name,
         world_from_camera=pose @ reading.FLIP,
         lens=reading.intrinsics(lens, size, partial(_fail, entry, "fx")),
+        picture=entry.text("img_name", ""),
     )
 
 

@@ -66,6 +66,7 @@ def _polycam(file: Path, name: str) -> FileCamera:
         name=name,
         world_from_camera=reading.rigid(matrix, partial(_fail, fields, "t_00")),
         lens=reading.intrinsics(lens, size, partial(_fail, fields, "fx")),
+        picture=file.stem,
     )
 
 

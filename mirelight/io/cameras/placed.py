@@ -79,17 +79,23 @@ class Distortion:
     divisor: tuple[float, ...] = ()  # d1, d2, … (k4, k5, k6 of OpenCV)
     tangential: tuple[float, float] = (0.0, 0.0)  # p1, p2
 
-    def largest_shift(self, lens: Intrinsics) -> float:
-        """How far, in pixels, the lens moves a point of the pinhole's picture at most."""
-        u = np.linspace(0, lens.width, _GRID)
-        v = np.linspace(0, lens.height, _GRID)
-        x, y = np.meshgrid((u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy)
+    def shifts(self, x: F64, y: F64) -> tuple[F64, F64]:
+        """How far points of the plane one unit in front of the eye are moved, along x (to the right) and y (down)."""
         r2 = x * x + y * y
         p1, p2 = self.tangential
         with np.errstate(all="ignore"):
             factor = _series(self.radial, r2) / _series(self.divisor, r2)
             dx = x * (factor - 1) + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
             dy = y * (factor - 1) + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+        return dx, dy
+
+    def largest_shift(self, lens: Intrinsics) -> float:
+        """How far, in pixels, the lens moves a point of the pinhole's picture at most."""
+        u = np.linspace(0, lens.width, _GRID)
+        v = np.linspace(0, lens.height, _GRID)
+        x, y = np.meshgrid((u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy)
+        dx, dy = self.shifts(x, y)
+        with np.errstate(all="ignore"):
             shift = float(np.hypot(lens.fx * dx, lens.fy * dy).max())
         return shift if math.isfinite(shift) else math.inf
 
@@ -111,6 +117,8 @@ class FileCamera:
     world_from_camera: F64  # (4, 4) rigid, in the capture's axes; looks along its -Z, +Y is up
     lens: Intrinsics | Angle
     distortion: Distortion | None = None  # None: a pinhole
+    picture: str = ""  # what it took, as the file names it, perhaps without suffix; "": it names none
+    mask: str = ""  # black where that picture does not count
 
     def __post_init__(self) -> None:
         freeze(self, "world_from_camera", (4, 4), np.float64)

@@ -70,7 +70,10 @@ def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path |
         if world is not None:
             pose = reading.rigid(world @ pose, fail)
         lens, distortion = _lens(_own_or_shared(frame, top))
-        out.append(FileCamera(name=name, world_from_camera=pose, lens=lens, distortion=distortion))
+        picture, mask = (frame.text(key, "") for key in ("file_path", "mask_path"))
+        out.append(
+            FileCamera(name=name, world_from_camera=pose, lens=lens, distortion=distortion, picture=picture, mask=mask)
+        )
     return tuple(out)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -23,6 +24,7 @@ from mirelight.model import F32, Deferred, Inserted, Light, ProxyMesh, SplatClou
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
+    from mirelight.io.cameras.pictures import Picture
     from mirelight.io.gltf.moving_lights import Shot
     from mirelight.io.ies import IesFile
 
@@ -156,6 +158,15 @@ class Assets:
             self.digests |= {name: file_digest(file) for name, file in named.items()}
         return found
 
+    def pictures(self, found: Sequence[Picture | None]) -> tuple[Deferred[F32] | None, ...]:
+        """What a capture's cameras took; () where nothing of it is known. Of all, the job keeps one digest."""
+        files = sorted({file for one in found if one is not None for file in one.files})
+        if not files:
+            return ()
+        root = Path(os.path.commonpath([file.parent for file in files]))
+        self.digests[os.path.relpath(root, self.folder)] = digest_of_all(files, root)
+        return tuple(None if one is None else _picture(one) for one in found)
+
     def ies(self, path: str) -> IesFile:
         """As :class:`lighting.LightFiles` describes it."""
         from mirelight.io.ies import read_ies
@@ -173,6 +184,13 @@ class Assets:
         if path == PROXY and self.proxy is not None:
             return self.path(self.proxy.path), placing.matrix(self.proxy.transform)
         return self.path(path), placing.matrix(Transform())
+
+
+def _picture(picture: Picture) -> Deferred[F32]:
+    known = [file_digest(file) for file in picture.files]
+    return Deferred(
+        model.digest("capture's picture", known, picture.lens, picture.distortion), picture.read, keep=False
+    )
 
 
 def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:

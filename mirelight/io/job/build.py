@@ -21,7 +21,6 @@ from mirelight.io.job import (
     sweep,
 )
 from mirelight.io.job.assets import Assets
-from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.light_tables import CAPTURED, AsCaptured, Lit
 from mirelight.io.job.mistakes import Mistake
@@ -31,6 +30,7 @@ from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import SCENES
 from mirelight.model import (
+    F32,
     Deferred,
     EstimatedSky,
     Job,
@@ -67,7 +67,7 @@ def build(source: Source, table: JobTable) -> Job:
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
     compositor = drawing.compositor(table, files, wrong)
-    capture_cameras = _capture_cameras(table, assets, wrong)
+    capture_cameras, capture_pictures = _capture(table, assets, wrong)
     made = _made_of_splats(source, table, splats, capture_cameras)
     proxy = _with_job_albedo(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
     wrong += moments.mistakes(table)
@@ -90,6 +90,7 @@ def build(source: Source, table: JobTable) -> Job:
         proxy=proxy,
         made_proxy=made,
         capture_cameras=capture_cameras,
+        capture_pictures=capture_pictures,
         objects=tuple(assets.inserted(x) for x in table.objects),
         albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
@@ -117,18 +118,18 @@ def _uses_splat_albedo(table: JobTable) -> bool:
     return by_default and relight_settings(table).mode in COLOURING
 
 
-def _capture_cameras(table: JobTable, assets: Assets, wrong: list[Mistake]) -> tuple[model.Camera, ...]:
-    """Those of the capture's pictures, in world space: the proxy is made, and colours are looked at, from there."""
+def _capture(
+    table: JobTable, assets: Assets, wrong: list[Mistake]
+) -> tuple[tuple[model.Camera, ...], tuple[Deferred[F32] | None, ...]]:
+    """The cameras of the capture's pictures, in world space: the proxy is made, and colours are looked at, from there;
+    and those pictures, where they are known."""
     if table.proxy is None or table.proxy.cameras is None or table.splats is None:
-        return ()
-    named = CamerasFromTable.model_construct(
-        {"path"}, path=table.proxy.cameras, transform="splats", distortion="ignore"
-    )
-    at, size = ("proxy", "cameras"), (table.resolution[0], table.resolution[1])
-    found = tuple(camera_files.cameras_from(named, at, size, table.splats, assets, wrong))
-    if not found and not wrong:
-        wrong.append(Mistake(at, "a file without cameras", "give the capture's, or leave it out"))
-    return found
+        return (), ()
+    size = table.resolution[0], table.resolution[1]
+    cameras, pictures = camera_files.with_pictures(table.proxy, size, table.splats, assets, wrong)
+    if not cameras and not wrong:
+        wrong.append(Mistake(("proxy", "cameras"), "a file without cameras", "give the capture's, or leave it out"))
+    return tuple(cameras), assets.pictures(pictures)
 
 
 def _made_of_splats(

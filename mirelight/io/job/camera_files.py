@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -17,13 +18,14 @@ from mirelight.io.job.lighting import choose
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.positions import Path
-from mirelight.io.job.scene_tables import SplatsTable, Transform
+from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.words import shown_path
 from mirelight.io.suffixes import SCENES, USD
 from mirelight.model import Camera
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile, FileCamera
+    from mirelight.io.cameras.pictures import Picture
 
 # The kinds of file that an option is for; the others refuse it.
 _FOR = {
@@ -52,6 +54,8 @@ class SceneCamera(Protocol):
 
 class CameraFiles(Protocol):
     """Reads the cameras that a job names."""
+
+    folder: FilePath  # the job's
 
     def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
         """The cameras of a glTF file or a stage ("proxy": the proxy's), and the transform that they have by default."""
@@ -126,6 +130,48 @@ def _of_scene(
         still = [replace(one.to_camera(*size, m @ one.world), time=time) for time, one in moments]
         out += [replace(x, name=frame_name(x.name, n)) for n, x in enumerate(still, start=1)][:: table.every]
     return out
+
+
+def with_pictures(
+    table: ProxyTable,
+    resolution: tuple[int, int],
+    splats: Sequence[SplatsTable],
+    files: CameraFiles,
+    wrong: list[Mistake],
+) -> tuple[list[Camera], list[Picture | None]]:
+    """The cameras of a capture's pictures, and what those took that are looked from; None where it is not known.
+
+    Args:
+        table: that names the cameras, and perhaps the folder of their pictures.
+        resolution: width and height in pixels of cameras that neither their file nor a picture gives one.
+        splats: the job's, whose transform places the cameras.
+        files: reads them.
+        wrong: gets what is wrong.
+    """
+    from mirelight.io.cameras.pictures import MOST_VIEWS, find
+
+    assert table.cameras is not None
+    at, wanted = ("proxy", "cameras"), table.pictures
+    if table.cameras == PROXY or table.cameras.lower().endswith(SCENES):
+        named = CamerasFromTable.model_construct({"path"}, path=table.cameras, transform="splats")
+        scene = _of_scene(named, at, resolution, splats, files, wrong)
+        return scene, [None] * len(scene)
+    file = files.camera_file(table.cameras)
+    folder = files.folder / wanted if isinstance(wanted, str) else None
+    found = file.read()
+    step = -(-len(found) // MOST_VIEWS)
+    pictures = [find(file, x, folder) if wanted and not i % step else None for i, x in enumerate(found)]
+    if isinstance(wanted, str) and not any(pictures):
+        remedy = f"name the folder in which {shown_path(found[0].picture or 'a picture')} lies"
+        wrong.append(
+            Mistake(("proxy", "pictures"), f"{shown_path(wanted)}, without a picture of these cameras", remedy)
+        )
+    m = _placing("splats", at, splats, wrong)
+    cameras = list[Camera]()
+    for one, picture in zip(found, pictures, strict=True):
+        size = picture.lens.size if picture is not None else one.size(resolution)
+        cameras.append(one.to_camera(size, conventions.rigid_part(m @ one.world_from_camera)))
+    return cameras, pictures
 
 
 def _captured(

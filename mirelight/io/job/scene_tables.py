@@ -145,11 +145,19 @@ class ProxyTable(Table):
         "not see "
         "is closed against light.",
     )
+    pictures: bool | AssetPath = Field(
+        default=True,
+        description="Whether colours of fuzzy splats are those of the pictures that these cameras took, where they "
+        "lie beside the cameras' file as it names them; or the folder in which they lie. What the splats show is a "
+        "little too bright where it is dark.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> ProxyTable:
         if self.path == SPLATS and self.transform.model_fields_set:
             raise wrong("a transform of a proxy that is made from the splats", "give it to the splats", at="transform")
+        if "pictures" in self.model_fields_set and self.cameras is None:
+            raise wrong("pictures of no cameras", "name the cameras that took them, too", at="pictures")
         if self.path == SPLATS and self.albedo == "file":
             raise wrong("'file' for a proxy that has none", 'give a number, [r, g, b] or "splats"', at="albedo")
         return self

@@ -26,7 +26,17 @@ from mirelight.model import (
     SunLight,
 )
 
-_FILES = {"splats", "proxy", "lights_from", "environment", "cameras_from", "capture", "path"}  # keys that name files
+_FILES = {
+    "splats",
+    "proxy",
+    "lights_from",
+    "environment",
+    "cameras_from",
+    "capture",
+    "path",
+    "cameras",
+    "pictures",
+}  # keys that name files
 _WORDS = {"proxy", "splats"}  # what stands for a file in their place
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 

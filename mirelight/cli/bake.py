@@ -28,6 +28,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lighting", metavar="NAME", help="the lighting (the job's first)")
     parser.add_argument("--spp", dest="samples", metavar="N", type=int, default=64, help="samples a splat (64)")
     options.add_machine(parser)
+    options.add_json(parser)
     options.add_quiet(parser)
 
 
@@ -66,12 +67,20 @@ def run_bake(args: argparse.Namespace) -> int:
             baking.write_stage(out, baked, work, scene.mesh, lighting)
         else:
             splats.write(baked, out, comments=comments)
-    if not args.quiet:
+    notes = []
+    if len(table.splats or []) > 1:
+        notes.append("several splat files are written as one, in world space")
+    if work.compositor.holds_light and out.suffix.lower() not in _WORLD:
+        notes.append(f"{out.name} cannot say that its colours are linear light; viewers take them for display values")
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        made = {"splats": len(baked), "lighting": lighting.name, "spp": args.samples}
+        print_json({"files": [out], **made, "notes": notes})
+    elif not args.quiet:
         say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
-        if len(table.splats or []) > 1:
-            say.remark("several splat files are written as one, in world space")
-        if work.compositor.holds_light and out.suffix.lower() not in _WORLD:
-            say.remark(f"{out.name} cannot say that its colours are linear light; viewers take them for display values")
+        for line in notes:
+            say.remark(line)
     return 0
 
 

@@ -25,8 +25,7 @@ def run_cache(args: argparse.Namespace) -> int:
         if args.clear:
             cache.clear()
         things, size = (0, 0) if cache.folder is None else cache.held()
-        folder = None if cache.folder is None else str(cache.folder)
-        print_json({"folder": folder, "things": things, "bytes": size, "most": cache.most})
+        print_json({"folder": cache.folder, "things": things, "bytes": size, "most": cache.most})
         return 0
     if cache.folder is None:
         say.result(f"nothing is kept: this user has no home folder, and {VARIABLE} names none")

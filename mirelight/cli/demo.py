@@ -11,6 +11,7 @@ from mirelight.cli.command import Command
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", metavar="DIR", default="demo", help="write it there (demo)")
+    options.add_json(parser)
     options.add_quiet(parser)
 
 
@@ -20,7 +21,7 @@ def run_demo(args: argparse.Namespace) -> int:
     from mirelight.base import extras
 
     job = demo.write(Path(args.out))
-    words = ["render", str(job), *(["--quiet"] if args.quiet else [])]
+    words = ["render", str(job), *(["--quiet"] if args.quiet else []), *(["--json"] if args.json else [])]
     if not extras.missing("denoise"):
         words.append("--denoise")
     render = args.parser.parse_args(words)

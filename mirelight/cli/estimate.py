@@ -34,6 +34,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--camera", metavar="NAME", help="the picture's camera (the job's first)")
     options.add_machine(parser)
+    options.add_json(parser)
     options.add_quiet(parser)
 
 
@@ -73,12 +74,19 @@ def run_estimate(args: argparse.Namespace) -> int:
     assert sky is not None
     notes = ["Captured light, estimated from splats and proxy.", *lines, *(f"not known: {line}" for line in doubts)]
     write_environment(exr, sky.pixels)
-    use = _written(out, exr, work, found.lighting, notes)
+    use, files = _written(out, exr, work, found.lighting, notes)
     picture = None
     if camera is not None:
         picture = out.with_suffix(".png")
         write_png(picture, _picture(work, found.lighting, camera), {})
-    if not args.quiet:
+        files.append(picture)
+    if args.json:
+        from mirelight.apps.inspect.facts import as_json, lighting_facts
+        from mirelight.cli.report import print_json
+
+        captured = as_json(lighting_facts(found.lighting))
+        print_json({"files": files, "captured": captured, "use": use, "notes": lines, "unknown": doubts})
+    elif not args.quiet:
         say.result(use)
         for line in lines:
             say.result(f"  {line}")
@@ -118,8 +126,8 @@ def _sky(work: Job, exposure: float, lights: tuple[Light, ...]) -> EstimatedSky:
     return EstimatedSky(splats=splats, proxy=proxy, seed=work.render.seed, exposure=exposure, lights=lights)
 
 
-def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[str]) -> str:
-    """Write the lights as a table or as glTF; says how the job takes them."""
+def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[str]) -> tuple[str, list[Path]]:
+    """Write the lights as a table or as glTF; says how the job takes them, and which files there are with the map."""
     from mirelight.io.atomic import atomic_path
     from mirelight.io.gltf.write import write_lights
     from mirelight.io.job.captured_text import captured_text
@@ -130,15 +138,15 @@ def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[st
     if out.suffix.lower() not in GLTF:
         with atomic_path(out) as temporary:
             temporary.write_text(captured_text(lighting, named(exr), notes), encoding="utf-8")
-        return f"{out}: paste it into {work.source.name} (the map is {exr.name})"
+        return f"{out}: paste it into {work.source.name} (the map is {exr.name})", [out, exr]
     shining = [replace(light, group=None) for light in lighting.lights if light.intensity > 0]
     around = f"environment = {{ path = {_quoted(named(exr))} }}"
     if not shining:
         none = f"no sun and no lamp was found, so {out.name} is not written"
-        return f"{exr}: {none}; in {work.source.name}: captured = {{ {around} }}"
+        return f"{exr}: {none}; in {work.source.name}: captured = {{ {around} }}", [exr]
     write_lights(out, shining, notes)
     lamps = f'lights_from = {{ path = {_quoted(named(out))}, unit = "khr" }}'
-    return f"{out}: in {work.source.name}: captured = {{ {lamps}, {around} }}"
+    return f"{out}: in {work.source.name}: captured = {{ {lamps}, {around} }}", [out, exr]
 
 
 def _quoted(text: str) -> str:

@@ -26,6 +26,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-engine", action="store_true", help="start from mirelight's prediction instead of the engine's own frame"
     )
+    options.add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="print no table")
 
 
@@ -34,7 +35,8 @@ def run_explain(args: argparse.Namespace) -> int:
     from mirelight.apps.explain.engine import EngineRun, run_engine
     from mirelight.apps.explain.ladder import explain, require
     from mirelight.apps.explain.report import write_ladder
-    from mirelight.apps.explain.types import summary
+    from mirelight.apps.explain.types import as_json, summary
+    from mirelight.cli.report import print_json
     from mirelight.compare import metrics
     from mirelight.io import job
 
@@ -57,7 +59,9 @@ def run_explain(args: argparse.Namespace) -> int:
             say.remark("the ladder starts from mirelight's prediction of the engine instead")
     ladder = replace(explain(work, camera, lighting, run, report), name=name)
     write_ladder(folder, ladder)
-    if not args.quiet:
+    if args.json:
+        print_json({"folder": folder, **as_json(ladder)})
+    elif not args.quiet:
         say.result(summary(ladder))
         say.result(f"{folder / 'explain.html'} shows each step")
     return 0

@@ -31,6 +31,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of what is held out (0)")
     parser.add_argument("--no-hdr", action="store_true", help="no linear pictures beside those of 8 bits")
     parser.add_argument("--license", default="", help="of the data set, for its page")
+    options.add_json(parser)
     options.add_quiet(parser)
 
 
@@ -63,7 +64,11 @@ def run_export(args: argparse.Namespace) -> int:
             raise
         say.remark(f"interrupted; {counted.far} are in {args.out}, and the same command goes on from there")
         return code
-    if not args.quiet:
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        print_json({"folder": args.out, "layout": args.layout, **counted.as_json()})
+    elif not args.quiet:
         say.result(done)
     return 0
 
@@ -102,6 +107,11 @@ class Counted:
     def far(self) -> str:
         """How many frames are there: "3 of 10 frames"."""
         return f"{self._tally.there} of {self._tally.total} frames"
+
+    def as_json(self) -> dict[str, object]:
+        """Its figures, as those of a render."""
+        tally = self._tally
+        return {"frames": tally.there, "skipped": tally.skipped, "seconds": round(tally.elapsed, 3)}
 
     def export(
         self,

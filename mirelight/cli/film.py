@@ -21,6 +21,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         default="cameras",
         help="what runs first: all cameras under a lighting, or all lightings of a camera (cameras)",
     )
+    options.add_json(parser)
 
 
 def run_film(args: argparse.Namespace) -> int:
@@ -44,6 +45,11 @@ def run_film(args: argparse.Namespace) -> int:
         if live:
             say.cleared()
     width, height = made.size
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        print_json({"files": [out], "frames": made.count, "size": made.size, "seconds": made.seconds})
+        return 0
     say.result(f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}")
     return 0
 

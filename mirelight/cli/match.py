@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keep-colours", action="store_true", help="find intensities only; colours stay as they are")
     parser.add_argument("--rotate", action="store_true", help="find the environment's rotation, too")
     options.add_tracing(parser)
+    options.add_json(parser)
     options.add_quiet(parser)
 
 
@@ -87,7 +89,13 @@ def run_match(args: argparse.Namespace) -> int:
     text = with_lighting(source, work, found.lighting, out, remarks)
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    if not args.quiet:
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        layers = [{k: v for k, v in asdict(x).items() if k != "keeps_colour"} for x in found.layers]
+        gain = {"psnr_before": found.psnr_before, "psnr_after": found.psnr_after, "rotation": found.rotation}
+        print_json({"files": [out], "lighting": found.lighting.name, **gain, "layers": layers})
+    elif not args.quiet:
         say.result(f"{out}: {found.lighting.name}, {_gain(found)}")
         for layer in found.layers:
             say.result(f"  {_line(layer)}")

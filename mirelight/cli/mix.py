@@ -28,6 +28,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     options.add_machine(parser)
     parser.add_argument("--serve", action="store_true", help="serve the page on this machine, until Ctrl-C")
     parser.add_argument("--port", metavar="N", type=int, help="of the server (default: a free one)")
+    options.add_json(parser)
     options.add_quiet(parser, "warnings and errors")
 
 
@@ -111,11 +112,12 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
             say.cleared()
         for line in made.warnings:
             say.remark(line)
-        if saved is None:
-            if not args.quiet:
-                say.result(made.folder / "index.html")
-        else:
-            _serve(scene, made, saved, args.port or 0)
+        if saved is not None:
+            _serve(scene, made, saved, args)
+        elif args.json:
+            _print_json(made)
+        elif not args.quiet:
+            say.result(made.folder / "index.html")
     except MirelightError:
         store.withdraw()
         raise
@@ -125,15 +127,24 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
             say.cleared()
 
 
-def _serve(scene: Scene, made: Exported, saved: Saved, port: int) -> None:
+def _print_json(made: Exported, **more: str) -> None:
+    from mirelight.cli.report import print_json
+
+    print_json({"files": [made.folder / "index.html"], **more, "notes": made.warnings})
+
+
+def _serve(scene: Scene, made: Exported, saved: Saved, args: argparse.Namespace) -> None:
     """Until Ctrl-C, which ends it well."""
     from mirelight.apps.mixer.server import serving
     from mirelight.apps.mixer.session import Session
 
     try:
         session = Session(scene, made.layers, tell=say.remark, order=made.order)
-        with serving(session, made.folder, saved, port) as address:
-            say.result(address)
+        with serving(session, made.folder, saved, args.port or 0) as address:
+            if args.json:
+                _print_json(made, address=address)
+            else:
+                say.result(address)
             session.run()
     except KeyboardInterrupt:
         say.remark("the page is no longer served")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, OutputError
-from mirelight.cli import outputs, say
+from mirelight.cli import options, outputs, say
 from mirelight.cli.command import Command
 from mirelight.io.suffixes import SPLATS, USD
 
@@ -21,6 +21,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("capture", metavar="CAPTURE", help="any splat file")
     parser.add_argument("-o", "--out", metavar="JOB", default="job.toml", help="the job to write (default: job.toml)")
     parser.add_argument("--light", metavar="LIGHT", default="", help="sun, point, or a file: .hdr, .exr, .glb, .gltf")
+    options.add_json(parser)
 
 
 def run_new(args: argparse.Namespace) -> int:
@@ -34,7 +35,13 @@ def run_new(args: argparse.Namespace) -> int:
     found = job_for(_capture(args.capture), out.parent, Wish(light=args.light))
     with atomic_path(out) as temporary:
         temporary.write_text(found.text, encoding="utf-8")
-    for line in (found.up, *found.not_taken, found.as_captured):
+    notes = (found.up, *found.not_taken, found.as_captured)
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        print_json({"files": [out], "notes": notes})
+        return 0
+    for line in notes:
         say.result(line)
     say.result(f"{out} is written; go on with: mirelight render {out}")
     return 0

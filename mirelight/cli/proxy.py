@@ -35,11 +35,13 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="the capture's cameras, in its own axes: what they did not see is closed against light",
     )
     parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
+    options.add_json(parser)
     options.add_quiet(parser)
 
 
 def run_proxy(args: argparse.Namespace) -> int:
     """The command. The quality goes to stdout, progress to stderr."""
+    from mirelight.cli.report import print_json, quality_json
     from mirelight.io import splats
     from mirelight.io.gltf.write import write_glb
     from mirelight.io.png import write_png
@@ -57,7 +59,11 @@ def run_proxy(args: argparse.Namespace) -> int:
         how, mesh, quality, before = _made(cloud, args, report)
         write_glb(out, mesh)
         write_png(heat, quality.heat, {})
-    if not args.quiet:
+    if args.json:
+        earlier = None if before is None else quality_json(before)
+        found = {"triangles": quality.triangles, "how": how, "fit": quality_json(quality), "fit_before": earlier}
+        print_json({"files": [out, heat], **found, "notes": quality.advice})
+    elif not args.quiet:
         say.result(f"{out}: {how}")
         for line in table(quality, before, own=args.fit is None):
             say.result(line)

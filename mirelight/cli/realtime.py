@@ -21,6 +21,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--beside", metavar="DIR", help="show the frames of this output folder of mirelight render over the live ones"
     )
     parser.add_argument("--export-only", action="store_true", help="write the live page and render nothing")
+    options.add_json(parser)
     options.add_quiet(parser, "warnings and errors")
 
 
@@ -30,6 +31,7 @@ def run_realtime(args: argparse.Namespace) -> int:
     from mirelight.apps.realtime import pages
     from mirelight.batch.order import named
     from mirelight.cli.progress import duration
+    from mirelight.cli.report import print_json
     from mirelight.io import job
     from mirelight.pipeline.plan import plan
 
@@ -42,6 +44,7 @@ def run_realtime(args: argparse.Namespace) -> int:
     names = [task.name for task in tasks]
     physical = pages.rendered(Path(args.beside), names) if args.beside is not None else {}
     first: Path | None = None  # its files serve the other frames
+    files, notes = list[Path](), list[str]()
     shows, began = sys.stderr.isatty() and not args.quiet, time.monotonic()
     for k, task in enumerate(tasks, start=1):
         if task.lighting is None:
@@ -62,9 +65,13 @@ def run_realtime(args: argparse.Namespace) -> int:
         if shows:
             say.cleared()
         for warning in made.warnings:
-            say.remark(f"{task.name}: {warning}")
-        if not args.quiet:
-            say.result(folder / ("index.html" if args.export_only else "frame.png"))
+            notes.append(f"{task.name}: {warning}")
+            say.remark(notes[-1])
+        files.append(folder / ("index.html" if args.export_only else "frame.png"))
+        if not args.quiet and not args.json:
+            say.result(files[-1])
+    if args.json:
+        print_json({"files": files, "frames": len(files), "notes": notes})
     return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from mirelight.base.errors import InputError, MirelightError
@@ -95,7 +95,7 @@ def _ended(args: argparse.Namespace, tally: progress.Tally, store: Store, sets: 
     """Says what is there and what is not; the exit code."""
     failed = [{"frame": frame, "error": error} for frame, error in tally.failures]
     if args.json:
-        there = {"folder": str(store.folder), "frames": tally.there, "skipped": tally.skipped}
+        there = {"folder": store.folder, "frames": tally.there, "skipped": tally.skipped}
         print_json({**there, "seconds": round(tally.elapsed, 3), "failed": failed, "notes": list(sets)})
     elif not args.quiet:
         existed = f", {tally.skipped} of them already there" if tally.skipped else ""
@@ -110,7 +110,7 @@ def _ended(args: argparse.Namespace, tally: progress.Tally, store: Store, sets: 
 
 def _say_forecast(found: Forecast, as_json: bool) -> None:
     if as_json:
-        print_json(asdict(found))
+        print_json(found)
         return
     views = f"{count(found.cameras, 'camera')}, {count(found.lightings, 'lighting')}"
     traces = f"{count(found.traces, 'trace')} of unit lights"

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from mirelight.apps.inspect.facts import (
     Bounds,
@@ -23,16 +25,35 @@ from mirelight.base.errors import printable
 
 if TYPE_CHECKING:
     from mirelight.pipeline.job_diagnostics import Check
+    from mirelight.proxy import ProxyQuality
 
 _UNITS = {"directional": "lux", "sun": "lux", "point": "cd", "spot": "cd", "area": "cd/m²"}
 _MOST = 20  # lights or cameras that are listed
 
 
 def print_json(value: object) -> None:
-    """Print JSON that stays JSON on any terminal: what it cannot show is written as ``\\u`` escapes."""
+    """Print JSON that stays JSON on any terminal: what it cannot show is written as ``\\u`` escapes.
+
+    Args:
+        value: of mappings, sequences, NumPy arrays, dataclasses, paths and plain values; what is not finite is null.
+    """
     encoding = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().replace("-", "")
-    text = json.dumps(value, indent=2, ensure_ascii=encoding != "utf8")
+    text = json.dumps(_plain(value), indent=2, ensure_ascii=encoding != "utf8")
     print("\n".join("".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in x) for x in text.split("\n")))
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if hasattr(value, "tolist"):  # NumPy's
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: _plain(x) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(x) for x in value]
+    if isinstance(value, Path):
+        return str(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def lines(facts: Facts) -> Iterator[str]:
@@ -70,25 +91,26 @@ def fit_lines(found: Check) -> Iterator[str]:
 
 def fit_json(found: Check) -> dict[str, object]:
     """The same as JSON values."""
-    quality = found.quality
     fit = None
-    if quality is not None:
-        fit = {
-            "uncovered": quality.uncovered,
-            "gap": _finite(quality.gap_median),
-            "size": quality.size,
-            "leaks": quality.leaks,
-            "cameras": [
-                {"name": x.camera, "shown": x.shown, "uncovered": x.uncovered, "gap": _finite(x.gap_median)}
-                for x in quality.by_view
-            ],
-        }
+    if found.quality is not None:
+        views = [
+            {"name": x.camera, "shown": x.shown, "uncovered": x.uncovered, "gap": x.gap_median}
+            for x in found.quality.by_view
+        ]
+        fit = {**quality_json(found.quality), "cameras": views}
     findings = [{"kind": x.kind, "text": x.text, "remedy": x.remedy} for x in found.findings]
     return {"fit": fit, "findings": findings}
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def quality_json(quality: ProxyQuality) -> dict[str, object]:
+    """How well a mesh fits splats, as JSON values."""
+    return {
+        "uncovered": quality.uncovered,
+        "gap": quality.gap_median,
+        "gap_95": quality.gap_95,
+        "size": quality.size,
+        "leaks": quality.leaks,
+    }
 
 
 Rows = Iterator[tuple[str, str]]

@@ -18,6 +18,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     options.add_frames(parser)
     parser.add_argument("--size", metavar="N", default="192", help="longer side of a small picture, pixels (192)")
     parser.add_argument("--all", action="store_true", help="all frames, on several sheets where one does not hold them")
+    options.add_json(parser)
 
 
 def run_sheet(args: argparse.Namespace) -> int:
@@ -34,6 +35,11 @@ def run_sheet(args: argparse.Namespace) -> int:
     pages = range(1, len(found) + 1 if args.all else 2)
     outputs.spare([sheets.page_file(out, number) for number in pages], [x.file for x in found if x.file is not None])
     made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        print_json({"files": made.pages, "frames": made.shown, "there": made.there})
+        return 0
     some = f" of {made.there}" if made.shown < made.there else ""
     say.result(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")
     if some:

@@ -16,14 +16,12 @@ def _shell(parser: argparse.ArgumentParser) -> None:
 
 def run_doctor(args: argparse.Namespace) -> int:
     """Exit code 0 where the default variant renders."""
-    from dataclasses import asdict
-
     from mirelight.apps import doctor
     from mirelight.cli import report, say
 
     found = doctor.look()
     if args.json:
-        report.print_json(asdict(found))
+        report.print_json(found)
     else:
         say.result("\n".join(found.lines()))
     return found.code

@@ -30,7 +30,7 @@ def run_status(args: argparse.Namespace) -> int:
 
     found = status(args.folder)
     if args.json:
-        print_json({"state": found.progress, **asdict(found), "folder": str(found.folder)})
+        print_json({"state": found.progress, **asdict(found)})
     else:
         say.result("\n".join(lines(found)))
     return _CODES[found.progress]

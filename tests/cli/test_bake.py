@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any, get_args
@@ -198,8 +199,10 @@ def test_splats_of_linear_light_are_multiplied_as_they_are(place: Path, capsys: 
     assert work.splats is not None
     old = np.maximum(0.5 + C0 * work.splats.value.sh[:, 0], 0)
     for name, space in (("relit.glb", "lin_rec709_display"), ("relit.ply", "srgb_rec709_display")):
-        assert main(["bake", str(place / "job.toml"), "-o", str(place / name), "--spp", "1"]) == 0
-        assert ("cannot say that its colours are linear" in "".join(capsys.readouterr())) == (name == "relit.ply")
+        assert main(["bake", str(place / "job.toml"), "-o", str(place / name), "--spp", "1", "--json"]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert (said["files"], said["splats"]) == ([str(place / name)], 2500)
+        assert ("cannot say that its colours are linear" in "".join(said["notes"])) == (name == "relit.ply")
         baked = splats.read(place / name)
         assert baked.color_space == space
         assert np.allclose(np.maximum(0.5 + C0 * baked.sh[:, 0], 0), old * factor, atol=1e-4)

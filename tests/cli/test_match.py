@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -44,11 +45,11 @@ def test_two_pictures_of_one_light_and_what_each_needs(run: Run, folder: Path) -
     assert run("render", "job.toml", "--lighting", "night", "-q").returncode == 0
     pictures = ("--target", "out/front.night.exr", "--target", "out/orbit.0001.night.exr")
     cameras = ("--camera", "front", "--camera", "orbit.0001")
-    done = run(
-        "match", "job.toml", "--lighting", "night", *pictures, *cameras, "--set", "mix.lamp=0.3", "-o", "two.toml"
-    )
+    given = ("match", "job.toml", "--lighting", "night", *pictures, *cameras)
+    done = run(*given, "--set", "mix.lamp=0.3", "-o", "two.toml", "--json")
     assert done.returncode == 0, done.stderr
-    assert "lamp: (20, 20, 20), was (6, 6, 6)" in done.stdout
+    (lamp,) = json.loads(done.stdout)["layers"]
+    np.testing.assert_allclose((lamp["after"], lamp["before"]), ([20] * 3, [6] * 3), rtol=0.01)
     head = (folder / "two.toml").read_text(encoding="utf-8")
     assert "matched to front.night.exr, orbit.0001.night.exr" in head and "camera 'front', 'orbit.0001'" in head
     for wrong, said in {

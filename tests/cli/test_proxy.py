@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,7 +43,9 @@ def test_a_proxy_is_made_and_its_fit_is_said(run: Run, tmp_path: Path) -> None:
 
 def test_a_mesh_that_misfits_is_fitted(run: Run, tmp_path: Path) -> None:
     splats.write(ball(1000), tmp_path / "ball.ply")
-    assert run("proxy", "ball.ply", "-o", "own.glb", "-q").stdout == ""
+    made = json.loads(run("proxy", "ball.ply", "-o", "own.glb", "-q", "--json").stdout)
+    assert made["files"] == ["own.glb", "own.heat.png"] and 0 <= made["fit"]["uncovered"] < 0.2
+    assert made["triangles"] == len(read_mesh(tmp_path / "own.glb").faces)
     own = read_mesh(tmp_path / "own.glb")
     write_glb(tmp_path / "off.glb", replace(own, vertices=own.vertices + np.float32(0.1)))
     done = run("proxy", "ball.ply", "--fit", "off.glb", "-o", "fitted.glb")

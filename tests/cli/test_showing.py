@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -20,8 +21,8 @@ def picture(path: Path) -> np.ndarray:
 def test_sheets_of_files_and_of_layers_show_the_same(folder: Path, run: Run) -> None:
     made = run("render", "job.toml", "-o", "out", "-q", "--set", "output.exr=false")
     assert made.returncode == 0, made.stderr
-    done = run("sheet", "out", "-o", "out/files.png")
-    assert (done.returncode, done.stdout) == (0, "6 frames on out/files.png\n")
+    done = run("sheet", "out", "-o", "out/files.png", "--json")
+    assert json.loads(done.stdout) == {"files": ["out/files.png"], "frames": 6, "there": 6}, done.stderr
     again = run("sheet", "out", "-o", "again.png")  # the sheet is no frame
     assert (folder / "again.png").read_bytes() == (folder / "out/files.png").read_bytes()
     assert again.stdout.startswith("6 frames")
@@ -31,6 +32,8 @@ def test_sheets_of_files_and_of_layers_show_the_same(folder: Path, run: Run) -> 
 
     film = run("film", "out", "-o", "film.webp", "--camera", "orbit", "--lighting", "day", "--fps", "10")
     assert film.stdout == "2 frames of 64 x 48, 0.2 s in film.webp\n", film.stderr
+    film = run("film", "out", "-o", "film.webp", "--camera", "orbit", "--lighting", "day", "--fps", "10", "--json")
+    assert json.loads(film.stdout) == {"files": ["film.webp"], "frames": 2, "size": [64, 48], "seconds": 0.2}
 
     for path in (folder / "out").glob("*.*.png"):
         path.unlink()

@@ -5,6 +5,8 @@ Chromium and npm are part of the test environment, as for the tests of the real-
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import sys
 from pathlib import Path
@@ -55,7 +57,9 @@ def job(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def explained(job: Path) -> Path:
     """The folder of a ladder that starts from the real engine's frame."""
     folder = job.parent / "out"
-    assert main(["explain", str(job), "-o", str(folder), "--quiet"]) == 0
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        assert main(["explain", str(job), "-o", str(folder), "--json"]) == 0
+    assert json.loads(said.getvalue()) == {"folder": str(folder), **read(folder)}
     return folder
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -176,15 +177,17 @@ def test_gltf_that_is_written_is_the_same_light(
     made = told(0.0) if out == "dark.glb" else told(3.0, lamp)
     monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: made)
     (folder / "blind.toml").write_text(JOB.replace("cameras", "# cameras"))
-    assert main(["estimate", str(folder / "blind.toml"), "-o", str(folder / out)]) == 0
-    line = capsys.readouterr().out.splitlines()[0]
+    assert main(["estimate", str(folder / "blind.toml"), "-o", str(folder / out), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    line = said["use"]
+    assert [x["name"] for x in said["captured"]["lights"]] == [x.name for x in made.lighting.lights]
     (folder / "pasted.toml").write_text(JOB.replace('captured = "estimate"', line[line.index("captured = ") :]))
     pasted = job.load(folder / "pasted.toml").captured
     assert pasted is not None and pasted.environment is not None
     np.testing.assert_array_equal(pasted.environment.pixels, made.radiance.astype(np.float32))
     shining = [light for light in made.lighting.lights if light.intensity > 0]
     assert len(shining) == len(pasted.lights) == (0 if out == "dark.glb" else 2)
-    assert (folder / out).exists() == bool(shining)
+    assert (folder / out).exists() == bool(shining) == (str(folder / out) in said["files"])
     for old, new in zip(shining, pasted.lights, strict=True):
         assert type(old) is type(new)
         for field in fields(old):

@@ -268,13 +268,8 @@ def summary(ladder: Ladder) -> str:
     )
 
 
-def write_json(path: Path, ladder: Ladder) -> None:
-    """All figures of a ladder.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    import json
+def as_json(ladder: Ladder) -> dict[str, object]:
+    """All figures of a ladder as JSON values; infinity is null."""
     import math
     from dataclasses import asdict
 
@@ -282,7 +277,7 @@ def write_json(path: Path, ladder: Ladder) -> None:
         every = {**asdict(step), "noise_psnr": step.noise_psnr, "within_noise": step.within_noise}
         return {k: None if isinstance(v, float) and math.isinf(v) else v for k, v in every.items()}
 
-    table = {
+    return {
         "name": ladder.name,
         "engine": ladder.engine,
         "really_rendered": ladder.really_rendered,
@@ -291,5 +286,15 @@ def write_json(path: Path, ladder: Ladder) -> None:
         "absent": dict(ladder.absent),
         "warnings": list(ladder.warnings),
     }
+
+
+def write_json(path: Path, ladder: Ladder) -> None:
+    """All figures of a ladder.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    import json
+
     with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(as_json(ladder), indent=1) + "\n", encoding="utf-8")

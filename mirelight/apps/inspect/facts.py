@@ -191,9 +191,10 @@ class JobFacts:
 Facts: TypeAlias = SplatFacts | MeshFacts | PictureFacts | JobFacts
 
 
-def as_json(facts: Facts) -> dict[str, Any]:
-    """The facts as JSON values, with their kind; what does not apply is left out, infinity is null."""
-    return {"kind": facts.kind, **_plain(facts)}
+def as_json(facts: Facts | LightingFacts) -> dict[str, Any]:
+    """The facts as JSON values, a file's with their kind; what does not apply is left out, infinity is null."""
+    kind = {} if isinstance(facts, LightingFacts) else {"kind": facts.kind}
+    return {**kind, **_plain(facts)}
 
 
 def _plain(value: Any) -> Any:

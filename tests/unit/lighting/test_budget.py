@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.lighting.budget import MOST_FILLS, MOST_OF_TARGET, RAY_PRICE, Noise, averaged, even
 
-from .test_surface_cache import cache
+from ..model.test_surface_cache import cache
 
 
 @pytest.mark.parametrize("of_fill", [1e-6, 1e-4, 4e-3])

@@ -12,7 +12,7 @@ from mirelight.base.machine import collector_held
 from mirelight.io import job
 from mirelight.pipeline.scene import prepare
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_collector_waits_and_comes_back() -> None:

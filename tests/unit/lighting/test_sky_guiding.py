@@ -11,7 +11,7 @@ from mirelight.lighting import sky_guiding
 from mirelight.lighting.sky_guiding import BINS, STEPS, WHOLE, groups, inverse
 from mirelight.model import F64, SurfaceCells
 
-from .test_surface_cache import cells
+from ..model.test_surface_cache import cells
 
 
 def part_of_bins(table: sky_guiding.U16) -> F64:

@@ -41,7 +41,7 @@ from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
 from mirelight.store import layer_records
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "rendering.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "rendering.md"
 SETTINGS: Mapping[str, type[Any]] = {
     "render": RenderSettings,
     "compositor": CompositorSettings,

@@ -9,7 +9,7 @@ from mirelight import relighting
 from mirelight.model import CompositorSettings
 from mirelight.model.profiles import COLOURING, COMPARING
 
-PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
+PACKAGE = Path(__file__).resolve().parents[3] / "mirelight"
 ASKS = re.compile(r"""(?<!image\.)\b(?:mode|profile) (?:==|!=) ["']|\b(?:mode|profile) (?:not )?in \(["']""")
 
 

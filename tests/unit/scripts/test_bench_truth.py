@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mirelight.model import ProxyMesh, SplatCloud
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
 @pytest.fixture

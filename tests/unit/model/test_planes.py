@@ -49,7 +49,7 @@ def test_the_films_surface_is_that_of_the_kernel() -> None:
 
 
 def test_the_page_on_outputs_shows_the_table() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "reference" / "outputs.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "outputs.md").read_text(encoding="utf-8")
     shown = re.findall(r"^\| `(\w+)` \| ([RGBAXYZ ]+) \| ([^|]+) \| ([^|]+) \|$", page, flags=re.MULTILINE)
     expected = []
     for plane in (*PLANES, *LIGHT_PLANES):

@@ -18,7 +18,7 @@ from mirelight.cli import main
 from mirelight.model import Deferred, DirectionalLight, Job, Lighting, ProxyMesh, RenderSettings
 from mirelight.pipeline.scene import prepare
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FOR_DEVELOPERS = {"test", "docs"}
 ALL = "all"
 FLOOR = ProxyMesh(vertices=np.eye(3, dtype=np.float32), faces=np.array([[0, 1, 2]], np.int32))

@@ -11,7 +11,7 @@ import pytest
 from mirelight.base import colour
 from mirelight.model import ToneCurve
 
-ENGINE_FRAMES = Path(__file__).parents[1] / "data" / "realtime"
+ENGINE_FRAMES = Path(__file__).parents[2] / "data" / "realtime"
 CURVES: tuple[ToneCurve, ...] = ("none", "aces", "neutral", "agx")
 
 

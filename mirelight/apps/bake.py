@@ -9,14 +9,16 @@ What a colour does with the view (SH above degree 0) is multiplied by that curve
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from mirelight.base.sh import C0
 from mirelight.lighting import sunsky
-from mirelight.model import F32, F64, Camera, Job, Lighting, ProxyMesh, RelightSettings, SplatCloud
+from mirelight.model import F32, F64, Camera, Job, Lighting, RelightSettings, SplatCloud
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.splat_light import Progress, SplatLight
@@ -24,6 +26,7 @@ from mirelight.relighting import gloss_of
 
 _PLAIN = RelightSettings()
 _STEP = 1e-3  # of display values, for the slope
+_NO_FRAMES: Mapping[str, str] = MappingProxyType({})
 _NO_FACTOR = 1e-6  # below, there is nothing to see
 
 
@@ -69,9 +72,18 @@ def relit(cloud: SplatCloud, factor: F32, settings: RelightSettings = _PLAIN) ->
     return replace(cloud, sh=sh)
 
 
-def write_stage(path: Path, baked: SplatCloud, job: Job, proxy: ProxyMesh | None, lighting: Lighting) -> None:
+def write_stage(
+    path: Path, baked: SplatCloud | None, job: Job, lighting: Lighting, frames: Mapping[str, str] = _NO_FRAMES
+) -> None:
     """A stage of OpenUSD to go on with elsewhere: the relit splats, those as captured (not seen), the proxy, the lights
     that the splats are relit by, and the job's cameras; those of one animation are one that moves.
+
+    Args:
+        path: the stage.
+        baked: the relit splats; None: the job has none.
+        job: a prepared one, whose proxy is there.
+        lighting: one of its lightings.
+        frames: by a camera's name its picture under that lighting, as a path from the stage's folder.
 
     Raises:
         OutputError: it cannot be written.
@@ -79,13 +91,13 @@ def write_stage(path: Path, baked: SplatCloud, job: Job, proxy: ProxyMesh | None
     """
     from mirelight.io.usd.write import StageWriter
     from mirelight.io.usd.write_lights import add_camera, add_environment, add_light
+    from mirelight.io.usd.write_mesh import add_proxy
 
     writer = StageWriter(path)
-    writer.splats(baked, "relit")
-    if job.splats is not None:
-        writer.splats(job.splats.value, "captured", seen=False)
-    if proxy is not None:
-        writer.proxy(proxy)
+    if baked is not None and job.splats is not None:
+        writer.splats(baked, "relit", captured=job.splats.value)
+    if job.proxy is not None:
+        add_proxy(writer, job.proxy.value)
     plain = sunsky.resolved(lighting, job.render.variant)
     for light in plain.lights:
         add_light(writer, light)
@@ -93,11 +105,10 @@ def write_stage(path: Path, baked: SplatCloud, job: Job, proxy: ProxyMesh | None
         add_environment(writer, plain.environment)
     moments: dict[str, list[Camera]] = {}
     for camera in job.cameras:
-        moments.setdefault(camera.name.rpartition(".")[0] if camera.time is not None else camera.name, []).append(
-            camera
-        )
+        name = camera.name.rpartition(".")[0] if camera.time is not None else camera.name
+        moments.setdefault(name, []).append(camera)
     for shots in moments.values():
-        add_camera(writer, shots)
+        add_camera(writer, shots, frames)
     writer.save()
 
 

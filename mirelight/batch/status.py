@@ -109,7 +109,7 @@ def status(path: str | Path) -> Status:
         failed=tuple(Failed(name, row.error.strip().rpartition("\n")[2]) for name, row in failed.items()),
         missing=tuple(name for name in waiting if name not in busy and name not in failed),
         seconds_left=None if seconds is None else round(seconds, 3),
-        command=shlex.join(["mirelight", "render", newest.job, *newest.settings]),
+        command=shlex.join(newest.command),
         damaged_rows=folder.journal.bad,
     )
 

@@ -64,7 +64,8 @@ def run_bake(args: argparse.Namespace) -> int:
         of = f"{work.source.name}, lighting {lighting.name}, {args.samples} spp"
         comments = (f"relit by mirelight {__version__}: {of}",)
         if out.suffix.lower() in USD:
-            baking.write_stage(out, baked, work, scene.mesh, lighting)
+            _ = scene.mesh  # made now, where the job makes it from the splats
+            baking.write_stage(out, baked, work, lighting)
         else:
             splats.write(baked, out, comments=comments)
     notes = []

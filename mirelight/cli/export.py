@@ -1,4 +1,4 @@
-"""`mirelight export`: the frames of an output folder as a data set; the end of `mirelight render`, too."""
+"""`mirelight export`: the frames of an output folder as a data set, or a stage; the end of `mirelight render`, too."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ if TYPE_CHECKING:
     from mirelight.store import Store
 
 LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub")
+STAGE = "usd"
 _CLAIM = "the data sets"
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", help="the job's output folder")
-    parser.add_argument("--layout", required=True, choices=LAYOUTS, help="how files are laid out")
-    parser.add_argument("-o", "--out", metavar="OUT", required=True, help="folder of the data set")
+    parser.add_argument(
+        "--layout", required=True, choices=(*LAYOUTS, STAGE), help="how files are laid out; usd: a stage of OpenUSD"
+    )
+    parser.add_argument("-o", "--out", metavar="OUT", required=True, help="folder of the data set, or the stage's file")
     options.add_lightings(parser)
     parser.add_argument("--normalize", action="store_true", help="move and scale the world into a box of ±1")
     parser.add_argument("--split", choices=("camera", "lighting", "both"), default="camera", help="what is held out")
@@ -40,9 +43,12 @@ def run_export(args: argparse.Namespace) -> int:
     from mirelight import dataset
     from mirelight.base.errors import InputError
     from mirelight.cli import stop
+    from mirelight.cli.stage import run_stage
     from mirelight.io.job.settings_tables import LICENSE, is_license
     from mirelight.model import DatasetSettings
 
+    if args.layout == STAGE:
+        return run_stage(args)
     if not 0 <= args.held_out <= 1:
         raise InputError("--held-out", f"{args.held_out:g}", "give a share of the names, 0 to 1")
     if not is_license(args.license):
@@ -78,10 +84,12 @@ COMMAND = Command(
     group="data",
     help="write the frames of an output folder as a data set",
     description='Mixes frames from the layers that `mirelight render` has kept (output.store "layers" or "both"). '
-    "What is there already is not made again, so an interrupted export goes on when it is started again.",
+    "What is there already is not made again, so an interrupted export goes on when it is started again. "
+    "--layout usd writes the job that was rendered there as a stage: splats, proxy, lights, cameras, frames by name.",
     examples=(
         "export out --layout nerf -o out/nerf",
         "export out --layout hub -o set --held-out 0.2 --license CC-BY-4.0",
+        "export out --layout usd -o out/shot.usdc --lighting evening",
     ),
     arguments=_arguments,
     call=run_export,

@@ -20,6 +20,7 @@ from mirelight.model.shown import count
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.plan import light_keys, warnings
 from mirelight.store import Store
+from mirelight.store.planned import CAPTURE
 
 
 def run_render(args: argparse.Namespace) -> int:
@@ -44,8 +45,7 @@ def run_render(args: argparse.Namespace) -> int:
             store = Store(work)
             store.open()
             every = order.cameras is None and order.lightings is None
-            light = [] if args.light is None else [f"--light={args.light}"]
-            store.planned.keep(whole, [*order.anywhere().arguments()[1:], *light], whole=every)
+            store.planned.keep(whole, [*order.anywhere().arguments()[1:], *_without_job(args)], whole=every)
             with stop.Watched(tally) as watched:
                 if args.scheduler is not None:
                     scheduler.run(order, frames, store, args.scheduler, watched)
@@ -68,6 +68,12 @@ def run_render(args: argparse.Namespace) -> int:
         if store is not None:
             store.close()
     return _ended(args, tally, store, sets)
+
+
+def _without_job(args: argparse.Namespace) -> list[str]:
+    """What was rendered in place of a job file, for who looks at the folder later."""
+    light = [] if args.light is None else [f"--light={args.light}"]
+    return [*light, f"{CAPTURE}{Path(args.job).absolute()}"] if new.is_capture(args.job) else light
 
 
 def _workers(args: argparse.Namespace) -> int | None:

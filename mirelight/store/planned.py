@@ -15,6 +15,7 @@ from mirelight.io.safety import read_file
 from mirelight.pipeline.keys import FILE_SUFFIXES
 from mirelight.pipeline.plan import Plan
 
+CAPTURE = "--capture="  # among the settings: what was rendered in place of a job file
 _RECORDS = "[!.]*.json"  # what another process is writing begins with a dot
 
 
@@ -38,6 +39,21 @@ class Planned:
     whole: bool  # every camera under every lighting
     frames: tuple[PlannedFrame, ...]
     layers: Mapping[str, tuple[str, ...]]  # by group the keys of what is kept instead of frames
+
+    @property
+    def capture(self) -> str | None:
+        """Path of the splats or the stage that were rendered in place of a job file, absolute."""
+        return next((x.removeprefix(CAPTURE) for x in self.settings if x.startswith(CAPTURE)), None)
+
+    @property
+    def command(self) -> list[str]:
+        """What to write for the same frames."""
+        return [
+            "mirelight",
+            "render",
+            self.capture or self.job,
+            *(x for x in self.settings if not x.startswith(CAPTURE)),
+        ]
 
 
 class PlannedRuns:

@@ -39,7 +39,8 @@ def _seal(prim: Any) -> str:
     for attribute in sorted(prim.GetAuthoredAttributes(), key=lambda x: str(x.GetName())):
         value = attribute.Get()
         shown = str(value.path) if hasattr(value, "resolvedPath") else str(value)
-        said.append(f"{attribute.GetName()} {shown} {attribute.GetNumTimeSamples()}")
+        moments = [f"{at} {attribute.Get(at)}" for at in attribute.GetTimeSamples()]
+        said.append(f"{attribute.GetName()} {shown} {len(moments)}" + "".join(f" {x}" for x in moments))
     stage = prim.GetStage()
     said.append(f"{UsdGeom.GetStageMetersPerUnit(stage)} {UsdGeom.GetStageUpAxis(stage)}")
     said.append(str(UsdGeom.XformCache(Usd.TimeCode.Default()).GetLocalToWorldTransform(prim)))

@@ -53,7 +53,8 @@ def cut(stage: Stage, prim: Any, materials: Materials) -> Piece | None:
         raise RefusedError("points that are NaN or infinite", "repair the mesh", where)
     bound = materials.of(prim)
     parts = {"uvs": _primvar(stage, prim, materials.uv_name(bound), faces, 2)}
-    parts["colors"] = _primvar(stage, prim, "displayColor", faces, 3) if bound < 0 else None
+    colours = materials.colour_name(bound)
+    parts["colors"] = None if colours is None else _primvar(stage, prim, colours, faces, 3)
     smooth = mesh.GetSubdivisionSchemeAttr().Get() not in ("none", None)
     if smooth:
         stage.note(f"{where}: a subdivision surface, of which the cage is taken")

@@ -10,6 +10,7 @@ from mirelight.io.usd.exact import kept
 from mirelight.io.usd.rows import Answer, CameraRow, Request
 from mirelight.io.usd.stage import Stage, rows
 
+_SAME = 1e-6  # time codes
 _LENS = ("focalLength", "horizontalAperture", "verticalAperture")
 
 
@@ -19,10 +20,13 @@ def cameras(stage: Stage, request: Request) -> Answer:
 
     found = [prim for prim in stage.prims() if prim.IsA(UsdGeom.Camera)]
     codes = [stage.at(time) for time in request.times] or [None]
-    return Answer(cameras=[_row(stage, prim, code) for code in codes for prim in found], times=keys(stage, found))
+    exact = [kept(prim) for prim in found]
+    taken = [_row(stage, prim, code, own) for code in codes for prim, own in zip(found, exact, strict=True)]
+    return Answer(cameras=taken, times=keys(stage, found))
 
 
-def _row(stage: Stage, prim: Any, code: Any) -> CameraRow:
+def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> CameraRow:
+    """`exact`: its lens in full, of a stage that this package wrote; of one that zooms, at its keys."""
     from pxr import UsdGeom
 
     camera = UsdGeom.Camera(prim)
@@ -48,8 +52,11 @@ def _row(stage: Stage, prim: Any, code: Any) -> CameraRow:
         moves=len(_samples(prim, _LENS)) > 1,
         f_stop=stop,
     )
-    exact = None if code is not None else kept(prim)
-    return row if exact is None else replace(row, **exact)
+    lens = dict(exact or {})
+    if row.moves or code is not None:
+        near_by = [focal for key, focal in lens.pop("keys", ()) if abs(key - at.GetValue()) < _SAME]
+        lens = lens | {"focal": near_by[0]} if near_by else {}
+    return replace(row, **lens)
 
 
 def keys(stage: Stage, prims: Iterable[Any]) -> list[float]:

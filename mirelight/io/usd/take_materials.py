@@ -21,6 +21,7 @@ class Materials:
         self._textures = textures
         self._index: dict[str, int] = {}
         self._uv: dict[int, str] = {}
+        self._colours = {-1: "displayColor"}
         self.rows: list[MaterialRow] = []
 
     def of(self, prim: Any) -> int:
@@ -46,6 +47,10 @@ class Materials:
     def uv_name(self, material: int) -> str:
         """The primvar that its textures are read by."""
         return self._uv.get(material, "st")
+
+    def colour_name(self, material: int) -> str | None:
+        """The primvar that it takes its base colour from; None: from none."""
+        return self._colours.get(material)
 
     def _of(self, material: Any) -> int:
         path = str(material.GetPath())
@@ -89,6 +94,11 @@ class Materials:
             shader = UsdShade.Shader(attribute.GetPrim())
             if attribute.GetPrim() and shader and shader.GetIdAttr().Get() == "UsdUVTexture":
                 return self._texture(shader)
+            if attribute.GetPrim() and shader and shader.GetIdAttr().Get() == "UsdPrimvarReader_float3":
+                varname = shader.GetInput("varname")
+                if name == "diffuseColor" and varname:
+                    self._colours[len(self.rows)] = str(varname.Get() or "displayColor")
+                    return [1.0, 1.0, 1.0], "", False, wraps
             return _colour(attribute.Get(self._stage.code), fallback), "", False, wraps
         return fallback, "", False, wraps
 

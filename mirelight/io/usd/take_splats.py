@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mirelight.io.usd.rows import Answer, Request, SplatRow
 from mirelight.io.usd.stage import RefusedError, Stage, rows
 
+CAPTURED = "mirelight:captured"  # relates relit splats to those that they were made from
 _KIND = "ParticleField3DGaussianSplat"
 _HARMONICS = "radiance:sphericalHarmonicsCoefficients"
 # Arrays by name: attribute, numbers of a splat (of SH, of a coefficient).
@@ -26,6 +27,7 @@ def head(stage: Stage, _: Request) -> Answer:
     meshes = cameras = lamps = domes = 0
     for prim in stage.prims():
         if prim.GetTypeName() == _KIND:
+            prim = _as_captured(stage, prim)
             found.append(_row(stage, prim, len(_values(stage, prim, "positions"))))
         meshes += prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.PointInstancer)
         cameras += prim.IsA(UsdGeom.Camera)
@@ -41,6 +43,7 @@ def splats(stage: Stage, _: Request) -> Answer:
     for prim in stage.prims():
         if prim.GetTypeName() != _KIND:
             continue
+        prim = _as_captured(stage, prim)
         positions = _values(stage, prim, "positions")
         count = len(positions)
         if not count:
@@ -59,6 +62,17 @@ def splats(stage: Stage, _: Request) -> Answer:
     if not found:
         raise RefusedError("no splats in it", _READ)
     return Answer(splats=found)
+
+
+def _as_captured(stage: Stage, prim: Any) -> Any:
+    """The splats that others were relit from, where this package wrote both: light falls on them once."""
+    relation = prim.GetRelationship(CAPTURED)
+    for target in relation.GetTargets() if relation else []:
+        found = stage.stage.GetPrimAtPath(target)
+        if found and found.GetTypeName() == _KIND:
+            stage.note(f"{prim.GetPath()}: relit splats, of which those as captured are taken: {target}")
+            return found
+    return prim
 
 
 def _row(stage: Stage, prim: Any, count: int) -> SplatRow:

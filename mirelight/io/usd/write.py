@@ -1,4 +1,4 @@
-"""OpenUSD stages written: splats, a proxy, lights and cameras, in metres and Y up.
+"""OpenUSD stages written, in metres and Y up: splats here; the rest by `write_mesh` and `write_lights`.
 
 The suffix decides: .usda is text, .usd and .usdc are binary, .usdz is a package of one binary stage and its pictures.
 """
@@ -13,13 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base import colour
 from mirelight.base.errors import OutputError
 from mirelight.base.extras import require
+from mirelight.base.png import png_bytes
 from mirelight.io.atomic import atomic_path
 from mirelight.io.environment import write_environment
 from mirelight.io.suffixes import USD
 from mirelight.io.usd.names import PrimNames
-from mirelight.model import F32, ProxyMesh, SplatCloud
+from mirelight.io.usd.take_splats import CAPTURED
+from mirelight.model import F32, SplatCloud
 from mirelight.model.scene import holds_light
 
 SPLAT_SPACE = "srgb_rec709_scene"  # of the coefficients: display-encoded colours
@@ -51,25 +54,41 @@ class StageWriter:
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
         self.stage.SetDefaultPrim(UsdGeom.Xform.Define(self.stage, _ROOT).GetPrim())
         self._names = PrimNames()
-        self._pictures: dict[str, F32] = {}
+        self._pictures: dict[str, F32 | NDArray[np.uint8]] = {}
 
-    def picture(self, name: str, pixels: F32) -> str:
-        """Add a linear picture (h, w, 3), written beside the stage, or into its package; how the stage names it."""
-        file = f"{self._path.stem}.{name}.exr"
-        self._pictures[file] = pixels
-        return f"./{file}"
+    def picture(self, name: str, pixels: F32) -> tuple[str, str]:
+        """Add a linear picture (h, w, 3), written beside the stage, or into its package.
+
+        Returns:
+            how the stage names it, and its `sourceColorSpace`: PNG where that holds every value, else OpenEXR.
+        """
+        bytes_ = np.rint(colour.srgb_encode(np.clip(pixels, 0, 1)) * 255).astype(np.uint8)
+        fits = np.array_equal(colour.srgb_decode(bytes_.astype(np.float32) / np.float32(255)), pixels)
+        file = f"{self._path.stem}.{name}.{'png' if fits else 'exr'}"
+        self._pictures[file] = bytes_ if fits else pixels
+        return f"./{file}", "sRGB" if fits else "raw"
 
     def path(self, name: str, below: str = "") -> str:
-        """A free prim path for a thing of this name."""
-        where = f"{_ROOT}/{below}" if below else _ROOT
-        if below and not self.stage.GetPrimAtPath(where):
-            from pxr import UsdGeom
+        """A free prim path for a thing of this name; what it stands below, "lights" or "proxy/part1", is made."""
+        from pxr import UsdGeom
 
-            UsdGeom.Scope.Define(self.stage, where)
+        where = _ROOT
+        for part in filter(None, below.split("/")):
+            where = f"{where}/{part}"
+            if not self.stage.GetPrimAtPath(where):
+                UsdGeom.Scope.Define(self.stage, where)
         return f"{where}/{self._names.take(where, name)}"
 
-    def splats(self, cloud: SplatCloud, name: str = "splats", *, seen: bool = True) -> None:
-        """A field of splats, every value a float; one that is not seen is there to be switched on."""
+    def splats(self, cloud: SplatCloud, name: str = "splats", *, captured: SplatCloud | None = None) -> None:
+        """A field of splats, every value a float; with those that they were relit from, which are not seen."""
+        prim = self._field(cloud, name)
+        if captured is None:
+            return
+        other = self._field(captured, "captured")
+        other.GetAttribute("visibility").Set("invisible")
+        prim.CreateRelationship(CAPTURED).SetTargets([other.GetPath()])
+
+    def _field(self, cloud: SplatCloud, name: str) -> Any:
         from pxr import UsdVol, Vt
 
         path = self.path(name)
@@ -90,27 +109,7 @@ class StageWriter:
         low, high = (cloud.means - reach).min(axis=0), (cloud.means + reach).max(axis=0)
         field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([low, high]).astype(np.float32)))
         prim.GetAttribute("sortingModeHint").Set("zDepth")
-        if not seen:
-            prim.GetAttribute("visibility").Set("invisible")
-
-    def proxy(self, mesh: ProxyMesh, name: str = "proxy") -> None:
-        """A mesh of purpose proxy: light falls on it, viewers do not draw it."""
-        from pxr import UsdGeom, Vt
-
-        prim = UsdGeom.Mesh.Define(self.stage, self.path(name))
-        prim.CreateSubdivisionSchemeAttr("none")
-        prim.CreatePurposeAttr(UsdGeom.Tokens.proxy)
-        prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.vertices)))
-        prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-        prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.faces.reshape(-1))))
-        prim.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack(mesh.bounds).astype(np.float32)))
-        prim.CreateDoubleSidedAttr(True)
-        if mesh.normals is not None:
-            prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.normals)))
-            prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-        if mesh.vertex_colors is not None:
-            colours = prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
-            colours.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.vertex_colors)))
+        return prim
 
     def place(self, prim: Any, matrix: NDArray[np.float64], times: Sequence[float] = ()) -> None:
         """Give a prim its place, (4, 4), or one at each of several moments (n, 4, 4) in time codes."""
@@ -129,7 +128,12 @@ class StageWriter:
             folder = Path(name)
             packed = path.suffix.lower() == ".usdz"
             for file, pixels in self._pictures.items():
-                write_environment((folder if packed else path.parent) / file, pixels)
+                place = (folder if packed else path.parent) / file
+                if pixels.dtype == np.uint8:
+                    with atomic_path(place) as temporary:
+                        temporary.write_bytes(png_bytes(pixels.astype(np.uint8, copy=False), {}))
+                else:
+                    write_environment(place, pixels.astype(np.float32, copy=False))
             made = self._made(folder)
             with atomic_path(path) as temporary:
                 temporary.write_bytes(made.read_bytes())

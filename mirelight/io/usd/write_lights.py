@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ from mirelight.model import (
 
 _FILM = 24.0  # mm high, of cameras
 _CODES = 24.0  # time codes a second
+_RENDER = "/Render"  # where OpenUSD looks for what is to be rendered
+_NO_FRAMES: Mapping[str, str] = MappingProxyType({})
 _KINDS = {"rectangle": "RectLight", "disk": "DiskLight", "sphere": "SphereLight"}
 
 
@@ -68,19 +71,19 @@ def add_environment(writer: StageWriter, environment: Environment) -> None:
     if environment.is_constant:
         _color(prim, pixels[0, 0].astype(np.float64))
         return
-    prim.GetAttribute("inputs:texture:file").Set(Sdf.AssetPath(writer.picture(prim.GetName(), pixels)))
+    prim.GetAttribute("inputs:texture:file").Set(Sdf.AssetPath(writer.picture(prim.GetName(), pixels)[0]))
     prim.GetAttribute("inputs:texture:format").Set("latlong")
 
 
-def add_camera(writer: StageWriter, cameras: Sequence[Camera], images: Sequence[str] = ()) -> None:
+def add_camera(writer: StageWriter, cameras: Sequence[Camera], frames: Mapping[str, str] = _NO_FRAMES) -> None:
     """A camera below /World/cameras: one, or the moments of one that moves.
 
     Args:
         writer: the stage.
         cameras: at least one; several have a time each.
-        images: pictures seen by it, named as the stage's file would.
+        frames: by a camera's name the picture that was rendered of it, as a path from the stage's folder.
     """
-    from pxr import Sdf, UsdGeom
+    from pxr import UsdGeom
 
     first = cameras[0]
     moves = len(cameras) > 1
@@ -106,12 +109,32 @@ def add_camera(writer: StageWriter, cameras: Sequence[Camera], images: Sequence[
         writer.stage.SetTimeCodesPerSecond(_CODES)
         writer.stage.SetStartTimeCode(min(codes[0], span[0]))
         writer.stage.SetEndTimeCode(max(codes[-1], span[1]))
-    if images:
-        attribute = prim.CreateAttribute("mirelight:images", Sdf.ValueTypeNames.AssetArray, custom=True)
-        attribute.Set(Sdf.AssetPathArray([Sdf.AssetPath(x) for x in images]))
-    if not moves and not flat and first.fx == first.fy:
+    if not flat and len({(x.width, x.height, x.cx, x.cy, x.near, x.far, x.fx == x.fy) for x in cameras}) == 1:
         lens = {"focal": first.fy, "apertures": [first.width, first.height], "clipping": [first.near, first.far]}
-        keep(prim, lens | {"offsets": [first.width / 2 - first.cx, first.cy - first.height / 2], "unit": 1.0})
+        lens |= {"offsets": [first.width / 2 - first.cx, first.cy - first.height / 2], "unit": 1.0}
+        if moves:
+            lens["keys"] = [[code, one.fy] for code, one in zip(codes, cameras, strict=True)]
+        if first.fx == first.fy:
+            keep(prim, lens)
+    there = [i for i, one in enumerate(cameras) if one.name in frames]
+    if there:
+        _add_frames(writer, prim, first, [(codes[i] if moves else None, frames[cameras[i].name]) for i in there])
+
+
+def _add_frames(writer: StageWriter, camera: Any, size: Camera, frames: Sequence[tuple[float | None, str]]) -> None:
+    """The pictures of a camera as a render product of OpenUSD below /Render: (time code, path) each."""
+    from pxr import Gf, UsdRender
+
+    settings = UsdRender.Settings.Define(writer.stage, f"{_RENDER}/settings")
+    writer.stage.SetMetadata("renderSettingsPrimPath", str(settings.GetPath()))
+    product = UsdRender.Product.Define(writer.stage, f"{_RENDER}/products/{camera.GetName()}")
+    settings.CreateProductsRel().AddTarget(product.GetPath())
+    product.CreateCameraRel().SetTargets([camera.GetPath()])
+    product.CreateResolutionAttr(Gf.Vec2i(size.width, size.height))
+    name = product.CreateProductNameAttr(frames[0][1])
+    for code, file in frames:
+        if code is not None:
+            name.Set(file, code)
 
 
 def _prim(writer: StageWriter, light: Light, kind: str, pose: F64) -> Any:

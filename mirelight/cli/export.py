@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mirelight.model import DatasetSettings, Job, Layout
     from mirelight.store import Store
 
-LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub")
+LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub", "coco")
 STAGE = "usd"
 _CLAIM = "the data sets"
 

@@ -20,7 +20,7 @@ from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset import card, contact, croissant, rig
 from mirelight.dataset.draws import Split, split
-from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Picture, Pixels, Shared, world_of
+from mirelight.dataset.layouts import LAYOUTS, WRITERS, Files, Geometry, Labelled, Picture, Pixels, Shared, world_of
 from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.io.cameras.colmap_write import Points
@@ -104,6 +104,7 @@ def export(
         training=files_of[chosen.training],
         exposure=data.index.display.exposure,
         hdr=settings.hdr,
+        objects=tuple(Labelled(x.name, x.category, box) for x, box in zip(data.objects, data.boxes, strict=True)),
     )
     writer = WRITERS[layout]
     writer.check(data.cameras, shared)
@@ -133,8 +134,9 @@ def check(job: Job) -> None:
     Raises:
         InputError: names the camera, or says that no lighting fits.
     """
+    objects = tuple(Labelled(x.name, x.category, np.eye(4)) for x in job.objects)
     for layout in job.dataset.layouts:
-        WRITERS[layout].check(job.cameras, Shared(source=job.source))
+        WRITERS[layout].check(job.cameras, Shared(source=job.source, objects=objects))
         alone = [x.lights[0] for x in job.lightings if len(x.lights) == 1 and x.environment is None and x.sky is None]
         if layout == "olat" and not any(isinstance(light, PointLight | SpotLight) for light in alone):
             raise InputError(job.source, *_NO_LAMP, field="dataset.layouts")
@@ -223,13 +225,19 @@ class _Frames:
             part=chosen.part(camera, lighting),
             key=picture_key(data.index, view, place, self._world),
             view_key=view_key(view, self._world),
-            pixels=Pixels(partial(data.frame, camera, place), partial(self._read, camera), data.index.display),
+            pixels=Pixels(
+                partial(data.frame, camera, place),
+                partial(self._read, camera),
+                data.index.display,
+                partial(data.shares, camera) if data.objects else None,
+            ),
         )
 
 
 def view_key(view: KeptView, world: Matrix) -> str:
     """The key of what a camera sees, whatever lights it."""
-    return digest("view 1", view.composite, view.groups[0], view.camera, world)
+    objects = (view.front, view.objects) if view.objects is not None else ()
+    return digest("view 1", view.composite, view.groups[0], view.camera, world, *objects)
 
 
 def picture_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
@@ -246,8 +254,9 @@ def picture_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
     relit = {name: getattr(settings, name) for name in sorted(relighting.reads(settings))}
     compared = relighting.mode_of(settings).needs_captured
     captured = (lit(index.captured), index.captured_level) if compared else None
+    glows = (view.glow,) if view.captured_glow == view.glow else (view.glow, view.captured_glow)
     made_from = lit(own), captured, relit, index.display, index.linear, index.profile
-    return digest("frame 2", view_key(view, world), view.glow, *made_from)
+    return digest("frame 2", view_key(view, world), *glows, *made_from)
 
 
 class _Geometry:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -18,9 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import relighting
 from mirelight.base.errors import InputError
+from mirelight.dataset.planes import Planes, ReadyView, SeenObjects, planar, surface_of
 from mirelight.dataset.surroundings import Map, Sun, Surroundings
 from mirelight.model import (
     F32,
+    F64,
     Camera,
     DirectionalLight,
     LightingBuffer,
@@ -31,10 +33,10 @@ from mirelight.model import (
     SunLight,
 )
 from mirelight.pipeline.captured_sun import one_distant, strongest, sun_of
-from mirelight.pipeline.codecs import ARRAY, composite_of, light_of
+from mirelight.pipeline.codecs import ARRAY, composite_of, light_of, matte_of
 from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
-from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
 _REMEDY = "mirelight verify --rebuild forgets it, and mirelight render makes it again"
@@ -48,36 +50,6 @@ class Sample(NamedTuple):
     weights: F32  # (L, 3) of the unit lights, linear: colour times intensity
     camera: int  # index
     lighting: int  # index; -1: none of the job's
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Ready:
-    """What is ready of a camera."""
-
-    planes: F32  # (3, L, h w) radiance of the unit lights
-    constant: F32 | None  # (3, h w) of surfaces that glow
-    whole: NDArray[np.bool_]  # (L,) units that hold the glow already
-    size: tuple[int, int]  # h, w
-    relit: Callable[[F32, RelightSettings | None], F32]
-
-    def frame(self, weights: F32, relight: RelightSettings | None = None) -> F32:
-        """(H, W, 4) under lights of these weights (L, 3); `relight`: None: as the job says."""
-        beauty = np.empty((*self.size, 3), dtype=np.float32)
-        used = np.flatnonzero(weights.any(axis=1))
-        glow = self.constant is not None and not self.whole[used].any()
-        few = 2 * len(used) < len(weights)
-        for channel in range(3):
-            planes, wanted = self.planes[channel], weights[:, channel]
-            if few:
-                mixed = np.zeros(planes.shape[1], dtype=np.float32)
-                for i in used:
-                    mixed += wanted[i] * planes[i]
-            else:
-                mixed = wanted @ planes
-            if glow:
-                mixed += self.constant[channel]  # type: ignore[index]
-            beauty[..., channel] = mixed.reshape(self.size)
-        return self.relit(beauty, relight)
 
 
 class DataSet:
@@ -108,13 +80,13 @@ class DataSet:
         placed = [
             (i, v)
             for i, v in enumerate(self._index.views)
-            if there >= {*v.groups, *((v.composite,) if v.composite is not None else ())}
+            if there >= {*v.groups, *(x for x in (v.composite, v.front, v.objects) if x is not None)}
         ]
         self._views = tuple(v for _, v in placed)
         self.numbers = tuple(i for i, _ in placed)  # of the cameras in the job
         if not self._views:
             raise InputError(self.folder, "no camera whose layers are all there", "render the job to its end")
-        self._ready: OrderedDict[int, _Ready] = OrderedDict()
+        self._ready: OrderedDict[int, ReadyView] = OrderedDict()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return DataSet, (self.folder, self._memory)
@@ -163,12 +135,13 @@ class DataSet:
     def layers(self, camera: int | str) -> F32:
         """(L, h, w, 3) linear radiance of each unit light on the proxy, premultiplied by its coverage."""
         view = self._view(self._at(camera, [x.name for x in self.cameras], "camera"))
-        return np.ascontiguousarray(np.moveaxis(view.planes, 0, -1).reshape(-1, *view.size, 3))
+        return np.ascontiguousarray(np.moveaxis(view.planes.units, 0, -1).reshape(-1, *view.size, 3))
 
     def geometry(self, camera: int | str) -> LightingBuffer:
-        """The proxy as that camera sees it: coverage, depth, position, normals, albedo; without light."""
+        """The proxy, and inserted objects, as that camera sees them: coverage, depth, position, normals, albedo;
+        without light."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
-        return _without_light(self._buffer(view.groups[0], self._light_camera(view)))
+        return surface_of(self._buffer(self._first_group(view), self._light_camera(view)))
 
     def environment(self, lighting: int | str, rows: int | None = None) -> F32 | None:
         """What a lighting sends from far away: environment, sky and suns as one equirectangular map.
@@ -231,6 +204,35 @@ class DataSet:
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
         return self._composite(view)
 
+    # --- inserted objects ---
+
+    @property
+    def objects(self) -> tuple[KeptObject, ...]:
+        """Those that are put into the capture, n of them."""
+        return self._index.objects
+
+    @cached_property
+    def boxes(self) -> F64:
+        """(n, 4, 4) round each object the least box along its own axes: world from the cube of side 1 about 0."""
+        key = self._index.boxes
+        return np.zeros((0, 4, 4)) if key is None else self._kept_array(key).astype(np.float64)
+
+    def shares(self, camera: int | str) -> F32:
+        """(n, H, W) how much of each pixel an object is seen to cover: not what splats in front of it veil."""
+        view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
+        out = np.zeros((len(self.objects), view.camera.height, view.camera.width), np.float32)
+        if view.objects is None:
+            return out
+        matte = self._kept.get(view.objects, matte_of(tuple(x.name for x in self.objects)))
+        if matte is None or matte.index.shape[:2] != out.shape[1:] or int(matte.index.max(initial=-1)) >= len(out):
+            raise InputError(self.folder, f"what {view.camera.name!r} sees of objects is damaged", _REMEDY)
+        front = self._splats(view, view.front)
+        for k, share in enumerate(out):
+            share += (matte.share * (matte.index == k)).sum(-1)
+            if front is not None:
+                share *= front.transmittance
+        return out
+
     # --- frames ---
 
     def __len__(self) -> int:
@@ -286,33 +288,34 @@ class DataSet:
         np.add.at(out, list(of.units), np.asarray(of.weights, dtype=np.float32).reshape(-1, 3))
         return out
 
-    def _view(self, place: int) -> _Ready:
+    def _view(self, place: int) -> ReadyView:
         found = self._ready.pop(place, None) or self._made(place)
         self._ready[place] = found
-        while len(self._ready) > 1 and sum(x.planes.nbytes for x in self._ready.values()) > self._memory:
+        while len(self._ready) > 1 and sum(x.nbytes for x in self._ready.values()) > self._memory:
             self._ready.popitem(last=False)
         return found
 
-    def _made(self, place: int) -> _Ready:
+    def _made(self, place: int) -> ReadyView:
         view, index = self._views[place], self._index
         seen = self._light_camera(view)
         buffers = [self._buffer(key, seen) for key in view.groups]
-        planes = np.empty((3, len(index.units), seen.height * seen.width), dtype=np.float32)
-        for i, unit in enumerate(index.units):
-            found = _planar(buffers[unit.group], unit.layer)
-            if found is None:
-                raise InputError(self.folder / indexing.FILE, f"no layer {unit.layer!r} is kept", _REMEDY)
-            for layer_planes, values in zip(planes, found, strict=True):
-                layer_planes[i] = values
-        glow = self._buffer(view.glow, seen) if self._kept.path(view.glow).is_file() else None
-        constant = None if glow is None else _planar(glow, "")
-        whole = np.array([unit.kind == "whole" for unit in index.units], dtype=np.bool_)
+        glow, bare = (
+            self._buffer(key, seen) if self._kept.path(key).is_file() else None
+            for key in (view.glow, view.captured_glow)
+        )
+        every = np.arange(seen.height * seen.width)
+        planes = self._planes(buffers, glow, every)
         splats, size = self._composite(view), (seen.height, seen.width)
         first = buffers[index.lightings[0].groups[0] if index.lightings else 0]
+        objects: SeenObjects | None = None
+        if first.objects is not None:
+            where = np.flatnonzero(first.objects.coverage)
+            own = self._planes([x.objects for x in buffers], None if glow is None else glow.objects, where)
+            objects = SeenObjects(where, first.objects.coverage, own)
         captured: LightingBuffer | None = None
         if index.captured is not None:
-            own = _Ready(planes, constant, whole, size, lambda beauty, _: beauty)
-            beauty = own.frame(self._weights(index.captured))
+            constant = None if bare is None else planar(bare, "", every)
+            beauty = replace(planes, constant=constant).mixed(self._weights(index.captured)).reshape(*size, 3)
             layer = LightLayer(name="captured", direct=beauty, indirect=np.zeros_like(beauty))
             captured = replace(buffers[index.captured.groups[0]], layers=(layer,), noisy=())
         level = None  # there is none where the machine that rendered could not tell it
@@ -327,12 +330,39 @@ class DataSet:
             shown = relighting.repaired(captured, self._captured_sun(buffers), relighting.unlit_rgba(splats))
             return relighting.Lit.of(shown)
 
-        @lru_cache(_MOST_RELIGHTS)
-        def relighter(settings: RelightSettings) -> Callable[[F32], F32]:
-            known, old = None if level is None else float(level[0]), compared(relighting.repairs(settings))
-            return relighting.relighter(splats, surface, settings, captured=old, captured_level=known)
+        front = self._splats(view, view.front)
 
-        return _Ready(planes, constant, whole, size, lambda beauty, own: relighter(own or index.relight)(beauty))
+        @lru_cache(_MOST_RELIGHTS)
+        def relighter(settings: RelightSettings) -> Callable[[F32, F32 | None], F32]:
+            known, old = None if level is None else float(level[0]), compared(relighting.repairs(settings))
+            return relighting.relighter(splats, surface, settings, captured=old, captured_level=known, front=front)
+
+        def relit(beauty: F32, seen: F32 | None, settings: RelightSettings | None) -> F32:
+            return relighter(settings or index.relight)(beauty, seen)
+
+        return ReadyView(planes, objects, size, relit)
+
+    def _planes(
+        self, buffers: Sequence[LightingBuffer | None], glow: LightingBuffer | None, where: NDArray[np.intp]
+    ) -> Planes:
+        """The unit lights on some pixels; those of no buffer are dark."""
+        units = self._index.units
+        planes = np.zeros((3, len(units), len(where)), dtype=np.float32)
+        for i, unit in enumerate(units):
+            buffer = buffers[unit.group]
+            if buffer is None:
+                continue
+            found = planar(buffer, unit.layer, where)
+            if found is None:
+                raise InputError(self.folder / indexing.FILE, f"no layer {unit.layer!r} is kept", _REMEDY)
+            for layer_planes, values in zip(planes, found, strict=True):
+                layer_planes[i] = values
+        whole = np.array([unit.kind == "whole" for unit in units], dtype=np.bool_)
+        return Planes(planes, None if glow is None else planar(glow, "", where), whole)
+
+    def _first_group(self, view: KeptView) -> str:
+        """A set that shows all of the scene."""
+        return view.groups[self._index.lightings[0].groups[0] if self._index.lightings else 0]
 
     def _captured_sun(self, buffers: Sequence[LightingBuffer]) -> relighting.Sun | None:
         """The strongest distant lamp of the captured light, in a view with these sets."""
@@ -368,27 +398,14 @@ class DataSet:
         return found
 
     def _composite(self, view: indexing.KeptView) -> SplatLayer | None:
-        if view.composite is None:
+        return self._splats(view, view.composite)
+
+    def _splats(self, view: indexing.KeptView, key: str | None) -> SplatLayer | None:
+        if key is None:
             return None
         profile = cast(Profile, self._index.profile)
-        found = self._kept.get(view.composite, composite_of(view.camera, profile, self._index.linear))
+        found = self._kept.get(key, composite_of(view.camera, profile, self._index.linear))
         if found is None:
             name = view.camera.name
             raise InputError(self.folder, f"the composite of {name!r} is damaged", _REMEDY)
         return found
-
-
-def _planar(buffer: LightingBuffer, layer: str) -> NDArray[np.float32] | None:
-    """(3, h w) radiance of a layer, or of all (""); None where there is no such layer."""
-    if layer:
-        chosen = next((x for x in buffer.layers if x.name == layer), None)
-        if chosen is None:
-            return None
-        total = chosen.direct + chosen.indirect
-    else:
-        total = buffer.beauty
-    return np.asarray(np.moveaxis(total, -1, 0).reshape(3, -1), dtype=np.float32)
-
-
-def _without_light(buffer: LightingBuffer) -> LightingBuffer:
-    return replace(buffer, layers=(), noisy=(), variance=None)

@@ -15,7 +15,11 @@ import numpy as np
 from mirelight.model import F32, Matte
 
 # What compositing programs call the layers of these, by the name in `output.aovs`.
-LAYERS = {"cryptomatte_material": "CryptoMaterial", "cryptomatte_node": "CryptoObject"}
+LAYERS = {
+    "cryptomatte_material": "CryptoMaterial",
+    "cryptomatte_node": "CryptoObject",
+    "cryptomatte_object": "CryptoAsset",
+}
 
 
 def murmur3(data: bytes, seed: int = 0) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 SAMPLES = 64  # of each pixel: a share is told to 1/64
 RANKS = 6  # things that a pixel can show, as other renderers have it by default
+Parts: TypeAlias = tuple[tuple[str, ...], I32]  # names, and (F,) index of each face's into them, -1: none
 _LANES = 1 << 20  # of one launch
 _STREAM = 0x3A77  # of sample points, for each pixel its own
 
@@ -40,9 +41,10 @@ class Mattes:
 
             self._surface = DeviceProxy(proxy)
 
-    def of(self, camera: Camera, name: str) -> Matte:
-        """The matte of a camera's picture; `name`: one of `planes.MATTES`."""
-        names, of_face = labels(self._proxy, name)
+    def of(self, camera: Camera, name: str, parts: Parts | None = None) -> Matte:
+        """The matte of a camera's picture; `name`: one of `planes.MATTES`; `parts`: what it tells apart, None: what the
+        proxy's file says."""
+        names, of_face = labels(self._proxy, name) if parts is None else parts
         shape = (camera.height, camera.width, RANKS)
         index, share = np.full(shape, -1, np.int32), np.zeros(shape, np.float32)
         if self._surface is not None:
@@ -54,8 +56,8 @@ class Mattes:
         return Matte(name=name, names=names, index=index, share=share)
 
 
-def labels(proxy: ProxyMesh, name: str) -> tuple[tuple[str, ...], I32]:
-    """(names, (F,) index of each face's into them) of a proxy's materials or nodes; things of one name are one."""
+def labels(proxy: ProxyMesh, name: str) -> Parts:
+    """Of a proxy's materials or nodes; things of one name are one."""
     if name == "cryptomatte_material":
         own, of_face = tuple(material.name for material in proxy.materials), proxy.face_materials
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,14 +15,40 @@ _MOST_FEET = 256  # of those that are looked at
 _AT_ONCE = 1 << 22  # pairs of a foot and a triangle
 
 
-def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> tuple[ProxyMesh, int]:
-    """(the proxy with objects where they belong, as one mesh with the file's colours; the first face of theirs).
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """The proxy with objects where they belong, as one mesh with the file's colours."""
+
+    mesh: ProxyMesh
+    first: int  # face of theirs
+    owners: I32  # (F,) index of the object that a face is of, -1: the proxy
+    boxes: F64  # (n, 4, 4) of each object: world from the cube of side 1 about 0, along its own axes
+
+
+def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> Placed:
+    """Objects set down and joined with the proxy.
 
     Raises:
         InputError: one that is to be dropped where there is no proxy below or above.
     """
     placed = [_dropped(x, proxy) if x.drop else x.mesh.value for x in objects]
-    return joined([_with_own_colors(proxy), *map(_with_own_colors, placed)]), len(proxy.faces)
+    counts = [len(proxy.faces), *(len(x.faces) for x in placed)]
+    return Placed(
+        mesh=joined([_with_own_colors(proxy), *map(_with_own_colors, placed)]),
+        first=len(proxy.faces),
+        owners=np.repeat(np.arange(-1, len(placed), dtype=np.int32), counts),
+        boxes=np.array([_box(x, mesh) for x, mesh in zip(objects, placed, strict=True)]).reshape(-1, 4, 4),
+    )
+
+
+def _box(one: Inserted, placed: ProxyMesh) -> F64:
+    """(4, 4) of the least box along the object's axes."""
+    axes = one.world_from_object[:3, :3]
+    own = placed.vertices.astype(np.float64) @ np.linalg.inv(axes).T
+    low, high = own.min(axis=0), own.max(axis=0)
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = axes * (high - low), axes @ ((low + high) / 2)
+    return out
 
 
 def _dropped(one: Inserted, ground: ProxyMesh) -> ProxyMesh:

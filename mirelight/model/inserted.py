@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
+
+from mirelight.model.arrays import F64
 from mirelight.model.deferred import Deferred
 from mirelight.model.scene import ProxyMesh
 
@@ -16,3 +19,5 @@ class Inserted:
     mesh: Deferred[ProxyMesh]  # in world space, with its own materials, where the job places it
     drop: bool = False  # it is moved down, or up, until it stands on the proxy
     source: str = ""  # the file that messages name
+    category: str = ""  # what kind of thing it is, for detectors; "": that of its name
+    world_from_object: F64 = field(default_factory=lambda: np.eye(4))  # (4, 4): along its axes boxes are laid round it

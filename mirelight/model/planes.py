@@ -222,7 +222,12 @@ LIGHT_PLANES: tuple[Plane, ...] = (
     ),
 )
 AOVS = tuple(plane.name for plane in PLANES)  # what `output.aovs` can name, and what `true` means
-MATTES = ("cryptomatte_material", "cryptomatte_node")  # `output.aovs` can name them, too: `model.results.Matte`
+OBJECT_MATTE = "cryptomatte_object"  # of inserted objects
+MATTES = (
+    "cryptomatte_material",
+    "cryptomatte_node",
+    OBJECT_MATTE,
+)  # `output.aovs` can name them, too: `model.results.Matte`
 NAMEABLE = AOVS + MATTES
 EXACT = frozenset(plane.name for plane in PLANES if plane.exact) | frozenset(MATTES)
 SURFACE = tuple(plane for plane in PLANES if plane.upsampling in ("covered", "unit"))  # in the film's order

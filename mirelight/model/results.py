@@ -235,6 +235,10 @@ class Matte(ArrayHolder):
         freeze(self, "index", (None, None, None), np.int32)
         freeze(self, "share", self.index.shape)
 
+    def behind(self, through: F32) -> Matte:
+        """What is left of it behind something of which (H, W) is let through."""
+        return replace(self, share=self.share * through[..., None])
+
     def __repr__(self) -> str:
         height, width, ranks = self.index.shape
         parts = f"{shown.count(len(self.names), 'name')} ({shown.names(self.names)})"

@@ -24,7 +24,7 @@ from mirelight.model.scene import ProxyMesh, SplatCloud, SplatColorSpace, SplatF
 Indirect: TypeAlias = Literal["traced", "surface"]
 Sort: TypeAlias = Literal["depth", "radial"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
-Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub"]
+Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "coco"]
 HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
 HdrFormat: TypeAlias = Literal["111110F", "RGBA16F", "RGBA32F"]  # pixels as the real-time engine names them
 

@@ -14,12 +14,14 @@ from mirelight.model import (
     CellLight,
     LightingBuffer,
     LightLayer,
+    Matte,
     Profile,
     ProxyMesh,
     SplatLayer,
     SurfaceCells,
     SurfaceTransport,
 )
+from mirelight.model.planes import OBJECT_MATTE
 
 T = TypeVar("T")
 Place: TypeAlias = Literal["scene", "surface", "view"]  # what an artefact is made for
@@ -138,6 +140,15 @@ def composite_of(camera: Camera, profile: Profile, linear: bool) -> Codec[SplatL
     return Codec("view", lambda splats: Packed(_own_arrays(splats)), unpack)
 
 
+def matte_of(names: tuple[str, ...]) -> Codec[Matte]:
+    """Which of the job's objects, by these names, a camera sees where."""
+
+    def unpack(packed: Packed) -> Matte:
+        return Matte(name=OBJECT_MATTE, names=names, index=packed.arrays["index"], share=packed.arrays["share"])
+
+    return Codec("view", lambda matte: Packed(_own_arrays(matte)), unpack)
+
+
 def _pack_buffer(buffer: LightingBuffer) -> Packed:
     """Every array of a buffer by its name: "depth", "layers.0.direct"."""
     arrays = _own_arrays(buffer)
@@ -185,6 +196,6 @@ def _buffer(packed: Packed, camera: Camera) -> LightingBuffer:
 
 
 def _own_arrays(
-    of: LightingBuffer | SplatLayer | SurfaceCells | SurfaceTransport | CellLight,
+    of: LightingBuffer | SplatLayer | SurfaceCells | SurfaceTransport | CellLight | Matte,
 ) -> dict[str, NDArray[Any]]:
     return {f.name: x for f in fields(of) if isinstance(x := getattr(of, f.name), np.ndarray)}

@@ -53,12 +53,6 @@ def _check_objects(job: Job) -> None:
         (any(_asks_splats(x) for x in lit), "light that is found for splats", 'set relight.per to "pixel"'),
         (job.render.indirect != "traced", f'render.indirect = "{job.render.indirect}"', 'set it to "traced"'),
         (job.render.noise is not None, "a noise target", "set render.spp instead of render.noise"),
-        (job.relight.texture_scale != 1, f"texture_scale {job.relight.texture_scale:g}", "set it to 1"),
-        (
-            job.output.store != "frames" or bool(job.dataset.layouts),
-            "light that is kept to be mixed anew",
-            'leave dataset.layouts out and set output.store to "frames"',
-        ),
     )
     for is_so, found, remedy in wrong:
         if is_so:

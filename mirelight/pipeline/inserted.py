@@ -14,6 +14,7 @@ from mirelight.pipeline.view_light import Progress
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
+    from mirelight.lighting.objects import Placed
 
 
 class SceneWithObjects(Prepared):
@@ -25,8 +26,8 @@ class SceneWithObjects(Prepared):
         self._bare: Prepared = weakref.proxy(bare)  # the scene holds this: a cycle would outlive both
 
     @cached_property
-    def _joined(self) -> tuple[ProxyMesh, int]:
-        """The mesh that is traced, and its first face that is an object's."""
+    def placed(self) -> Placed:
+        """What is traced, and which faces are whose."""
         from mirelight.lighting.objects import inserted
 
         proxy = self._bare.proxy
@@ -36,16 +37,16 @@ class SceneWithObjects(Prepared):
     @cached_property
     def proxy(self) -> ProxyMesh | None:
         """The proxy with the objects."""
-        return self._joined[0]
+        return self.placed.mesh
 
     @cached_property
     def tracer(self) -> Tracer:
         """The tracer of the scene with its objects."""
         from mirelight.lighting import Tracer
 
-        mesh, first = self._joined
+        placed = self.placed
         apart, aovs = requirements.keeps_lights_apart(self.job), requirements.wants_aovs(self.job)
-        return Tracer(mesh, self.job.render, layers=apart, aovs=aovs, first_inserted=first)
+        return Tracer(placed.mesh, self.job.render, layers=apart, aovs=aovs, first_inserted=placed.first)
 
     def light_key(self, light_set: LightSet, seen: Camera) -> str:
         """The key of a set's traced buffer; `seen` is the lighting's camera."""

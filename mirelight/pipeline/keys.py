@@ -23,6 +23,7 @@ from mirelight.model import (
     SkyModel,
     digest,
 )
+from mirelight.model.planes import OBJECT_MATTE
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
 from mirelight.pipeline import provenance, reads, requirements
 
@@ -36,11 +37,13 @@ class FrameNeeds:
     composite: str | None  # its key; None: there are no splats
     sets: tuple[LightSet, ...]  # of unit lights, each once; those of the captured light come last
     lights: tuple[str, ...]  # keys of their traced buffers, in the same order
+    veiled: tuple[str, ...] = ()  # keys of which inserted objects are seen, and of the splats in front of them
 
     @property
     def keys(self) -> tuple[str, ...]:
         """Of all that frames are mixed from."""
-        return self.lights if self.composite is None else (self.composite, *self.lights)
+        own = (*self.lights, *self.veiled)
+        return own if self.composite is None else (self.composite, *own)
 
 
 class Keys:
@@ -176,6 +179,19 @@ class Keys:
             found = self._seen[place] = _joined(self._traced, *place)
         return found
 
+    def in_front(self, camera: Camera) -> str:
+        """The splats in front of the job's objects, as a camera sees them."""
+        return _joined("in front", self.composite(camera), self._traced, self._objects, *self._eye(camera))
+
+    def object_matte(self, camera: Camera) -> str:
+        """Which of the job's objects a camera sees where."""
+        return _joined("object matte", self._traced, self._objects, self._eye(camera)[0])
+
+    @cached_property
+    def object_boxes(self) -> str:
+        """Where the job's objects stand."""
+        return digest("boxes round objects", self.proxy, self._objects) if self.job.objects else ""
+
     @cached_property
     def _objects(self) -> str:
         """What is put into the scene; empty where nothing is."""
@@ -221,11 +237,10 @@ class Keys:
         job = self.job
         lightings = requirements.with_compared(job, job.lightings)
         every = {s.digest: s for x in lightings for s in self.mixture(x).sets}
-        shared = {s.digest: s for x in lightings if x.time is None for s in self.mixture(x).sets}
         for camera in job.cameras:
-            own = [s for x in job.lightings if x.time is not None and x.lights_up(camera) for s in self.mixture(x).sets]
+            needs = self.needs(camera, (x for x in job.lightings if x.lights_up(camera)))
             seen = relighting.lighting_camera(camera, job.relight)
-            yield from (self.light(s, seen) for s in (*shared.values(), *own, GLOW))
+            yield from (*needs.lights, *needs.veiled, self.light(GLOW, seen), self.light_with_objects(GLOW, seen))
         if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
@@ -233,10 +248,15 @@ class Keys:
         """What the frames of a camera under some lightings are made from; what glows is known when it is lit."""
         job = self.job
         seen = relighting.lighting_camera(camera, job.relight)
-        lit = requirements.with_compared(job, (x for x in lightings if x is not None))
-        sets = tuple({s.digest: s for x in lit for s in self.mixture(x).sets}.values())
+        own = [x for x in lightings if x is not None]
+        compared = requirements.with_compared(job, own)[len(own) :]
+        lights = {self.light_with_objects(s, seen): s for x in own for s in self.mixture(x).sets}
+        lights |= {self.light(s, seen): s for x in compared for s in self.mixture(x).sets}
         composite = None if job.splats is None else self.composite(camera)
-        return FrameNeeds(composite, sets, tuple(self.light(s, seen) for s in sets))
+        veiled: tuple[str, ...] = ()
+        if job.objects:
+            veiled = (self.object_matte(camera), *(() if composite is None else (self.in_front(camera),)))
+        return FrameNeeds(composite, tuple(lights.values()), tuple(lights), veiled)
 
     # --- frames ---
 
@@ -316,7 +336,8 @@ class Keys:
     def _mattes(self) -> str:
         """The names of the proxy's things in a file, whatever lights it; what a camera sees is in its frames' keys."""
         wanted, proxy = requirements.mattes(self.job), self.job.proxy
-        return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, self._device)
+        named = [x.name for x in self.job.objects] if OBJECT_MATTE in wanted else []
+        return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, named, self._device)
 
     def _names(self, lighting: Lighting | None) -> str:
         """What a lighting and its layers are called; those of one lighting are kept."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, Job, Lighting
-from mirelight.model.planes import MATTES
+from mirelight.model.planes import MATTES, OBJECT_MATTE
 from mirelight.model.profiles import rules_of
 from mirelight.model.unit_lights import Rules
 
@@ -73,7 +73,8 @@ def reads_surface(job: Job) -> bool:
 
 def mattes(job: Job) -> tuple[str, ...]:
     """Names of the cryptomattes that a file holds."""
-    return tuple(name for name in MATTES if job.output.wants(name)) if job.proxy is not None else ()
+    there = [name for name in MATTES if name != OBJECT_MATTE or job.objects]
+    return tuple(name for name in there if job.output.wants(name)) if job.proxy is not None else ()
 
 
 def wants_noise(job: Job) -> bool:

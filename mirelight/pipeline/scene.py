@@ -13,10 +13,13 @@ from mirelight.model import (
     Job,
     LightingBuffer,
     Matte,
+    ProxyMesh,
     SplatLayer,
 )
+from mirelight.model.planes import OBJECT_MATTE
 from mirelight.pipeline import keys, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
+from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneWithObjects
 from mirelight.pipeline.prepared import Prepared
@@ -63,6 +66,8 @@ class Scene(Prepared):
         self._view_with_objects: ViewLight | None = None
         self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # was, seen in, is
         self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
+        self._front: tuple[str, SplatLayer] | None = None  # its key
+        self._object_matte: tuple[str, Matte] | None = None  # its key
 
     def __repr__(self) -> str:
         ready = [name for name in ("splats", "proxy", "captured_level", "compositor", "tracer") if name in vars(self)]
@@ -153,18 +158,62 @@ class Scene(Prepared):
             self._repaired = captured, splats, made
         return self._repaired[2]
 
+    def in_front(self, camera: Camera, objects: LightingBuffer) -> SplatLayer:
+        """The splats in front of the job's objects, which are seen in a buffer; those of the last camera are kept."""
+        key, settings = self.keys.in_front(camera), self.job.compositor
+        if self._front is None or self._front[0] != key:
+            codec = composite_of(camera, settings.profile, settings.holds_light)
+            found = self.kept.get(key, codec)
+            if found is None:
+                found = self.compositor.in_front(camera, relighting.upsample(objects, camera).depth)
+                self.kept.put(key, found, codec)
+            self._front = key, found
+        return self._front[1]
+
+    def object_matte(self, camera: Camera) -> Matte:
+        """Which of the job's objects a camera sees where; that of the last camera is kept."""
+        key, names = self.keys.object_matte(camera), tuple(x.name for x in self.job.objects)
+        if self._object_matte is None or self._object_matte[0] != key:
+            found = self.kept.get(key, matte_of(names))
+            if found is None:
+                found = self._object_rays.of(camera, OBJECT_MATTE, (names, self._with_objects.placed.owners))
+                self.kept.put(key, found, matte_of(names))
+            self._object_matte = key, found
+        return self._object_matte[1]
+
+    def keep_objects(self, camera: Camera) -> None:
+        """Keep what data sets say of the job's objects besides their light: which are seen, behind what, and where
+        they stand; light of the view is there."""
+        if not self.job.objects:
+            return
+        self.object_matte(camera)
+        seen = self.new_light(relighting.lighting_camera(camera, self.job.relight)).objects()
+        if self.job.splats is not None and seen is not None:
+            self.in_front(camera, seen)
+        if not self.kept.has(self.keys.object_boxes, ARRAY):
+            self.kept.put(self.keys.object_boxes, self._with_objects.placed.boxes, ARRAY)
+
     def mattes(self, camera: Camera) -> tuple[Matte, ...]:
         """The cryptomattes that the job's files hold, of one camera; those of the last camera are kept."""
         wanted = requirements.mattes(self.job)
         if not wanted:
             return ()
         if self._mattes is None or keys.view(self._mattes[0]) != keys.view(camera):
-            self._mattes = (camera, tuple(self._matte_rays.of(camera, name) for name in wanted))
+            own = self._matte_rays.of
+            made = (self.object_matte(camera) if name == OBJECT_MATTE else own(camera, name) for name in wanted)
+            self._mattes = (camera, tuple(made))
         return self._mattes[1]
 
     @cached_property
     def _matte_rays(self) -> Mattes:
+        assert self.mesh is not None
+        return self._rays_on(self.mesh)
+
+    @cached_property
+    def _object_rays(self) -> Mattes:
+        return self._rays_on(self._with_objects.placed.mesh)
+
+    def _rays_on(self, mesh: ProxyMesh) -> Mattes:
         from mirelight.lighting.mattes import Mattes
 
-        assert self.mesh is not None
-        return Mattes(self.mesh, self.job.render.variant, self.job.render.threads)
+        return Mattes(mesh, self.job.render.variant, self.job.render.threads)

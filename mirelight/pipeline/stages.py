@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 from mirelight import relighting
 from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, RelightSettings, SplatLayer
+from mirelight.model.planes import OBJECT_MATTE
 from mirelight.pipeline import provenance, requirements
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.view_light import Progress, ViewStopped
@@ -139,8 +140,16 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
     job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
     if requirements.compared(job) is not None:
         _ = scene.captured_level
+    new = list(lightings)
+    every = requirements.with_compared(job, new)
+    view, lit = scene.view_light(seen), scene.new_light(seen)
     try:
-        scene.view_light(seen).trace(requirements.with_compared(job, lightings), progress)
+        if lit is view:
+            view.trace(every, progress)
+        else:  # objects are in the new light alone
+            view.trace(every[len(new) :], progress)
+            lit.trace(new, progress)
+            scene.keep_objects(camera)
     except ViewStopped:
         raise Stopped(None) from None
 
@@ -189,17 +198,16 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
             made_by=made_by,
             noise=requirements.wants_noise(job),
         )
+    front: SplatLayer | None = None
     if job.objects and lit is not None:
-        made = relighting.with_objects(made, _in_front(scene, splats, lit.new), settings)
+        front = None if splats is None or lit.new.objects is None else scene.in_front(camera, lit.new.objects)
+        made = relighting.with_objects(made, front, settings)
+        if job.output.store != "frames":
+            scene.keep_objects(camera)
     mattes = scene.mattes(camera)
+    if front is not None:
+        mattes = tuple(x.behind(front.transmittance) if x.name == OBJECT_MATTE else x for x in mattes)
     return replace(made, mattes=mattes) if mattes else made
-
-
-def _in_front(scene: Scene, splats: SplatLayer | None, new: LightingBuffer) -> SplatLayer | None:
-    """The splats that veil the job's objects; None where there are no splats."""
-    if splats is None or new.objects is None:
-        return None
-    return scene.compositor.in_front(splats.camera, new.objects.depth)
 
 
 def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSettings) -> F32:

@@ -117,6 +117,10 @@ class ViewLight:
             if one.digest not in self._there:
                 self._traced(one)
 
+    def objects(self) -> LightingBuffer | None:
+        """What is seen of inserted objects, in whatever has been traced; None: nothing has, or there are none."""
+        return next((x.objects for x in self._there.values() if x.objects is not None), None)
+
     def mixed_so_far(self, lighting: Lighting) -> LightingBuffer | None:
         """Of an interrupted trace, what there is; None: nothing."""
         mixture = self._scene.mixture(lighting)

@@ -13,7 +13,7 @@ from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of
 from mirelight.relighting.noise import noise as noise_of
 from mirelight.relighting.pixels import multiply
-from mirelight.relighting.resample import upsample
+from mirelight.relighting.resample import bilinear, upsample
 
 
 def apply(
@@ -100,9 +100,11 @@ def relighter(
     *,
     captured: Lit | None = None,
     captured_level: float | None = None,
-) -> Callable[[F32], F32]:
+    front: SplatLayer | None = None,
+) -> Callable[[F32, F32 | None], F32]:
     """What many lightings of one view share, made ready once: a function from the light's beauty (h, w, 3), linear and
-    premultiplied by coverage, to the frame's `rgba` (H, W, 4), the very one that :func:`apply` gives.
+    premultiplied by coverage, to the frame's `rgba` (H, W, 4), the very one that :func:`apply` gives. It takes a
+    picture of inserted objects (h, w, 4), too, or None.
 
     Args:
         splats: the composite; None: the lit proxy itself.
@@ -110,17 +112,49 @@ def relighter(
         settings: as for :func:`apply`.
         captured: as for :func:`apply`.
         captured_level: as for :func:`apply`.
+        front: the splats in front of inserted objects; None where there are no objects, or no splats.
     """
+
+    def with_objects(rgba: F32, factor: F32 | None, objects: F32 | None) -> F32:
+        if objects is None:
+            return rgba
+        return covered(rgba, factor, front, bilinear(objects, (rgba.shape[0], rgba.shape[1])), settings)
+
     if splats is None:
-        return lambda beauty: np.concatenate([beauty, surface.coverage[..., None]], axis=-1)
+        return lambda beauty, objects: with_objects(
+            np.concatenate([beauty, surface.coverage[..., None]], axis=-1), None, objects
+        )
     composite, unlit, mode = splats, unlit_rgba(splats), mode_of(settings)
     size = composite.camera.height, composite.camera.width
     old = captured if mode.needs_captured else None
     if settings.blend == 0:
-        return lambda beauty: unlit
+        return lambda beauty, objects: with_objects(unlit, np.ones((*size, 3), np.float32), objects)
     task = Task(size=size, unlit=unlit, new=surface, captured=old, captured_level=captured_level, settings=settings)
-    factor = mode.prepared(task)
-    return lambda beauty: multiplied(composite, unlit, blended(factor(beauty), settings.blend), settings)
+    made = mode.prepared(task)
+
+    def relit(beauty: F32, objects: F32 | None) -> F32:
+        factor = blended(made(beauty), settings.blend)
+        return with_objects(multiplied(composite, unlit, factor, settings), factor, objects)
+
+    return relit
+
+
+def covered(relit: F32, factor: F32 | None, front: SplatLayer | None, objects: F32, settings: RelightSettings) -> F32:
+    """(H, W, 4) inserted objects in a relit picture, F' + (1 - a) (C' - F') + T a O, all linear and premultiplied.
+
+    Args:
+        relit: (H, W, 4) C', the relit composite; without splats the lit proxy beside the objects.
+        factor: (H, W, 3) that it was multiplied by; None without splats.
+        front: the splats in front of the objects, F' once they are relit, which let T through; None: no splats.
+        objects: (H, W, 4) a O, what they send out, and their coverage a.
+        settings: the frame's own.
+    """
+    if front is None or factor is None:  # the light of the proxy beside them is premultiplied by what is seen of it
+        return np.asarray(relit + objects, np.float32)
+    before = multiplied(front, unlit_rgba(front), factor, settings)
+    return np.asarray(
+        before + (1 - objects[..., 3:]) * (relit - before) + front.transmittance[..., None] * objects, np.float32
+    )
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:

@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.model import F32, Frame, RelightSettings, SplatLayer
-from mirelight.relighting.frame import multiplied, unlit_rgba
+from mirelight.relighting.frame import covered
 
 
 def with_objects(frame: Frame, front: SplatLayer | None, settings: RelightSettings) -> Frame:
-    """The frame with the objects of its light, F' + (1 - a) (C' - F') + T a O.
-
-    C' is the relit composite, F' that of the splats in front of the objects, which let T through; a is the objects'
-    coverage, O what they send out. All linear and premultiplied; without objects the frame stays as it is, bit for bit.
+    """The frame with the objects of its light (:func:`mirelight.relighting.frame.covered`); without any as it is, bit
+    for bit.
 
     Args:
         frame: relit, with its lighting.
@@ -24,13 +22,11 @@ def with_objects(frame: Frame, front: SplatLayer | None, settings: RelightSettin
     objects = None if frame.lighting is None else frame.lighting.objects
     if objects is None:
         return frame
-    if front is None:  # the light of the proxy beside them is premultiplied by what is seen of it
-        return replace(frame, rgba=frame.rgba + objects.rgba)
-    assert frame.factor is not None
-    share = objects.coverage[..., None]
-    before = multiplied(front, unlit_rgba(front), frame.factor, settings)
-    rgba = before + (1 - share) * (frame.rgba - before) + front.transmittance[..., None] * objects.rgba
-    return replace(frame, rgba=rgba, noise=_noise(frame, objects.variance, share, front.transmittance[..., None]))
+    rgba = covered(frame.rgba, frame.factor, front, objects.rgba, settings)
+    if front is None:
+        return replace(frame, rgba=rgba)
+    through = front.transmittance[..., None]
+    return replace(frame, rgba=rgba, noise=_noise(frame, objects.variance, objects.coverage[..., None], through))
 
 
 def _noise(frame: Frame, variance: F32 | None, share: F32, through: F32) -> F32 | None:

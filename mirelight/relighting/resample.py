@@ -46,6 +46,7 @@ def upsample(lighting: LightingBuffer, camera: Camera) -> LightingBuffer:
         coverage=coverage,
         layers=tuple(replace(x, **by_table(x, "layer")) for x in lighting.layers),
         noisy=tuple(replace(x, **by_table(x, "layer")) for x in lighting.noisy),
+        objects=None if lighting.objects is None else upsample(lighting.objects, camera),
         **by_table(lighting, "lighting"),
     )
 

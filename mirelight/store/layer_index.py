@@ -80,6 +80,17 @@ class KeptView:
     composite: str | None  # key; None: the job has no splats
     groups: tuple[str, ...]  # keys of the traced sets
     glow: str  # key of what the proxy's own surfaces send out; there is no such file where nothing glows
+    captured_glow: str  # the same in the captured light, which knows no inserted objects
+    front: str | None = None  # key of the splats in front of inserted objects
+    objects: str | None = None  # key of which of them is seen where; None: there are none
+
+
+@dataclass(frozen=True, slots=True)
+class KeptObject:
+    """An object that is put into the capture."""
+
+    name: str  # unique
+    category: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +108,8 @@ class Index:
     denoised: bool  # the job's own frames are, after mixing; the layers are as traced
     profile: str
     linear: bool  # composites hold linear light
+    objects: tuple[KeptObject, ...] = ()  # that are put into the capture
+    boxes: str | None = None  # key of an array (n, 4, 4): world from the cube of side 1 about 0, round each of them
 
 
 def write(index: Index, folder: Path) -> None:
@@ -186,7 +199,7 @@ def _packed(value: Any) -> Any:
         case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
             own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
             return {"type": type(value).__name__, **own}
-        case Camera() | Index() | KeptView() | UnitLight() | Weighted() | Around():
+        case Camera() | Index() | KeptView() | KeptObject() | UnitLight() | Weighted() | Around():
             return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
         case _:
             return value
@@ -200,12 +213,14 @@ def _index(data: dict[str, Any]) -> Index:
         units=tuple(_unit(x) for x in data["units"]),
         lightings=tuple(_weighted(x) for x in data["lightings"]),
         captured=None if captured is None else _weighted(captured),
-        captured_level=None if data["captured_level"] is None else _key(data["captured_level"]),
+        captured_level=_key_or_none(data["captured_level"]),
         relight=RelightSettings(**data["relight"]),
         display=DisplaySettings.of(data["display"]),
         denoised=bool(data["denoised"]),
         profile=str(data["profile"]),
         linear=bool(data["linear"]),
+        objects=tuple(KeptObject(str(x["name"]), str(x["category"])) for x in data.get("objects", ())),
+        boxes=_key_or_none(data.get("boxes")),
     )
 
 
@@ -214,8 +229,21 @@ def _view(data: dict[str, Any]) -> KeptView:
     camera["far"] = math.inf if camera["far"] is None else camera["far"]
     rows, columns = data["light_size"]
     groups = tuple(_key(x) for x in data["groups"])
-    composite = None if data["composite"] is None else _key(data["composite"])
-    return KeptView(Camera(**camera), (rows, columns), composite, groups, _key(data["glow"]))
+    glow, bare = _key(data["glow"]), data.get("captured_glow")
+    return KeptView(
+        Camera(**camera),
+        (rows, columns),
+        _key_or_none(data["composite"]),
+        groups,
+        glow,
+        glow if bare is None else _key(bare),
+        _key_or_none(data.get("front")),
+        _key_or_none(data.get("objects")),
+    )
+
+
+def _key_or_none(value: Any) -> str | None:
+    return None if value is None else _key(value)
 
 
 def _key(value: Any) -> str:

@@ -17,7 +17,7 @@ from mirelight.pipeline import plan as planning
 from mirelight.pipeline.artefact_cache import ArtefactCache
 from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.plan import Plan
-from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
+from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
 from mirelight.store.small_maps import shrunk
 
 _TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
@@ -32,7 +32,7 @@ def describe(plan: Plan) -> Index:
     known = _Units(made)
     lightings = tuple(known.weighted(x) for x in job.lightings)
     compared = requirements.compared(job)
-    captured = None if compared is None else known.weighted(compared)
+    captured = None if compared is None else known.weighted(compared, bare=bool(job.objects))
     views: list[KeptView] = []
     for group in plan.groups:
         camera = group.camera
@@ -42,8 +42,13 @@ def describe(plan: Plan) -> Index:
                 camera=camera,
                 light_size=(seen.height, seen.width),
                 composite=None if job.splats is None else made.composite(camera),
-                groups=tuple(made.light(one, seen) for one in known.sets.values()),
-                glow=made.light(GLOW, seen),
+                groups=tuple(
+                    (made.light if bare else made.light_with_objects)(one, seen) for bare, one in known.sets.values()
+                ),
+                glow=made.light_with_objects(GLOW, seen),
+                captured_glow=made.light(GLOW, seen),
+                front=made.in_front(camera) if job.objects and job.splats is not None else None,
+                objects=made.object_matte(camera) if job.objects else None,
             )
         )
     return Index(
@@ -58,6 +63,8 @@ def describe(plan: Plan) -> Index:
         denoised=job.render.denoise,
         profile=job.compositor.profile,
         linear=job.compositor.holds_light,
+        objects=tuple(KeptObject(x.name, x.category or x.name) for x in job.objects),
+        boxes=made.object_boxes if job.objects else None,
     )
 
 
@@ -66,29 +73,30 @@ class _Units:
 
     def __init__(self, made: keys.Keys) -> None:
         self._made = made
-        self.sets: dict[str, LightSet] = {}
+        self.sets: dict[str, tuple[bool, LightSet]] = {}  # and whether it is traced without the job's objects
         self.units: list[UnitLight] = []
         self._places: dict[str, int] = {}  # of units, by digest
         self._names: dict[str, int] = {}
 
-    def weighted(self, lighting: Lighting) -> Weighted:
-        mixture = self._made.mixture(lighting)
-        order = list(self.sets)
+    def weighted(self, lighting: Lighting, *, bare: bool = False) -> Weighted:
+        """`bare`: traced without the job's objects, though there are some."""
+        mixture, apart = self._made.mixture(lighting), "bare " if bare else ""
         for one in mixture.sets:
-            if one.digest not in self.sets:
-                self.sets[one.digest] = one
-                order.append(one.digest)
-        groups = {one.digest: order.index(one.digest) for one in mixture.sets}
+            self.sets.setdefault(f"{apart}{one.digest}", (bare, one))
+        order = list(self.sets)
+        groups = {one.digest: order.index(f"{apart}{one.digest}") for one in mixture.sets}
         first = mixture.sets[0]
         if first.whole is not None:
-            place = self._place(first.digest, lighting.name, "whole", groups[first.digest], "", first.whole)
+            place = self._place(f"{apart}{first.digest}", lighting.name, "whole", groups[first.digest], "", first.whole)
             return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),), lighting.relight)
         places: list[int] = []
         for term in mixture.terms:
             home = mixture.home(term.unit)
             layer = home.layer_of(term.unit) or ""
             places.append(
-                self._place(term.unit.digest, term.layer, _kind(term.unit), groups[home.digest], layer, term.unit)
+                self._place(
+                    f"{apart}{term.unit.digest}", term.layer, _kind(term.unit), groups[home.digest], layer, term.unit
+                )
             )
         weights = tuple((float(t.weight[0]), float(t.weight[1]), float(t.weight[2])) for t in mixture.terms)
         return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights, lighting.relight)

@@ -7,7 +7,7 @@ what the relighting is measured against shares no code with it.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -172,10 +172,11 @@ def _sky(mi: Any, environment: Environment) -> Any:
 class Truth:
     """The geometry under one lighting, ready for pictures and rays."""
 
-    def __init__(self, looks: Looks, lighting: Lighting) -> None:
+    def __init__(self, looks: Looks, lighting: Lighting, more: Mapping[str, Any] | None = None) -> None:
+        """`more`: BSDFs of materials that are no surface of the looks."""
         mi = mitsuba()
         self._mi = mi
-        bsdfs = {name: _bsdf(mi, surface) for name, surface in looks.surfaces.items()}
+        bsdfs = {name: _bsdf(mi, surface) for name, surface in looks.surfaces.items()} | dict(more or {})
         scene: dict[str, Any] = {"type": "scene"}
         for k, soup in enumerate(looks.soups):
             scene[f"mesh_{k}"] = _mesh(mi, soup, bsdfs[soup.material], f"mesh_{k}")

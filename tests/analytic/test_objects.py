@@ -46,8 +46,8 @@ def plate(y: float = 1.0, size: float = 3.0, **finish: object) -> Inserted:
 
 
 def lit(one: Inserted, *lights: Light, sky: Environment | None = None, spp: int = 16, depth: int = 1) -> LightingBuffer:
-    mesh, first = inserted([one], replace(FLOOR, albedo=np.full(3, 0.5)))
-    tracer = Tracer(mesh, RenderSettings(spp=spp, max_depth=depth), first_inserted=first)
+    placed = inserted([one], replace(FLOOR, albedo=np.full(3, 0.5)))
+    tracer = Tracer(placed.mesh, RenderSettings(spp=spp, max_depth=depth), first_inserted=placed.first)
     return tracer.trace(Lighting(name="one", lights=lights, environment=sky), CAMERA)
 
 
@@ -136,8 +136,9 @@ def test_light_on_objects_and_beside_them_is_kept_apart() -> None:
 
 def test_dropped_objects_stand_on_the_proxy_by_their_lowest_vertices() -> None:
     high = replace(plate(y=7.0), drop=True)
-    mesh, first = inserted([high], FLOOR)
-    assert mesh.vertices[mesh.faces[first:]][..., 1].max() == 0
+    placed = inserted([high], FLOOR)
+    assert placed.mesh.vertices[placed.mesh.faces[placed.first :]][..., 1].max() == 0
+    np.testing.assert_allclose(placed.boxes[0], np.diag([6.0, 0, 6, 1]), atol=1e-6)
     below = replace(plate(y=-2.0), drop=True)  # sunk into the ground: nothing lies under it
     with pytest.raises(InputError, match="nothing of the proxy lies under 'plate' to drop it on"):
         inserted([below], FLOOR)
@@ -149,8 +150,9 @@ def test_dropped_objects_stand_on_the_proxy_by_their_lowest_vertices() -> None:
 def test_an_object_on_a_flat_proxy_keeps_its_own_normals_and_colours(tmp_path: Path) -> None:
     one = plate().mesh.value
     smooth = replace(one, normals=np.tile(np.array([[0, 1, 0]], np.float32), (4, 1)))
-    mesh, first = inserted([Inserted(name="p", mesh=Deferred("p", lambda: smooth))], FLOOR)
-    assert first == 2 and mesh.normals is not None and not mesh.normals[:4].any()
+    placed = inserted([Inserted(name="p", mesh=Deferred("p", lambda: smooth))], FLOOR)
+    mesh = placed.mesh
+    assert placed.first == 2 and mesh.normals is not None and not mesh.normals[:4].any()
     assert mesh.vertex_colors is not None
     np.testing.assert_allclose(mesh.vertex_colors[:4], 0.5)
     np.testing.assert_allclose(mesh.vertex_colors[4:], 1.0)

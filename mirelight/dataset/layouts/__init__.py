@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
+from mirelight.dataset.layouts.coco import check_coco, write_coco
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
 from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.hub import check_hub, configs, write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat, write_olat
-from mirelight.dataset.layouts.pictures import Geometry, Part, Picture, Pixels, Shared, straight_rgba
+from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture, Pixels, Shared, straight_rgba
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
 from mirelight.dataset.layouts.world import world_of
@@ -26,12 +27,14 @@ __all__ = [
     "WRITERS",
     "Files",
     "Geometry",
+    "Labelled",
     "Picture",
     "Pixels",
     "Shared",
     "points_of",
     "straight_rgba",
     "world_of",
+    "write_coco",
     "write_colmap",
     "write_hub",
     "write_nerf",
@@ -98,6 +101,11 @@ WRITERS: Mapping[Layout, Writer] = {
         check_olat,
         write_olat,
         'import json\n\nframes = json.load(open("transforms_train.json"))["frames"]\nprint(frames[0]["pl_pos"])',
+    ),
+    "coco": Writer(
+        check_coco,
+        write_coco,
+        'from pycocotools.coco import COCO\n\nset_ = COCO("annotations/instances_train.json")\nprint(len(set_.anns))',
     ),
     "hub": Writer(
         check_hub,

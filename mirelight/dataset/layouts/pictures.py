@@ -58,6 +58,7 @@ class Pixels:
         mixed: gives (H, W, 4) linear, premultiplied.
         geometry: gives what the camera sees; None: it is not known at the frame's size.
         display: exposure and tone curve of 8-bit pictures.
+        shares: gives (n, H, W) how much of each pixel inserted objects are seen to cover; None: there are none.
     """
 
     def __init__(
@@ -65,8 +66,9 @@ class Pixels:
         mixed: Callable[[], F32],
         geometry: Callable[[], Geometry] | None = None,
         display: DisplaySettings | None = None,
+        shares: Callable[[], F32] | None = None,
     ) -> None:
-        self._mixed, self._geometry, self._display = mixed, geometry, display
+        self._mixed, self._geometry, self._display, self._shares = mixed, geometry, display, shares
 
     @cached_property
     def linear(self) -> F32:
@@ -106,6 +108,11 @@ class Pixels:
         """What the camera sees; only where `has_geometry`."""
         assert self._geometry is not None
         return self._geometry()
+
+    @property
+    def shares(self) -> F32:
+        """(n, H, W) how much of each pixel inserted objects are seen to cover."""
+        return np.zeros((0, *self.linear.shape[:2]), np.float32) if self._shares is None else self._shares()
 
     def forget(self) -> None:
         """Let go of what was made."""
@@ -163,6 +170,15 @@ class Lamp:
     candela: Matrix  # (3,) linear
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Labelled:
+    """An inserted object, which detectors are to find."""
+
+    name: str
+    category: str
+    box: Matrix  # (4, 4) mirelight's world from the cube of side 1 about 0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shared:
     """What all pictures of a data set have in common."""
@@ -178,6 +194,7 @@ class Shared:
     exposure: float = 0.0  # stops, of 8-bit pictures
     hdr: bool = True  # linear pictures, too, where loaders take them
     spp: int = 0  # of the traced light
+    objects: tuple[Labelled, ...] = ()
 
     @property
     def scale(self) -> float:

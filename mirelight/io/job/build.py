@@ -91,7 +91,7 @@ def build(source: Source, table: JobTable) -> Job:
         made_proxy=made,
         capture_cameras=capture_cameras,
         capture_pictures=capture_pictures,
-        objects=tuple(assets.inserted(x) for x in table.objects),
+        objects=inserted.named_apart([assets.inserted(x) for x in table.objects]),
         albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
         lightings=moments.numbered(mixed, is_moment),
@@ -174,8 +174,6 @@ def relight_settings(table: JobTable, own: RelightTable | None = None) -> model.
 def _output(source: Source, table: JobTable) -> model.OutputSettings:
     """Frames of a sweep hold the picture alone by default: what else there is, they share, and the store keeps it."""
     chosen = _settings(table.output)
-    if table.objects and "store" not in table.output.model_fields_set:
-        chosen["store"] = "frames"  # what is kept for mixing knows of no objects
     whole = table.sweep is None or chosen["store"] == "frames"
     chosen |= {name: whole for name in ("layers", "aovs") if chosen[name] is None}
     return replace(model.OutputSettings(**chosen), directory=(source.folder / table.output.directory).resolve())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -48,7 +49,23 @@ def of_table(table: ObjectTable, path: Path, sha256: str) -> Inserted:
         mesh=Deferred(known, partial(_mesh, path, m, look)),
         drop=table.drop,
         source=str(path),
+        category=table.category or table.name or path.stem,
+        world_from_object=m,
     )
+
+
+def named_apart(objects: Sequence[Inserted]) -> tuple[Inserted, ...]:
+    """Objects, of which a later one of the same name has a number behind it."""
+    taken: set[str] = set()
+    out: list[Inserted] = []
+    for one in objects:
+        name, number = one.name, 1
+        while name in taken:
+            number += 1
+            name = f"{one.name} {number}"
+        taken.add(name)
+        out.append(replace(one, name=name))
+    return tuple(out)
 
 
 def _mesh(path: Path, m: Matrix, look: _Look) -> ProxyMesh:

@@ -171,6 +171,7 @@ class ObjectTable(Table):
 
     path: AssetPath = Field(description="Mesh file: .glb, .gltf, .ply, .obj or .stl.")
     name: Name | None = Field(default=None, description="What messages call it. Default: the file's name.")
+    category: Name | None = Field(default=None, description="What kind of thing it is in data sets. Default: its name.")
     transform: Transform = Field(default=Transform(), description="Places it in the world.")
     drop: bool = Field(
         default=False, description="Whether it is moved along Y until its lowest vertices stand on the proxy."

@@ -54,7 +54,7 @@ def test_an_object_is_read_with_its_place_and_finish(write_job: WriteJob, thing:
     (material,) = one.mesh.value.materials
     assert material.metallic == 0.5
     np.testing.assert_allclose(material.base_color, [0.2, 0.4, 0.6], rtol=1e-6)
-    assert job.output.store == "frames"
+    assert job.output.store == "both" and one.category == "thing"
     assert "thing.glb" in job.inputs
 
 

@@ -1,0 +1,197 @@
+"""Objects in a capture beside path-traced truth: the courtyard with a gray vase, a plastic ring and a chrome ball.
+
+    python scripts/bench objects [--spp 64] [--width 320] [--truth-spp 128] [--cache FOLDER] [--pictures FOLDER]
+
+Truth is Mitsuba's `path` on the textured scene with the objects in it, their look by glTF's formulas written anew. What
+is multiplied is the true captured picture, so that the splats' own error is not in it; PSNR is of display values, with
+the truth's noise taken out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scenegen.geometry import Soup, soups
+from scenegen.truth import Looks, Truth
+from scipy import ndimage
+
+from bench.common import Table, path, table
+from bench.objects_truth import Thing, bsdf, things
+from bench.truth_scores import Halves, decibels, shown, squared_error
+from bench.truth_store import ROOT, Store
+from mirelight import prepare
+from mirelight.io import job as jobs
+from mirelight.model import F32, Camera, Deferred, Inserted, Job, Lighting, LightingBuffer, Material, ProxyMesh
+from mirelight.pipeline import stages
+
+Bool = NDArray[np.bool_]
+ZONES = ("changed > 1 %", "> 10 %", "contact", "not changed", "edges")
+CONTACT = 4  # px round the objects
+EYE, TARGET = (0.9, 1.7, 6.2), (-1.35, 0.25, 2.4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pictures:
+    """True pictures of one lighting, two halves each."""
+
+    bare: Halves
+    full: Halves
+
+    @staticmethod
+    def of(both: F32) -> Pictures:
+        """From (2, 2, H, W, 3): without and with the objects, halves."""
+        return Pictures((both[0, 0], both[0, 1]), (both[1, 0], both[1, 1]))
+
+
+class Yard:
+    """The courtyard with the objects, under the light of its capture and under the evening sun."""
+
+    def __init__(self, size: tuple[int, int], truth_spp: int, spp: int, store: Store) -> None:
+        self._truth_spp, self._store = truth_spp, store
+        self.camera = Camera.look_at(EYE, TARGET, *size, yfov=38, name="objects")
+        self.recipe = importlib.import_module("scenegen.courtyard").recipe()
+        self.lightings: tuple[Lighting, ...] = (self.recipe.captured, self.recipe.lightings[0])
+        self.things = things()
+        job = jobs.load(ROOT / "scenes" / "courtyard" / "job.toml")
+        output = replace(job.output, store="frames")
+        self._job = replace(
+            job, cameras=(self.camera,), render=replace(job.render, spp=spp, denoise=True), output=output
+        )
+
+    @cached_property
+    def _looks(self) -> Looks:
+        looks: Looks = self.recipe.looks()
+        return looks
+
+    @cached_property
+    def _soups(self) -> list[tuple[Thing, Soup]]:
+        return [(x, soups([x.part], crease=60)[0]) for x in self.things]
+
+    def pictures(self, lighting: Lighting) -> Pictures:
+        """The truth."""
+        view, spp = self.camera, self._truth_spp
+
+        def make() -> F32:
+            more = {x.name: bsdf(x) for x in self.things}
+            full = Looks(soups=[*self._looks.soups, *(s for _, s in self._soups)], surfaces=self._looks.surfaces)
+            scenes = Truth(self._looks, lighting), Truth(full, lighting, more)
+            return np.stack([[x.picture(view, spp, seed=k)[..., :3] for k in (1, 2)] for x in scenes])
+
+        name = f"objects.{lighting.name}.{view.width}x{view.height}.{spp}"
+        parts = [(x.part.vertices, x.base, x.metallic, x.roughness) for x in self.things]
+        return Pictures.of(self._store.array(name, "true pictures", make, "scenes", (EYE, TARGET, parts)))
+
+    def made(self, lighting: Lighting, *, whole: bool) -> tuple[F32, LightingBuffer]:
+        """(factor (H, W, 3), new light) of a lighting with the objects, or without."""
+        as_it_was = replace(self._job.relight, repair=False) if lighting is self.recipe.captured else None
+        job: Job = replace(
+            self._job,
+            objects=tuple(_inserted(x, s) for x, s in self._soups) if whole else (),
+            lightings=(replace(lighting, relight=as_it_was),),
+            captured=self.recipe.captured,
+        )
+        scene = prepare(job)
+        lit = stages.light(scene, self.camera, job.lightings[0])
+        frame = stages.relight(scene, stages.composite(scene, self.camera), lit)
+        assert frame.factor is not None
+        return frame.factor, lit.new
+
+    def scores(self, lighting: Lighting, pictures: Path | None) -> Iterator[tuple[list[str], list[str]]]:
+        """Each way to put the objects in: a row of its dB, and one of its levels."""
+        truth = self.pictures(lighting)
+        before = self.pictures(self.recipe.captured).bare
+        (plain, bare), (whole, new) = self.made(lighting, whole=False), self.made(lighting, whole=True)
+        assert new.objects is not None
+        zones = self._zones(truth, new.objects)
+        ways = {"pasted": plain, "with the sun's shadow": plain * _sun_left(bare, new), "mirelight": whole}
+        for way, factor in ways.items():
+            first, second = (_over(x, factor, new.objects) for x in before)
+            error = squared_error((first, second), truth.full)
+            mean, true = (first + second) / 2, (truth.full[0] + truth.full[1]) / 2
+            label = [lighting.name, way]
+            yield (
+                [*label, *(f"{decibels(error[zone]):.1f}" for zone in zones.values())],
+                [*label, *(f"{mean[zone].mean() / true[zone].mean():.3f}" for zone in zones.values())],
+            )
+            if pictures is not None:
+                pictures.mkdir(parents=True, exist_ok=True)
+                side = np.concatenate([shown(mean), shown(true)], axis=1)
+                name = f"{lighting.name} {way}.png".replace(" ", "-")
+                Image.fromarray(np.rint(255 * side).astype(np.uint8)).save(pictures / name)
+
+    def _zones(self, truth: Pictures, objects: LightingBuffer) -> dict[str, Bool]:
+        """By name (H, W) pixels: of the capture by how far the objects change them, and of each object."""
+        share, beside = objects.coverage, objects.coverage == 0
+        light = [(a.mean(-1) + b.mean(-1)) / 2 for a, b in (truth.bare, truth.full)]
+        change = np.abs(light[1] / np.maximum(light[0], 1e-4) - 1)
+        change = ndimage.uniform_filter(change, 3)  # the truth's noise is no change
+        near = ndimage.binary_dilation(share > 0, iterations=CONTACT)
+        centres = np.stack([x.part.vertices.mean(0) for x in self.things])
+        which = np.argmin(((objects.position[..., None, :] - centres) ** 2).sum(-1), -1)
+        inside = share > 0.999
+        zones = {
+            "changed > 1 %": beside & (change > 0.01),
+            "> 10 %": beside & (change > 0.1),
+            "contact": beside & near,
+            "not changed": beside & (change <= 0.01),
+            "edges": (share > 0) & ~inside,
+        }
+        return zones | {x.name: inside & (which == k) for k, x in enumerate(self.things)}
+
+
+def _inserted(thing: Thing, soup: Soup) -> Inserted:
+    """The object as a job has it."""
+    count = 3 * len(soup.positions)
+    mesh = ProxyMesh(
+        vertices=soup.positions.reshape(-1, 3).astype(np.float32),
+        normals=soup.normals.reshape(-1, 3).astype(np.float32),
+        faces=np.arange(count, dtype=np.int32).reshape(-1, 3),
+        materials=(Material(base_color=np.array(thing.base), metallic=thing.metallic, roughness=thing.roughness),),
+        albedo=None,
+    )
+    return Inserted(name=thing.name, mesh=Deferred.of(mesh))
+
+
+def _over(captured: F32, factor: F32, objects: LightingBuffer) -> F32:
+    """(H, W, 3) objects over the true captured picture times a factor."""
+    return np.asarray((1 - objects.coverage[..., None]) * captured * factor + objects.beauty, np.float32)
+
+
+def _sun_left(bare: LightingBuffer, new: LightingBuffer) -> F32:
+    """(H, W, 3) what is left of the light where the objects are in the sun's way, and change nothing else."""
+
+    def sunlight(buffer: LightingBuffer) -> F32:
+        layer = next(x for x in buffer.layers if x.name == "sun")
+        return np.asarray(layer.direct / np.maximum(buffer.coverage, 1e-3)[..., None])
+
+    every = np.maximum(bare.beauty / np.maximum(bare.coverage, 1e-3)[..., None], 1e-6)
+    return np.clip(1 - (sunlight(bare) - sunlight(new)) / every, 0, 1)
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The part's own."""
+    parser.add_argument("--spp", type=int, default=64, help="samples of a frame (64)")
+    parser.add_argument("--width", type=int, default=320, help="pixels (320)")
+    parser.add_argument("--truth-spp", type=int, default=128, help="samples of each of the truth's halves (128)")
+    parser.add_argument("--cache", type=path, default=ROOT / "out" / "bench_truth", help="where truth is kept")
+    parser.add_argument("--pictures", type=path, help="where frames beside truth go as PNG")
+
+
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """The tables."""
+    width, truth_spp, spp = (64, 4, 4) if chosen.quick else (chosen.width, chosen.truth_spp, chosen.spp)
+    yard = Yard((width, width * 9 // 16), truth_spp, spp, Store(chosen.cache))
+    found = [row for lighting in yard.lightings for row in yard.scores(lighting, chosen.pictures)]
+    columns = ("light", "objects", *ZONES, *(x.name for x in yard.things))
+    return [
+        table("Objects in a capture", columns, [x for x, _ in found]),
+        table("Their level, truth = 1", columns, [x for _, x in found]),
+    ]

@@ -1,0 +1,124 @@
+"""Objects of the part `objects` in Mitsuba's `path`: glTF's metallic-roughness model as a BSDF of its own.
+
+It shares no code with `mirelight.lighting`: the formulas are those of appendix B of glTF 2.0, microscopic normals are
+drawn by Trowbridge and Reitz's distribution itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scenegen.geometry import Part, lathe, place
+
+from mirelight.base.backend import mitsuba
+
+F64 = NDArray[np.float64]
+DIELECTRIC = 0.04
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Thing:
+    """An object on the ground, and how it looks."""
+
+    name: str
+    part: Part
+    base: tuple[float, float, float]
+    metallic: float
+    roughness: float
+
+
+def things() -> tuple[Thing, ...]:
+    """A gray vase, a plastic ring and a chrome ball on the courtyard's tiles."""
+    turn = np.linspace(0, 2 * np.pi, 65)
+    ring = lathe(np.stack([0.24 + 0.09 * np.cos(turn), 0.09 + 0.09 * np.sin(turn)], -1), "plastic", 96)
+    vase = [(0, 0), (0.15, 0), (0.2, 0.06), (0.27, 0.22), (0.24, 0.4), (0.13, 0.52), (0.12, 0.6), (0.17, 0.66)]
+    inside = [(0.15, 0.64), (0.1, 0.58), (0.1, 0.5), (0, 0.48)]
+    half = np.linspace(-np.pi / 2, np.pi / 2, 65)
+    ball = np.stack([0.3 * np.cos(half), 0.3 + 0.3 * np.sin(half)], -1)
+    return (
+        Thing("gray", lathe(vase + inside, "gray", 64).moved(place(-1.35, 0, 2.25)), (0.5, 0.5, 0.5), 0, 1),
+        Thing("plastic", ring.moved(place(-0.62, 0, 3.0)), (0.55, 0.04, 0.03), 0, 0.3),
+        Thing("chrome", lathe(ball, "chrome", 128).moved(place(-2.0, 0, 3.1)), (1.0, 1.0, 1.0), 1, 0),
+    )
+
+
+def bsdf(thing: Thing) -> Any:
+    """Its look, seen from both sides."""
+    mi = mitsuba()
+    if thing.metallic == 1 and thing.roughness == 0:  # what Fresnel's term leaves of white is white
+        inner = {"type": "conductor", "material": "none"}
+        return mi.load_dict({"type": "twosided", "bsdf": inner})
+    mi.register_bsdf("bench_gltf", _kind(mi))
+    return mi.load_dict({"type": "bench_gltf", "base": {"type": "rgb", "value": list(thing.base)}, **_finish(thing)})
+
+
+def _finish(thing: Thing) -> dict[str, float]:
+    return {"metallic": float(thing.metallic), "alpha": float(thing.roughness) ** 2}
+
+
+def _kind(mi: Any) -> Any:
+    import drjit as dr
+
+    class Gltf(mi.BSDF):  # type: ignore[misc]
+        """One-sided as seen, two-sided by turning over."""
+
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            self._base, self._metallic, self._alpha = props["base"], props["metallic"], props["alpha"]
+            flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+            self.m_components = [flags]
+            self.m_flags = flags
+
+        def _value(self, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
+            """(BRDF times cosine, density) of a pair of directions, turned to the side that is seen."""
+            up = dr.select(mi.Frame3f.cos_theta(si.wi) < 0, -1, 1)
+            v, w = mi.Vector3f(si.wi), mi.Vector3f(wo)
+            v.z, w.z = v.z * up, w.z * up
+            seen = active & (v.z > 0) & (w.z > 0)
+            base = mi.Color3f(self._base)
+            h = dr.normalize(v + w)
+            f0 = dr.lerp(mi.Color3f(DIELECTRIC), base, self._metallic)
+            fresnel = f0 + (1 - f0) * (1 - dr.clip(dr.dot(v, h), 0, 1)) ** 5
+            a2 = self._alpha**2
+            d = a2 / (dr.pi * (h.z * h.z * (a2 - 1) + 1) ** 2)
+
+            def g(cosine: Any) -> Any:
+                return 2 * cosine / (cosine + dr.sqrt(a2 + (1 - a2) * cosine * cosine))
+
+            lobe = fresnel * d * g(v.z) * g(w.z) / (4 * v.z * w.z)
+            value = ((1 - fresnel) * base * (1 - self._metallic) / dr.pi + lobe) * w.z
+            pdf = 0.5 * w.z / dr.pi + 0.5 * d * h.z / (4 * dr.dot(v, h))
+            return dr.select(seen, value, 0), dr.select(seen, pdf, 0)
+
+        def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any) -> tuple[Any, Any]:
+            up = dr.select(mi.Frame3f.cos_theta(si.wi) < 0, -1, 1)
+            v = mi.Vector3f(si.wi)
+            v.z *= up
+            cosine = dr.sqrt((1 - sample2.x) / (1 + (self._alpha**2 - 1) * sample2.x))
+            sine = dr.safe_sqrt(1 - cosine * cosine)
+            s, c = dr.sincos(2 * dr.pi * sample2.y)
+            h = mi.Vector3f(sine * c, sine * s, cosine)
+            wo = dr.select(sample1 < 0.5, mi.warp.square_to_cosine_hemisphere(sample2), h * 2 * dr.dot(v, h) - v)
+            wo.z *= up
+            value, pdf = self._value(si, wo, active)
+            bs = dr.zeros(mi.BSDFSample3f)
+            bs.wo, bs.pdf, bs.eta = wo, pdf, 1.0
+            bs.sampled_type, bs.sampled_component = mi.UInt32(+mi.BSDFFlags.GlossyReflection), mi.UInt32(0)
+            return bs, dr.select(pdf > 0, value / pdf, 0)
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any) -> Any:
+            return self._value(si, wo, active)[0]
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any) -> Any:
+            return self._value(si, wo, active)[1]
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any) -> Any:
+            return self._value(si, wo, active)
+
+        def to_string(self) -> str:
+            return "Gltf[]"
+
+    return Gltf

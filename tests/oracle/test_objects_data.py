@@ -1,0 +1,103 @@
+"""Inserted objects in data sets: mixed frames are those that render writes, and detectors' loaders find the objects."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from pycocotools.coco import COCO
+
+from mirelight import cli, dataset
+from mirelight.io.exr import read_exr
+from mirelight.io.gltf.write import write_glb
+from mirelight.model import Material, ProxyMesh
+
+from .test_dataset_view import JOB, assert_equal_to_files, make_scene, render
+
+OBJECTS = """
+[[objects]]
+path = "cube.glb"
+category = "box"
+drop = true
+transform = { translation = [0.3, 2, 0.2], rotation_euler = [0, 30, 0], scale = 0.6 }
+
+[[objects]]
+path = "cube.glb"
+name = "lamp"
+drop = true
+transform = { translation = [-0.7, 2, -0.5], scale = 0.4 }
+
+[dataset]
+layouts = ["coco"]
+split = "lighting"
+held_out = 0.4
+"""
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("objects")
+    make_scene(folder)
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)], np.float32)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    glow = Material(name="glow", base_color=np.full(3, 0.5), emissive=np.array([0.2, 0.1, 0.05]))
+    write_glb(folder / "cube.glb", ProxyMesh(vertices=corners, faces=np.array(faces, np.int32), materials=(glow,)))
+    text = JOB.replace("[24, 16]", "[60, 40]")
+    return render(folder, text + "\n[output]\naovs = ['cryptomatte_object']\n" + OBJECTS)
+
+
+def test_mixed_frames_with_objects_are_those_that_render_writes(out: Path) -> None:
+    assert_equal_to_files(dataset.open(out), out)
+
+
+def test_shares_are_those_of_the_files_cryptomatte(out: Path) -> None:
+    view = dataset.open(out)
+    shares = view.shares("front")
+    assert shares.shape == (2, 40, 60) and [x.name for x in view.objects] == ["cube", "lamp"]
+    file = read_exr(out / "front.day.exr")
+    total = sum(file.layer(f"CryptoAsset0{k}")[..., 1::2].sum(-1) for k in range(3))
+    np.testing.assert_allclose(shares.sum(0), total, atol=1e-6)
+
+
+def test_a_coco_loader_finds_the_objects(out: Path) -> None:
+    folder, view = out / "dataset" / "coco", dataset.open(out)
+    sets = {}
+    for split in ("train", "val"):
+        with contextlib.redirect_stdout(io.StringIO()):
+            sets[split] = COCO(str(folder / "annotations" / f"instances_{split}.json"))
+    assert sum(len(x.imgs) for x in sets.values()) == 6 and all(x.imgs for x in sets.values())
+    assert {x["name"] for x in sets["train"].cats.values()} == {"box", "lamp"}
+    for found in sets.values():
+        for annotation in found.anns.values():
+            image = found.imgs[annotation["image_id"]]
+            mask = found.annToMask(annotation).astype(bool)
+            place = [x.name for x in view.objects].index(annotation["object"])
+            index = np.asarray(Image.open(folder / image["mask"]))
+            np.testing.assert_array_equal(mask, index == place + 1)
+            name = Path(image["file_name"]).stem
+            assert (view.shares(name)[place][mask] >= 0.5).all()
+            left, top, width, height = annotation["bbox"]
+            rows, columns = np.nonzero(mask)
+            assert (rows.min(), columns.min()) == (top, left)
+            assert (rows.max() + 1, columns.max() + 1) == (top + height, left + width)
+            # the box in space, projected, is what the picture shows: cubes fill theirs, and the lamp may be hidden
+            corners = np.array(annotation["box_3d"]["corners"])
+            seen = corners @ np.array(image["K"]).T
+            at = seen[:, :2] / seen[:, 2:]
+            assert (at.min(0) <= [left + 1, top + 1]).all()
+            assert (at.max(0) >= [left + width - 1, top + height - 1]).all()
+            if place == 0:
+                assert np.abs(at.min(0) - [left, top]).max() < 1.5
+                np.testing.assert_allclose(annotation["box_3d"]["size"], [0.6, 0.6, 0.6], rtol=1e-5)
+
+
+def test_without_objects_there_is_nothing_to_find(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_scene(tmp_path)
+    (tmp_path / "job.toml").write_text(JOB + '\n[dataset]\nlayouts = ["coco"]\n', encoding="utf-8")
+    assert cli.main(["render", str(tmp_path / "job.toml"), "-q"]) == 2
+    assert "no inserted objects to find in pictures" in capsys.readouterr().err

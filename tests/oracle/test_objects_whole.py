@@ -108,6 +108,14 @@ def test_in_the_captured_light_nothing_but_the_object_changes_the_picture(folder
     assert gap > 0.1 * float(objects.beauty[behind].mean())
 
 
+def test_light_of_four_times_the_pixels_shows_the_same_objects(folder: Path) -> None:
+    whole, fine = (frame(folder, f"{JOB}\n[relight]\ntexture_scale = {scale}\n{BALL}") for scale in (1, 2))
+    assert fine.lighting is not None and fine.lighting.objects is not None
+    assert fine.lighting.objects.coverage.shape == whole.rgba.shape[:2]
+    np.testing.assert_allclose(fine.rgba.mean((0, 1)), whole.rgba.mean((0, 1)), rtol=0.01)
+    assert np.abs(fine.rgba - whole.rgba).mean() < 0.01 * whole.rgba.mean()
+
+
 def test_the_same_object_and_seed_are_the_same_bits(folder: Path) -> None:
     first, again = frame(folder, JOB + BALL), frame(folder, JOB + BALL)
     np.testing.assert_array_equal(first.rgba, again.rgba)

@@ -78,6 +78,15 @@ def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJ
     assert len(frames) == 4
     assert len({x.light_with_objects(part, camera) for x in (bare, with_one, moved, lifted)}) == 4
     assert len({x.light(part, camera) for x in (with_one, moved, lifted)}) == 1
+    assert len({f(camera) for x in (with_one, moved, lifted) for f in (x.in_front, x.object_matte)}) == 6
+    assert len({x.object_boxes for x in (with_one, moved, lifted)}) == 3
+    needs = with_one.needs(camera, [lighting])
+    assert with_one.light_with_objects(part, camera) in needs.keys and with_one.light(part, camera) in needs.keys
+    assert (
+        {with_one.in_front(camera), with_one.object_matte(camera)}
+        < set(needs.keys)
+        <= set(with_one.lights()) | {with_one.composite(camera)}
+    )
     assert len({x.captured_level for x in (bare, with_one, moved, lifted)}) == 1
 
 
@@ -88,8 +97,6 @@ def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJ
         ("[render]\nnoise = 0.05", "a noise target"),
         ('[relight]\nmode = "tint"', "a mode that does not compare with the captured light"),
         ('[relight]\nper = "splat"', "light that is found for splats"),
-        ("[relight]\ntexture_scale = 0.5", "texture_scale 0.5; set it to 1"),
-        ('[output]\nstore = "both"', "light that is kept to be mixed anew"),
     ],
 )
 def test_what_objects_are_not_made_for_is_a_line(write_job: WriteJob, thing: Path, more: str, says: str) -> None:

@@ -13,6 +13,7 @@ from mirelight.io.job import (
     camera_files,
     cameras,
     drawing,
+    inserted,
     lighting,
     mixing,
     moments,

@@ -35,7 +35,7 @@ FLOORS: tuple[tuple[Room, ...], ...] = (
     (
         Room(
             "apps",
-            "what people do with frames: bake, demo, doctor, explain, first job, inspect, match, mixer, show, watch",
+            "what people do: bake, demo, doctor, explain, first job, inspect, match, mixer, show, studio, watch",
         ),
     ),
     (

@@ -21,6 +21,7 @@ PAGES = {
     "proxy": "guides/proxy",
     "real time": "guides/realtime",
     "showing": "guides/showing",
+    "studio": "guides/studio",
 }
 
 

@@ -21,6 +21,7 @@ from mirelight.cli import (
     sheet,
     small,
     status,
+    studio,
     verify,
 )
 from mirelight.cli.command import Command
@@ -29,6 +30,7 @@ COMMANDS: tuple[Command, ...] = (
     small.DOCTOR,
     demo.COMMAND,
     new.COMMAND,
+    studio.COMMAND,
     proxy.COMMAND,
     estimate.COMMAND,
     small.COMPLETION,

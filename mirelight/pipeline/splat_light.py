@@ -61,6 +61,12 @@ class SplatLight:
         vars(out).pop("_transport", None)  # of as many rays as there are samples
         return out
 
+    def of_scene(self, scene: Prepared) -> SplatLight:
+        """The same places and tracer under another job's lights; `keys.proxy` and `keys.splat_places` agree."""
+        out = copy(self)
+        out._scene = scene
+        return out
+
     @property
     def near(self) -> float:
         """Share of the splats that lie on the proxy; the others take the light of the nearest that does.

@@ -165,6 +165,7 @@ def _outputs() -> list[Case]:
         "proxy": ("proxy", "floor.ply", "-o", "floor.ply"),
         "submit": ("submit", "job.toml", "--slurm", "-o", "job.toml"),
         "new": ("new", "floor.ply", "-o", "job.toml"),
+        "studio": ("studio", "floor.ply", "-o", "job.toml"),
         "match": ("match", "job.toml", "--lighting", "night", "--target", "target.png", "-o", "job.toml"),
     }
     return [

@@ -14,7 +14,7 @@ import pytest
 
 import mirelight
 from mirelight.apps import mixer as mixing
-from mirelight.apps.mixer.bundle import _camera, export
+from mirelight.apps.mixer.bundle import bookmark, export
 from mirelight.apps.realtime import browser
 from mirelight.apps.realtime.captures import _chunk_bounds
 from mirelight.apps.realtime.server import serve
@@ -268,7 +268,7 @@ def test_splats_at_the_end_of_the_world_have_a_bookmark(job: Job) -> None:
     splats = job.splats.value
     far = replace(splats, means=splats.means + np.float32(1e25))
     with np.errstate(all="raise"):
-        found = _camera(job.cameras[0], far)
+        found = bookmark(job.cameras[0], far)
     assert np.isfinite(found["far"]) and found["far"] > found["near"]
 
 

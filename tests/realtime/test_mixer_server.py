@@ -13,8 +13,9 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from mirelight.apps.mixer.asked import camera_of
 from mirelight.apps.mixer.saved import Saved
-from mirelight.apps.mixer.server import _camera, claimed, serving
+from mirelight.apps.mixer.server import claimed, serving
 from mirelight.apps.mixer.session import Session, State, Traced
 from mirelight.apps.mixer.stills import Still, View
 from mirelight.base.errors import InputError
@@ -181,7 +182,7 @@ def test_what_is_asked_reaches_the_session(asker: Asker) -> None:
 
 
 def test_a_huge_canvas_gets_a_smaller_still() -> None:
-    camera = _camera({**VIEW, "width": 7680, "height": 4320})
+    camera = camera_of({**VIEW, "width": 7680, "height": 4320})
     assert (camera.width, camera.height) == (1920, 1080)
 
 

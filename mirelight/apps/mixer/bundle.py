@@ -77,7 +77,7 @@ def export(
     assert scene.splats is not None
     _copy_page(folder, made_by)
     (folder / DESCRIPTION).unlink(missing_ok=True)
-    file, order = _write_splats(scene.splats, folder)
+    file, order = write_splats(scene.splats, folder)
     packed, scales = rgb9e5.pack(layers.values[:, order])
     with atomic_path(folder / LAYERS) as temporary:
         packed.astype("<u4").tofile(temporary)
@@ -92,8 +92,11 @@ def page_file(name: str) -> bytes:
     return resources.files("mirelight.apps.mixer").joinpath("page", name).read_bytes()
 
 
-def _write_splats(splats: SplatCloud, folder: Path) -> tuple[Path, NDArray[np.intp]]:
-    """The file, and the order in which it has them. SH of degree 3 is 180 bytes a splat as floats, and 45 as codes."""
+def write_splats(splats: SplatCloud, folder: Path) -> tuple[Path, NDArray[np.intp]]:
+    """Splats as a page loads them: the file, and the order (N,) in which it has them.
+
+    SH of degree 3 is 180 bytes a splat as floats, and 45 as codes.
+    """
     for name in SPLATS:
         (folder / name).unlink(missing_ok=True)
     plain, compressed = (folder / name for name in SPLATS)
@@ -135,7 +138,7 @@ def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, fil
         "exposure": job.display.exposure,
         "tone": job.display.tone,
         "background": list(job.display.background),
-        "cameras": [_camera(x, splats) for x in _bookmarks(job)],
+        "cameras": [bookmark(x, splats) for x in _bookmarks(job)],
     }
 
 
@@ -164,7 +167,8 @@ def _bookmarks(job: Job) -> list[Camera]:
     return [Camera.perspective(first.world_from_camera, first.width, first.height, yfov=45, name=first.name)]
 
 
-def _camera(camera: Camera, splats: SplatCloud) -> dict[str, Any]:
+def bookmark(camera: Camera, splats: SplatCloud) -> dict[str, Any]:
+    """A camera as a page goes to it."""
     forward = -camera.world_from_camera[:3, 2]
     middle = np.median(splats.means[:: max(len(splats) // 4096, 1)].astype(np.float64), axis=0)
     ahead = max(float((middle - camera.position) @ forward), 2 * camera.near)

@@ -106,8 +106,7 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
     units = {t.unit.digest: t.unit for x in plain for t in terms(x)}
     index = {key: i for i, key in enumerate(units)}
     names = [_layer_name(key, plain) for key in units]
-    mode = relighting.mode_of(job.relight)
-    floor = mode.leaves_floor and compares
+    floor = relighting.mode_of(job.relight).leaves_floor and compares
     extra = [EMISSION] * scene.glows + [BASE] * floor
     _refuse_too_many(job, len(names) + len(extra), captured)
     splats = SplatLight(scene, spp, progress)
@@ -117,32 +116,60 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         glow = splats.light(GLOW, "surfaces that glow")[0]
         values[len(names)] = glow
         old += glow
-    factor = relighting.splat_relighter(
-        relighting.captured_color(scene.splats),
-        splats.albedo,
-        replace(job.relight, max_ratio=_UNLIMITED),
-        captured=old.astype(np.float32) if compares else None,
-        captured_level=(scene.captured_level or 0.0) if compares else None,
-    )
-    base = factor(np.zeros_like(values[0]))
-
-    def layer_of(light: F32) -> F32:
-        return np.asarray(factor(light) - base, np.float32)
-
+    made = layering(scene, splats, old.astype(np.float32) if compares else None)
     for k in range(len(values) - floor):
-        values[k] = layer_of(values[k])
+        values[k] = made.layer_of(values[k])
     if floor:
-        values[-1] = base
+        values[-1] = made.base
     return MixLayers(
         names=(*names, *extra),
         values=values,
         constant=tuple(range(len(names), len(names) + len(extra))),
         lightings=tuple(_mixed(x, index) for x in lightings),
-        limit=job.relight.max_ratio if compares and "max_ratio" in mode.reads else None,
+        limit=limit_of(scene),
         near=splats.near,
         units=tuple(units.values()),
-        layer_of=layer_of,
+        layer_of=made.layer_of,
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layering:
+    """What makes layers."""
+
+    layer_of: Callable[[F32], F32]  # (N, 3) irradiance / pi of a unit light -> (N, 3) its layer
+    base: F32  # (N, 3) what is there without any light
+
+
+def layering(scene: Scene, splats: SplatLight, old: F32 | None) -> Layering:
+    """How layers are made under a captured light.
+
+    Args:
+        scene: a prepared job.
+        splats: of the scene.
+        old: (N, 3) irradiance / pi of the captured light; None: the mode compares with none.
+    """
+    assert scene.splats is not None
+    factor = relighting.splat_relighter(
+        relighting.captured_color(scene.splats),
+        splats.albedo,
+        replace(scene.job.relight, max_ratio=_UNLIMITED),
+        captured=old,
+        captured_level=None if old is None else scene.captured_level or 0.0,
+    )
+    base = factor(np.zeros((len(scene.splats), 3), np.float32))
+
+    def layer_of(light: F32) -> F32:
+        return np.asarray(factor(light) - base, np.float32)
+
+    return Layering(layer_of, base)
+
+
+def limit_of(scene: Scene) -> float | None:
+    """Of the sum of layers; None: there is none."""
+    compares = requirements.compared(scene.job) is not None
+    reads = relighting.mode_of(scene.job.relight).reads
+    return scene.job.relight.max_ratio if compares and "max_ratio" in reads else None
 
 
 def _refuse_too_many(job: Job, layers: int, captured: Lighting | None) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.apps.mixer.asked import camera_of, numbers, table, whole
 from mirelight.apps.mixer.bundle import DESCRIPTION, LAYERS, PAGE, SPLATS
 from mirelight.apps.mixer.saved import MOST_BYTES, NAME, Saved
 from mirelight.apps.mixer.session import Session, State
-from mirelight.apps.mixer.stills import MOST_PIXELS, View
+from mirelight.apps.mixer.stills import View
 from mirelight.apps.realtime import engine
 from mirelight.apps.realtime.server import Handler, answering
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.fields import LARGEST
-from mirelight.model import Camera, LayerFactor
+from mirelight.model import LayerFactor
 from mirelight.store.claims import Claims
 
 PATIENCE = 20.0  # seconds that a page waits for news before it asks again
@@ -117,17 +117,17 @@ class _Page(Handler):
                 self._saved.save(body)
                 self.answer(200, str(self._saved.path.name).encode(), "saved.txt")
             elif name == "live/light":
-                version = self._move(_table(body))
+                version = self._move(table(body))
                 self.answer(200, str(version).encode(), "version.txt")
             else:
-                self._still(_table(body))
+                self._still(table(body))
                 self.answer()
         except MirelightError as error:
             self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
 
     def _move(self, asked: Mapping[str, Any]) -> int:
-        layer, light = (_whole(asked, key, 0, 1 << 20) for key in ("layer", "light"))
-        version = self._session.move(layer, light, np.array(_numbers(asked, "position", 3, LARGEST)))
+        layer, light = (whole(asked, key, 0, 1 << 20) for key in ("layer", "light"))
+        version = self._session.move(layer, light, np.array(numbers(asked, "position", 3, LARGEST)))
         if version is None:
             raise InputError("the page", "a light that the job does not have")
         return version
@@ -143,26 +143,11 @@ class _Page(Handler):
         if lighting is not None and not isinstance(lighting, str):
             raise InputError("the page", "a lighting without a name")
         mixed = tuple(
-            LayerFactor(layer=name, factor=np.clip(_numbers(factors, name, 3, LARGEST), 0, None)) for name in factors
+            LayerFactor(layer=name, factor=np.clip(numbers(factors, name, 3, LARGEST), 0, None)) for name in factors
         )
-        number = _whole(asked, "number", 0, 10**15)
-        (exposure,) = _numbers({"exposure": [asked.get("exposure")]}, "exposure", 1, 40)
-        self._session.ask_still(View(number, _camera(asked), lighting, mixed, exposure))
-
-
-def _camera(asked: Mapping[str, Any]) -> Camera:
-    width, height = (_whole(asked, key, 1, 16384) for key in ("width", "height"))
-    if width * height > MOST_PIXELS:
-        part = math.sqrt(MOST_PIXELS / (width * height))
-        width, height = max(int(width * part), 1), max(int(height * part), 1)
-    pose = np.array(_numbers(asked, "pose", 16, LARGEST)).reshape(4, 4)  # row by row
-    fov, near = (_numbers({key: [asked.get(key)]}, key, 1, LARGEST)[0] for key in ("fov", "near"))
-    sound = np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3) and np.linalg.det(pose[:3, :3]) > 0
-    if not (sound and np.allclose(pose[3], [0, 0, 0, 1]) and 0.01 <= fov < 179 and near > 0):
-        raise InputError("the page", "a camera that sees nothing")
-    u, _, v = np.linalg.svd(pose[:3, :3])
-    pose[:3, :3] = u @ v  # the page's numbers are rounded
-    return Camera.perspective(pose, width, height, yfov=fov, near=near, name="still")
+        number = whole(asked, "number", 0, 10**15)
+        (exposure,) = numbers({"exposure": [asked.get("exposure")]}, "exposure", 1, 40)
+        self._session.ask_still(View(number, camera_of(asked), lighting, mixed, exposure))
 
 
 def _told(state: State) -> dict[str, Any]:
@@ -180,30 +165,3 @@ def _told(state: State) -> dict[str, Any]:
         else {"number": still.number, "done": round(still.done, 3), "state": still.state, "version": still.version},
         "trouble": printable(state.trouble.splitlines()[0]) if state.trouble else "",
     }
-
-
-def _table(body: bytes) -> Mapping[str, Any]:
-    try:
-        found = json.loads(body)
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
-        raise InputError("the page", "no table")
-    return found
-
-
-def _whole(table: Mapping[str, Any], key: str, least: int, most: int) -> int:
-    value = table.get(key)
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise InputError("the page", f"{key} is no whole number of {least} to {most}")
-    return value
-
-
-def _numbers(table: Mapping[str, Any], key: str, count: int, most: float) -> list[float]:
-    values = table.get(key)
-    sound = isinstance(values, list) and len(values) == count
-    if not sound or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in values or ()):
-        raise InputError("the page", f"{key} is not {count} numbers")
-    if any(not abs(x) <= most for x in values or ()):
-        raise InputError("the page", f"{key} is not within {most:g}")
-    return [float(x) for x in values or ()]

@@ -14,7 +14,6 @@ from mirelight.pipeline import stages
 from mirelight.pipeline.artefact_cache import MemoryCache
 from mirelight.pipeline.scene import Scene, prepare
 
-MOST_PIXELS = 1920 * 1080
 _MEMORY = 512 * 2**20  # bytes of light that other mixes of the same view are made from
 _COARSE = 0.25  # pixels of the quick picture's light for each of the splats' own, along each axis
 _EVERY = 2.0  # seconds between two pictures of samples so far, at least

@@ -71,8 +71,7 @@ def with_lighting(source: Source, job: Job, lighting: Lighting, path: Path, comm
     }
     mix = {name: {layer: _floats(f) for layer, f in own.items()} for name, own in factors.items() if own}
     data = {key: value for key, value in data.items() if key != "mix"} | ({"mix": mix} if mix else {})
-    moved = _moved(data, source.folder, path.absolute().parent)
-    return "\n".join([*(f"# {' '.join(x.split())}" for x in comments), *_lines(moved), ""])
+    return text_of(data, source.folder, path, comments)
 
 
 def with_mix(
@@ -99,8 +98,19 @@ def with_mix(
     tables = {"mix": dict(mix), "moved": places, "display": {**source.data.get("display", {}), "exposure": exposure}}
     data = {key: value for key, value in source.data.items() if key not in tables}
     data |= {key: value for key, value in tables.items() if value}
-    moved_files = _moved(data, source.folder, path.absolute().parent)
-    return "\n".join([*(f"# {' '.join(x.split())}" for x in comments), *_lines(moved_files), ""])
+    return text_of(data, source.folder, path, comments)
+
+
+def text_of(data: dict[str, Any], folder: Path, path: Path, comments: Sequence[str]) -> str:
+    """The text of a job with this data.
+
+    Args:
+        data: as TOML gives it; its paths are relative to `folder`.
+        path: where the text will stand; paths in it are relative to that.
+        comments: lines for its head.
+    """
+    moved = _moved(data, folder, path.absolute().parent)
+    return "\n".join([*(f"# {' '.join(x.split())}" for x in comments), *_lines(moved), ""])
 
 
 def _relit(table: dict[str, Any], lighting: Lighting) -> dict[str, Any]:

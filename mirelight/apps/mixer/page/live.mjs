@@ -1,22 +1,46 @@
 // What a page that is served asks of its server: lights that are traced anew, stills, and the job saved.
 
-async function send(name, body) {
+export async function send(name, body, again = 'start mirelight mix --serve again') {
     let answer;
     try {
-        answer = await fetch(name, { method: 'PUT', body: typeof body === 'string' ? body : JSON.stringify(body) });
+        const plain = typeof body === 'string' || body instanceof Blob;
+        answer = await fetch(name, { method: 'PUT', body: plain ? body : JSON.stringify(body) });
     } catch {
-        throw new Error('the server does not answer: start mirelight mix --serve again');
+        throw new Error(`the server does not answer: ${again}`);
     }
     const text = await answer.text();
     if (!answer.ok) throw new Error(answer.status === 422 ? text : `the server refuses ${name} (${answer.status})`);
     return text;
 }
 
+// Sends bodies of one key one after another; what comes while one is on its way waits, and only the newest is sent.
+export function createNewest(trouble, again) {
+    const sending = new Map();
+    return async (name, key, body) => {
+        const busy = sending.has(key);
+        sending.set(key, body);
+        if (busy) return;
+        let answer;
+        try {
+            while (sending.get(key)) {
+                const now = sending.get(key);
+                sending.set(key, null);
+                answer = await send(name, now, again);
+            }
+            return answer;
+        } catch (error) {
+            trouble(error.message);
+        } finally {
+            sending.delete(key);
+        }
+    };
+}
+
 // on: { layer(index, packed, scale), state(state), still(url, state), trouble(line) }
 export function createLive(on) {
     const known = new Map();  // layer -> version
     let still = 0, stopped = false;
-    const sending = new Map();  // what is on its way, and what is to follow it: only the newest counts
+    const newest = createNewest(on.trouble);
 
     async function news(after) {
         const answer = await fetch(`live/state?after=${after}`);
@@ -49,25 +73,6 @@ export function createLive(on) {
                 on.trouble('the server does not answer: start mirelight mix --serve again');
                 await new Promise((resolve) => setTimeout(resolve, 2000));
             }
-        }
-    }
-
-    async function newest(name, key, body) {
-        const busy = sending.has(key);
-        sending.set(key, body);
-        if (busy) return;
-        let answer;
-        try {
-            while (sending.get(key)) {
-                const now = sending.get(key);
-                sending.set(key, null);
-                answer = await send(name, now);
-            }
-            return answer;
-        } catch (error) {
-            on.trouble(error.message);
-        } finally {
-            sending.delete(key);
         }
     }
 

@@ -14,6 +14,7 @@ function modifier(count, space) {
     return `
 uniform vec3 uMix[${count}];
 uniform vec3 uShown;  // share of the mix, largest factor, exposure
+uniform vec4 uSplit;  // a plane: the splats before it are lit, those behind it are as captured
 vec3 unpacked(uint v) {
     return vec3(uvec3(v, v >> 9u, v >> 18u) & 511u) * exp2(float(v >> 27u) - 24.0);
 }
@@ -29,7 +30,7 @@ void modifySplatColor(vec3 center, inout vec4 color) {
     vec3 light = vec3(0.0);
 ${reads.join('\n')}
 ${terms.join('\n')}
-    light = mix(vec3(1.0), min(light, vec3(uShown.y)), uShown.x);
+    light = mix(vec3(1.0), min(light, vec3(uShown.y)), dot(uSplit, vec4(center, 1.0)) < 0.0 ? 0.0 : uShown.x);
     vec3 shown = max(color.xyz, 0.0);
 ${space === 'display' ? '    shown = decoded(shown * light);' : '    shown = decoded(shown) * light;'}
     color.xyz = encoded(shown * uShown.z);
@@ -72,7 +73,7 @@ function upload(app, component, resource, count, layers, layerCount) {
     resource.format.addExtraStreams(names.map((name) => ({ name, format: pc.PIXELFORMAT_RGBA32U })));
     resource.streams?.syncWithFormat?.(resource.format);
     const put = (texels, c, packed, start) => { for (let i = 0; i < count; i++) texels[4 * i + c] = packed[start + i]; };
-    names.forEach((name, k) => {
+    if (layers) names.forEach((name, k) => {
         const texels = resource.getTexture(name).lock();
         for (let c = 0; c < 4 && 4 * k + c < layerCount; c++) put(texels, c, layers, (4 * k + c) * count);
         resource.getTexture(name).unlock();
@@ -84,6 +85,7 @@ function upload(app, component, resource, count, layers, layerCount) {
     };
 }
 
+// layers: Uint32Array of the layers' packed values, one after another; null: none yet
 export async function createView(canvas, description, layers) {
     const app = await createApp(canvas);
     app.setCanvasFillMode(pc.FILLMODE_NONE);
@@ -106,6 +108,7 @@ export async function createView(canvas, description, layers) {
     entity.addComponent('gsplat', { asset, unified: true });
     const replaced = upload(app, entity.gsplat, asset.resource, description.count, layers, count);
     entity.gsplat.setWorkBufferModifier({ glsl: modifier(count, description.space) });
+    entity.gsplat.setParameter('uSplit', [0, 0, 0, 1]);
     app.root.addChild(entity);
 
     let bookmark = null, width = 1, height = 1;
@@ -147,6 +150,9 @@ export async function createView(canvas, description, layers) {
                 if (now !== before) { before = now; seen(); }
             });
         },
+        limit(most) { description.limit = most; },  // of the sum of layers; null: none
+        // plane: [x, y, z, w] in the world; see the shader's uSplit
+        split(plane) { entity.gsplat.setParameter('uSplit', plane); },
         // weights: an array of [r, g, b] for each layer; share: 0 as captured, 1 the mix; exposure in stops
         show(weights, share, exposure) {
             const values = new Float32Array(3 * count);

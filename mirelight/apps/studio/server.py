@@ -1,0 +1,180 @@
+"""The studio's page served: its files, news, layers and pictures; edits, frames and panoramas that it sends."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from functools import partial
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from mirelight.apps.mixer import bundle
+from mirelight.apps.mixer.asked import table, whole
+from mirelight.apps.realtime import engine
+from mirelight.apps.realtime.server import Handler, answering
+from mirelight.apps.studio import uploads
+from mirelight.apps.studio.document import MOST_BYTES, edits_of
+from mirelight.apps.studio.session import Session, State
+from mirelight.base.errors import InputError, MirelightError, printable
+from mirelight.io.job.sun_position import sun_position
+
+PATIENCE = 20.0  # seconds that a page waits for news before it asks again
+_OWN = ("index.html", "style.css", "studio.mjs", "model.mjs", "rows.mjs", "queue.mjs")
+_MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
+_UPLOAD = "live/upload/"
+_LIMITS = {"live/job": MOST_BYTES, "live/save": 0, "live/render": 1 << 12, "live/cancel": 1 << 10, "live/sun": 1 << 10}
+_LAYER = re.compile(r"live/layer/([0-9]{1,15})")
+_PICTURE = re.compile(r"live/picture/([0-9]{1,9})/[0-9]{1,9}")
+
+
+@contextmanager
+def serving(session: Session, folder: Path, port: int = 0) -> Iterator[str]:
+    """Answer a page until the block ends; nothing is traced here.
+
+    Args:
+        session: what is edited.
+        folder: where the session has put the splats.
+        port: 0: a free one.
+
+    Yields:
+        The page's address, with a token in it.
+
+    Raises:
+        InputError: the port is in use.
+        BackendError: the engine is not installed and cannot be fetched.
+    """
+    installed = engine.install()
+    pages = {name: resources.files(__package__).joinpath("page", name).read_bytes() for name in _OWN}
+    pages |= {name: bundle.page_file(name) for name in _MIXERS}
+    pages |= {f"engine/{name}": (installed / name).read_bytes() for name in engine.FILES.values()}
+    handler = partial(_Page, folder=folder.resolve(), pages=pages, session=session)
+    with answering(handler, port) as address:
+        yield f"{address}/index.html"
+
+
+class _Page(Handler):
+    """Answers one page."""
+
+    def __init__(self, *args: Any, session: Session, **named: Any) -> None:
+        self._session = session
+        super().__init__(*args, **named)
+
+    def give(self, name: str) -> None:
+        """A file of the page, news, a layer, or a picture."""
+        layer, picture = _LAYER.fullmatch(name), _PICTURE.fullmatch(name)
+        if name in self._pages or name == self._session.file:
+            super().give(name)
+        elif name == "live/studio":
+            self.answer(200, _json(self._session.description), "studio.json")
+        elif name == "live/state":
+            after = re.search(r"[?&]after=([0-9]{1,15})$", self.path)
+            self.answer(200, _json(_told(self._session.state(int(after[1]) if after else -1, PATIENCE))), "state.json")
+        elif layer is not None:
+            self._or_gone(self._session.packed(int(layer[1])), "layer")
+        elif picture is not None:
+            path = self._session.picture(int(picture[1]))
+            try:
+                self._or_gone(b"" if path is None else path.read_bytes(), "picture.png")
+            except OSError:  # its place was taken by the finished one
+                self.send_error(404)
+        else:
+            self.send_error(404)
+
+    def _or_gone(self, body: bytes, name: str) -> None:
+        if body:
+            self.answer(200, body, name)
+        else:
+            self.send_error(404)
+
+    def limit(self, name: str) -> int | None:
+        """Of an edit, a frame that is asked for, or a panorama."""
+        return uploads.MOST_BYTES if name.startswith(_UPLOAD) else _LIMITS.get(name)
+
+    def take(self, name: str, body: bytes) -> None:
+        """Answers with a line where it cannot be used."""
+        try:
+            self.answer(200, _json(self._taken(name, body)), "answer.json")
+        except MirelightError as error:
+            self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
+
+    def _taken(self, name: str, body: bytes) -> Any:
+        session = self._session
+        if name.startswith(_UPLOAD):
+            folder = session.document.path.absolute().parent
+            path, intensity = uploads.kept(folder, name.removeprefix(_UPLOAD), body)
+            return {"path": path, "intensity": intensity}
+        if name == "live/save":
+            return session.save()
+        asked = table(body)
+        if name == "live/job":
+            return session.edit(
+                whole(asked, "number", 0, 10**15), _text(asked, "shown"), edits_of(_table(asked, "job"))
+            )
+        if name == "live/render":
+            if "view" in asked:
+                return session.still(_table(asked, "view"), _text(asked, "lighting"))
+            return session.render(_text(asked, "camera"), _text(asked, "lighting"))
+        if name == "live/cancel":
+            return session.cancel(whole(asked, "number", 0, 10**9))
+        return _sun(asked)
+
+
+def _sun(asked: Mapping[str, Any]) -> list[float]:
+    """Elevation and azimuth in degrees by latitude, longitude and time."""
+    try:
+        time = datetime.fromisoformat(_text(asked, "time"))
+        latitude, longitude = float(asked["latitude"]), float(asked["longitude"])
+    except (KeyError, TypeError, ValueError):
+        raise InputError("the sun", "no place or time", "give latitude, longitude and a time") from None
+    if time.tzinfo is None or not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
+        raise InputError("the sun", "a place that is none, or a time without its offset from UTC")
+    return list(sun_position(latitude, longitude, time))
+
+
+def _told(state: State) -> dict[str, Any]:
+    return {
+        "version": state.version,
+        "phase": state.phase,
+        "line": state.line,
+        "number": state.number,
+        "shown": state.shown,
+        "level": state.level,
+        "layers": [
+            {"name": x.name, "weight": x.weight.tolist(), "version": x.version, "samples": x.samples, "scale": x.scale}
+            for x in state.layers
+        ],
+        "limit": state.limit,
+        "tracing": state.tracing,
+        "done": round(state.done, 3),
+        "trouble": printable(state.trouble),
+        "estimate": state.estimate,
+        "renders": state.renders,
+    }
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(value, ensure_ascii=False, default=_time).encode()
+
+
+def _time(value: object) -> str:
+    if isinstance(value, datetime):
+        return value.isoformat()
+    raise TypeError(type(value).__name__)
+
+
+def _text(asked: Mapping[str, Any], key: str) -> str:
+    value = asked.get(key)
+    if not isinstance(value, str):
+        raise InputError("the page", f"{key} is no text")
+    return value
+
+
+def _table(asked: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = asked.get(key)
+    if not isinstance(value, dict):
+        raise InputError("the page", f"{key} is no table")
+    return value

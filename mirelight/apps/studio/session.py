@@ -1,0 +1,324 @@
+"""What one studio page asks for: a job that changes under its hands, light for it, frames.
+
+Requests come from any thread. The proxy, the captured light and frames are made by processes of their own; light on
+splats is traced on the thread that calls :meth:`Session.run`, the shown lighting's first, and coarse before fine.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mirelight.apps.mixer.bundle import bookmark, write_splats
+from mirelight.apps.mixer.layers import limit_of
+from mirelight.apps.studio.document import EDITED, Document
+from mirelight.apps.studio.helper import Helper
+from mirelight.apps.studio.lights import STAGES, Layer, Lights
+from mirelight.apps.studio.renders import Renders
+from mirelight.apps.studio.worker import Ordered
+from mirelight.base.errors import InputError, MirelightError
+from mirelight.model import Job
+from mirelight.pipeline import requirements
+from mirelight.pipeline.scene import Scene, prepare
+from mirelight.relighting.modes import mode_of
+from mirelight.store import Store
+
+_MOST_CAMERAS = 100  # that a page lists
+
+
+class _EndedError(Exception):
+    """What is being traced is of no more use."""
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What a page is told."""
+
+    version: int
+    phase: str  # "proxy": a mesh is being made; "ready"; "failed"
+    line: str  # what is being made
+    number: int  # of the edit that layers are of
+    shown: str  # the lighting that they are of
+    level: float | None  # of the captured light, cd/m²; None: not known yet
+    layers: tuple[Layer, ...]
+    limit: float | None
+    tracing: str
+    done: float
+    trouble: str
+    estimate: Mapping[str, Any] | None
+    renders: list[dict[str, Any]]
+
+
+class Session:
+    """One studio.
+
+    Args:
+        document: what is edited.
+        folder: where the page's splats are written.
+        tell: called with a line where something cannot be made.
+        stages: how many of the stages of samples are traced.
+    """
+
+    def __init__(
+        self,
+        document: Document,
+        folder: Path,
+        tell: Callable[[str], None] = lambda line: None,
+        stages: int = len(STAGES),
+    ) -> None:
+        self.document, self._tell, self._stages = document, tell, stages
+        self._news = threading.Condition()
+        self.edits = {key: document.data[key] for key in EDITED if key in document.data}
+        self._text = document.text(self.edits)
+        self._job = document.job(self._text)
+        requirements.check_lit_splats(self._job)
+        self._number, self._shown = 0, self._job.lightings[0].name
+        self._store = Store(self._job)
+        self._store.open()
+        self._scene: Scene = prepare(self._job, self._store.artefacts)
+        assert self._scene.splats is not None
+        file, self._order = write_splats(self._scene.splats, folder)
+        self.file = file.name
+        self._at: Job | None = None  # whose light is traced
+        self._stuck: Job | None = None  # whose light cannot be
+        self._lights: Lights | None = None
+        self._layers: tuple[Layer, ...] = ()
+        self._layered, self._layered_name = -1, ""  # the edit and the lighting that they are of
+        self._version, self._phase, self._line = 0, "proxy", ""
+        self._tracing, self._done, self._trouble = "", 0.0, ""
+        self._found: Mapping[str, Any] | None = None
+        self._helper: Helper | None = None
+        self._renders = Renders(self._changed)
+
+    # --- asked by any thread ---
+
+    def edit(self, number: int, shown: str, edits: Mapping[str, Any]) -> dict[str, Any]:
+        """Take another job; what the page is told of it.
+
+        Args:
+            number: of the edit; an older one than the last is left alone.
+            shown: name of the lighting that the page shows.
+            edits: what may be edited, whole.
+
+        Raises:
+            InputError: it is no sound job; the one before stays.
+        """
+        text = self.document.text(edits)
+        job = self.document.job(text)
+        requirements.check_lit_splats(job)
+        with self._news:
+            if number >= self._number:
+                self.edits, self._text, self._job, self._number, self._shown = dict(edits), text, job, number, shown
+                self._trouble, self._stuck = "", None
+                self._changed()
+        return self.told(job)
+
+    def told(self, job: Job | None = None) -> dict[str, Any]:
+        """What a job comes to: its cameras, and the lights of each lighting."""
+        job = job or self._job
+        splats = self._scene.splats
+        assert splats is not None
+        return {
+            "cameras": [bookmark(x, splats) for x in job.cameras if x.projection == "perspective"][:_MOST_CAMERAS],
+            "lightings": [{"name": x.name, "lights": [light.name for light in x.lights]} for x in job.lightings],
+        }
+
+    def save(self) -> str:
+        """Write the job; its file's name.
+
+        Raises:
+            InputError, OutputError: as :meth:`Document.save`.
+        """
+        self.document.save(self._text)
+        return self.document.path.name
+
+    def render(self, camera: str, lighting: str) -> int:
+        """Queue a frame of the job as it is; its number.
+
+        Raises:
+            InputError: there is no such camera or lighting; too many are waiting.
+        """
+        with self._news:
+            text, job = self._text, self._job
+        for name, there in ((camera, job.cameras), (lighting, job.lightings)):
+            if name not in {x.name for x in there}:
+                raise InputError("the job", f"nothing named {name!r}")
+        return self._renders.ask(Ordered(text=text, path=str(self.document.path), camera=camera, lighting=lighting))
+
+    def still(self, camera: Mapping[str, Any], lighting: str) -> int:
+        """As :meth:`render`, of a camera (a table) that the job does not keep."""
+        with self._news:
+            edits = dict(self.edits)
+        cameras = [x for x in edits.get("cameras", []) if x.get("name") != camera.get("name")]
+        text = self.document.text({**edits, "cameras": [*cameras, dict(camera)]})
+        self.document.job(text)
+        name = str(camera.get("name"))
+        return self._renders.ask(Ordered(text=text, path=str(self.document.path), camera=name, lighting=lighting))
+
+    def cancel(self, number: int) -> None:
+        """End a frame."""
+        self._renders.cancel(number)
+
+    def picture(self, number: int) -> Path | None:
+        """Of a frame, as far as it is."""
+        return self._renders.picture(number)
+
+    def packed(self, version: int) -> bytes:
+        """The values of a layer; empty where there are newer ones."""
+        return next((x.packed for x in self._layers if x.version == version), b"")
+
+    def state(self, after: int = -1, seconds: float = 0.0) -> State:
+        """How things stand, once there is something newer than a version, or so many seconds have gone."""
+        end = time.monotonic() + seconds
+        with self._news:
+            while self._version <= after and (left := end - time.monotonic()) > 0:
+                self._news.wait(left)
+            return State(
+                self._version,
+                self._phase,
+                self._line,
+                self._layered,
+                self._layered_name,
+                vars(self._scene).get("captured_level"),
+                self._layers,
+                limit_of(self._scene),
+                self._tracing,
+                self._done,
+                self._trouble,
+                self._found,
+                self._renders.told(),
+            )
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """What a page is told once."""
+        job, splats = self._job, self._scene.splats
+        assert splats is not None
+        return {
+            "title": self.document.path.name,
+            "count": len(splats),
+            "file": self.file,
+            "space": job.relight.space or mode_of(job.relight).space or "linear",
+            "background": list(job.display.background),
+            "tone": job.display.tone,
+            "notes": list(self.document.notes),
+            "job": self.edits,
+            "begun": self.document.begun,
+            **self.told(),
+        }
+
+    # --- the thread that traces ---
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Trace what is shown, until Ctrl-C, or until `until` says so."""
+        try:
+            self._begin()
+            while not until():
+                if not self._step():
+                    with self._news:
+                        self._news.wait(0.2)
+        finally:
+            if self._helper is not None:
+                self._helper.end()
+            self._renders.close()
+            self._store.close()
+
+    def _begin(self) -> None:
+        """Have the proxy made, and the captured light found where it is only assumed."""
+        made = self._job.made_proxy is not None
+        if not made:
+            self._phase = "ready"
+        if made or self.document.begun:
+            estimates = self.document.text({**self.edits, **self._adopted}) if self.document.begun else ""
+            self._line = "making the proxy mesh"
+            self._helper = Helper(Ordered(self._text, str(self.document.path), estimates), self._hear)
+
+    @property
+    def _adopted(self) -> dict[str, Any]:
+        """What a begun job says once its captured light is found."""
+        proxy = self.document.data["proxy"]
+        table = {"path": proxy} if isinstance(proxy, str) else dict(proxy)
+        return {"captured": "estimate", "proxy": {**table, "albedo": "splats"}}
+
+    def _hear(self, message: Mapping[str, Any]) -> None:
+        with self._news:
+            if "line" in message:
+                self._line = str(message["line"])
+            if "proxy" in message:
+                self._phase = "ready"
+                self._line = "finding the captured light" if self.document.begun else ""
+            if "estimate" in message:
+                self._found = {**message["estimate"], "edits": self._adopted}
+            if "failed" in message:
+                self._trouble = str(message["failed"])
+                self._phase = "ready" if self._phase == "ready" else "failed"
+                self._tell(self._trouble)
+            if "ended" in message:
+                self._line = ""
+            self._changed()
+
+    def _step(self) -> bool:
+        """Trace one thing, or take what was edited; False: there is nothing to do."""
+        with self._news:
+            job, number, shown, ready = self._job, self._number, self._shown, self._phase == "ready"
+        if not ready or job is self._stuck:
+            return False
+        try:
+            return self._traced(job, number, shown)
+        except _EndedError:
+            return True
+        except (MirelightError, RuntimeError, MemoryError) as error:  # the page lives on
+            said = "not enough memory" if isinstance(error, MemoryError) else str(error).strip()
+            with self._news:
+                self._trouble, self._stuck = (said.splitlines() or ["it failed"])[-1], job
+                self._tell(self._trouble)
+            return True
+        finally:
+            with self._news:
+                self._tracing = ""
+
+    def _traced(self, job: Job, number: int, shown: str) -> bool:
+        lighting = next((x for x in job.lightings if x.name == shown), job.lightings[0])
+        taken = job is not self._at or (number, lighting.name) != (self._layered, self._layered_name)
+        if job is not self._at:
+            self._take(job)
+        assert self._lights is not None
+        most = 1 if self._renders.busy else self._stages  # the machine is the frame's
+        due = [x for x in self._lights.wanted(lighting) if x[0] < most]
+        if not due and not taken:
+            return False
+        if due:
+            stage, unit = min(due, key=lambda x: x[0])
+            self._say("light on the splats" if stage == 0 else f"light, {STAGES[stage]} samples", 0, 1)
+            self._lights.trace(unit, stage)
+        layers = self._lights.layers(lighting)
+        with self._news:
+            if layers is not None:
+                self._layers, self._layered, self._layered_name = tuple(layers), number, lighting.name
+            self._changed()
+        return True
+
+    def _take(self, job: Job) -> None:
+        scene = prepare(job, self._store.artefacts, like=self._scene)
+        if self._lights is None or not self._lights.follow(scene):
+            self._lights = Lights(scene, self._order, self._say)
+        self._scene, self._at = scene, job
+
+    def _say(self, what: str, done: int, total: int) -> None:
+        """Progress of a trace; ends it where the job has changed."""
+        with self._news:
+            if self._at is not None and self._job is not self._at:
+                raise _EndedError
+            share = done / max(total, 1)
+            if abs(share - self._done) > 0.02 or not self._tracing:
+                self._tracing, self._done = what, share
+                self._changed()
+
+    def _changed(self) -> None:
+        with self._news:
+            self._version += 1
+            self._news.notify_all()

@@ -1,0 +1,158 @@
+"""A process of the studio: makes the proxy and finds the captured light, or renders a frame, and tells how far it is.
+
+It reads one order, a line of JSON, and says lines of JSON. When its order's pipe is closed, it ends.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mirelight.base.errors import MirelightError
+from mirelight.base.png import png_bytes
+from mirelight.batch import executor
+from mirelight.batch.preview import Previews
+from mirelight.estimate import Estimate, estimate
+from mirelight.estimate.describe import described, doubted, unknown
+from mirelight.io import job as jobs
+from mirelight.io.png import encode_display
+from mirelight.model import F64, DisplaySettings, EstimatedSky, Frame
+from mirelight.pipeline.plan import FrameTask, Group, plan
+from mirelight.pipeline.scene import Scene, prepare
+from mirelight.store import Store
+
+Say = Callable[..., None]  # named values; one message
+
+
+@dataclass(frozen=True, slots=True)
+class Ordered:
+    """What is to be done with a job."""
+
+    text: str  # of the job
+    path: str  # where it would stand
+    estimates: str = ""  # the job whose captured light is to be estimated; "": none is
+    camera: str = ""  # to render; "": the proxy is made
+    lighting: str = ""
+
+
+def carry_out(asked: Ordered, say: Say) -> None:
+    """Do it. Raises MirelightError."""
+    work = jobs.load_text(asked.text, asked.path)
+    store = Store(work)
+    store.open()
+    try:
+        if asked.camera:
+            _render(asked, store, say)
+            return
+        scene = prepare(work, store.artefacts, lambda line: say(line=line))
+        mesh = scene.mesh
+        say(proxy=0 if mesh is None else len(mesh.faces))
+        if asked.estimates:
+            _estimate(prepare(jobs.load_text(asked.estimates, asked.path), store.artefacts, like=scene), say)
+    finally:
+        store.close()
+
+
+def _estimate(scene: Scene, say: Say) -> None:
+    sky = None if scene.job.captured is None else scene.job.captured.sky
+    assert isinstance(sky, EstimatedSky) and scene.splats is not None and scene.mesh is not None
+    say(line="finding the captured light")
+    found = estimate(scene.splats, scene.mesh, scene.job.render, views=scene.views)
+    scene.keep_estimate(sky, found)
+    sound = not doubted(found)
+    level = scene.captured_level if sound else None
+    lines = [" ".join(x.split()) for x in described(found)]
+    if not sound:
+        lines = [f"not known: {x}" for x in unknown(found)][:1] + lines
+    say(estimate={"sound": bool(sound and level), "level": level or 1.0, "lines": lines, "picture": _panorama(found)})
+
+
+def _panorama(found: Estimate) -> str:
+    """All around as a PNG file in base64: the map, with the sun where it stands."""
+    radiance: F64 = found.radiance / max(float(np.quantile(found.radiance, 0.98)), 1e-9)
+    pixels = np.concatenate([radiance, np.ones((*radiance.shape[:2], 1))], axis=2).astype(np.float32)
+    shown = encode_display(pixels, DisplaySettings(exposure=-0.5), "physical")
+    return base64.b64encode(png_bytes(shown, {})).decode()
+
+
+def _render(asked: Ordered, store: Store, say: Say) -> None:
+    work = plan(jobs.load_text(asked.text, asked.path), cameras=[asked.camera], lightings=[asked.lighting])
+    heard = _Heard(say)
+    shown = _Shown(store, say)
+    made = executor.run(work, store, heard, shown)
+    task = work.tasks[0]
+    if made.failed:
+        say(failed=heard.error)
+    else:
+        say(picture=str(store.folder / f"{task.name}.png"), finished=task.name)
+
+
+class _Heard(executor.Progress):
+    def __init__(self, say: Say) -> None:
+        self._say, self._share, self.error = say, -1.0, ""
+
+    def samples(self, task: FrameTask, done: int, total: int) -> None:
+        share = done / max(total, 1)
+        if share - self._share > 0.01 or share < self._share:
+            self._share = share
+            self._say(done=round(share, 3))
+
+    def note(self, line: str) -> None:
+        self._say(line=line)
+
+    def failed(self, task: FrameTask, error: str) -> None:
+        self.error = error
+
+
+class _Shown(Previews):
+    """Says when there is another picture."""
+
+    def __init__(self, store: Store, say: Say) -> None:
+        super().__init__(store, executor.Progress())
+        self._folder, self._tell = store, say
+
+    def first(self, scene: Scene, groups: Sequence[Group]) -> None:
+        super().first(scene, groups)
+        self._tell(picture=str(self._folder.preview_path(groups[0].tasks[0])))
+
+    def so_far(self, task: FrameTask, frame: Callable[[], Frame]) -> None:
+        super().so_far(task, frame)
+        self._tell(picture=str(self._folder.preview_path(task)))
+
+
+def main() -> int:
+    """The process; its exit code."""
+    told = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what libraries print is no message
+
+    def say(**values: Any) -> None:
+        print(json.dumps(values), file=told, flush=True)
+
+    line = sys.stdin.readline()
+    threading.Thread(target=_end_with_stdin, daemon=True).start()
+    try:
+        carry_out(Ordered(**json.loads(line)), say)
+    except (MirelightError, RuntimeError, MemoryError, OSError) as error:
+        said = str(error).strip().splitlines() if not isinstance(error, MemoryError) else ["not enough memory"]
+        say(failed=(said or ["it failed without a word"])[-1 if isinstance(error, RuntimeError) else 0])
+        return 2
+    return 0
+
+
+def _end_with_stdin() -> None:
+    sys.stdin.read()
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the studio's, which closes the pipe
+    sys.exit(main())

@@ -1,0 +1,186 @@
+"""The studio in a real browser: from a bare capture to a saved job, and a frame that has the command's bits."""
+
+from __future__ import annotations
+
+import base64
+import io
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mirelight.apps.realtime import browser
+from mirelight.apps.studio import opened
+from mirelight.apps.studio.server import serving
+from mirelight.apps.studio.session import Session
+from mirelight.cli import main
+from mirelight.io import image, splats
+from mirelight.io import job as jobs
+from mirelight.model import PointLight, SunLight
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import prepare
+
+from .mixer_page import decibels
+from .mixer_scene import walls
+from .test_mixer import displayed
+from .waiting import LIMIT, settled, until
+
+SIZE = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("studio")
+    splats.write(walls(24)[0], out / "corner.ply")
+    return out
+
+
+@pytest.fixture(scope="module")
+def seen(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a person does on the page, one after another, while this thread traces."""
+    page = tmp_path_factory.mktemp("page")
+    session = Session(opened(str(folder / "corner.ply"), None), page, stages=2)
+    found: dict[str, Any] = {}
+
+    def visit(address: str) -> None:
+        try:
+            _visit(address, found)
+        except Exception as error:  # told by the test
+            found["trouble"] = error
+
+    with serving(session, page) as address:
+        visitor = threading.Thread(target=visit, args=(address,))
+        visitor.start()
+        session.run(lambda: not visitor.is_alive())
+    if "trouble" in found:
+        raise found["trouble"]
+    return found
+
+
+def _visit(address: str, found: dict[str, Any]) -> None:
+    from playwright.sync_api import Page, sync_playwright
+
+    def state(page: Page) -> dict[str, Any]:
+        return dict(page.evaluate("studio.then(x => x.state() ?? {})"))
+
+    def job(page: Page) -> dict[str, Any]:
+        return dict(page.evaluate("studio.then(x => x.model.job)"))
+
+    def lit(page: Page, names: set[str]) -> Callable[[], bool]:
+        """Whether the page shows these layers, with all of their samples."""
+
+        def holds() -> bool:
+            layers = state(page).get("layers", [])
+            return {x["name"] for x in layers if x["name"]} == names and all(x["samples"] >= 64 for x in layers)
+
+        return holds
+
+    with sync_playwright() as playwright:
+        flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
+        chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
+        page = chromium.new_page(viewport={"width": 1280, "height": 720})
+        page.set_default_timeout(LIMIT)
+        failures: list[str] = []
+        page.on("pageerror", lambda error: failures.append(str(error)))
+        page.goto(address)
+        page.wait_for_function("document.getElementById('message').hidden")
+        found["title"] = page.inner_text("#title")
+        for label, value in (("Width", SIZE[0]), ("Height", SIZE[1])):
+            page.fill(f"[aria-label='{label} of frames in pixels']", str(value))
+        page.fill("#samples", "64")
+        until(page, lit(page, {"sun", "environment"}))
+
+        page.click("#add-point")
+        page.fill("[aria-label='lamp: Kelvin']", "2700")
+        page.fill("[aria-label='lamp: intensity in candela']", "12")
+        page.fill("[aria-label='sun: Azimuth °']", "200")
+        page.keyboard.press("Tab")
+        lamp = page.locator(".handle[title=lamp]")
+        box = lamp.bounding_box()
+        assert box is not None
+        found["began"] = job(page)["lightings"][0]["lights"][1]["position"]
+        x, y = box["x"] + 16, box["y"] + 16
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 40, y + 20, steps=3)
+        page.mouse.up()
+        lamp.focus()
+        page.keyboard.press("Alt+ArrowUp")
+        found["moved"] = job(page)["lightings"][0]["lights"][1]["position"]
+
+        page.click("[aria-label='Another lighting like this one']")
+        page.fill("#lighting-name", "dusk")
+        page.click("[aria-label='Remove sun']")
+        until(page, lit(page, {"lamp", "environment"}))
+        page.click("#add-spot")
+        page.click("#undo")
+        found["undone"] = [x["name"] for x in job(page)["lightings"][1]["lights"]]
+        page.fill("[aria-label='lamp: Kelvin']", "-5")
+        page.fill("[aria-label='lamp: Kelvin']", "3000")
+        page.keyboard.press("Tab")
+        page.click("#keep-view")
+        page.wait_for_selector("[aria-label='Render view-1']")
+        until(page, lit(page, {"lamp", "environment"}))
+
+        page.evaluate("studio.then(x => { x.view.resize(160, 120); x.go(x.cameras().at(-1)); })")
+        settled(page, page.locator("#view"))
+        found["picture"] = page.evaluate("document.getElementById('view').toDataURL()")
+        page.evaluate("dispatchEvent(new Event('resize'))")
+
+        page.click("#save")
+        page.wait_for_function("document.getElementById('saved').textContent")
+        found["saved"] = page.inner_text("#saved")
+        page.click("[aria-label='Render view-1']")
+        until(page, lambda: any(x["state"] in ("done", "failed") for x in state(page).get("renders", [])))
+        found["render"] = state(page)["renders"][0]
+        found["frame"] = page.request.get(page.locator("#queue img").evaluate("x => x.src")).body()
+        found["said"] = page.inner_text("#error")
+        page.set_viewport_size({"width": 390, "height": 844})
+        settled(page, page)
+        found["phone"] = page.evaluate("[document.documentElement.scrollWidth, scrollX]")
+        found["unlabelled"] = page.evaluate(
+            "[...document.querySelectorAll('button, input, select')].filter((x) => !x.closest('[hidden]') && "
+            "!(x.ariaLabel || x.textContent.trim() || x.labels?.length)).map((x) => x.outerHTML)"
+        )
+        found["failures"] = failures
+        chromium.close()
+
+
+def test_lights_are_added_moved_and_undone(seen: dict[str, Any]) -> None:
+    assert seen["failures"] == [] and seen["said"] == ""
+    assert seen["title"] == "corner"
+    assert np.abs(np.subtract(seen["moved"], seen["began"])).max() > 0.05
+    assert seen["undone"] == ["lamp"]
+
+
+def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path) -> None:
+    assert seen["saved"] == "Saved: corner.studio.toml"
+    job = jobs.load(folder / "corner.studio.toml")
+    assert [x.name for x in job.lightings] == ["sun", "dusk"]
+    sun, lamp = job.lightings[0].lights
+    assert isinstance(sun, SunLight) and isinstance(lamp, PointLight)
+    assert np.degrees(np.arctan2(-sun.direction[0], sun.direction[2])) % 360 == pytest.approx(200)
+    np.testing.assert_allclose(lamp.position, seen["moved"])
+    assert lamp.intensity == 12
+    frame = stages.frame(prepare(job), job.cameras[-1], job.lightings[1])
+    png = io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))
+    shown = np.asarray(Image.open(png).convert("RGB"), np.float32) / 255
+    assert decibels(shown, displayed(frame, 0)) >= 28
+
+
+def test_a_frame_has_the_commands_bits(seen: dict[str, Any], folder: Path, tmp_path: Path) -> None:
+    assert seen["render"]["state"] == "done", seen["render"]
+    saved = str(folder / "corner.studio.toml")
+    assert main(["render", saved, "-o", str(tmp_path), "--camera", "view-1", "--lighting", "dusk", "-q"]) == 0
+    assert seen["frame"] == (tmp_path / "view-1.dusk.png").read_bytes()
+    ours, theirs = (image.read(x / "view-1.dusk.exr") for x in (folder / "out", tmp_path))
+    np.testing.assert_array_equal(ours.rgba, theirs.rgba)
+
+
+def test_it_is_labelled_and_fits_a_phone(seen: dict[str, Any]) -> None:
+    assert seen["phone"] == [390, 0]
+    assert seen["unlabelled"] == []

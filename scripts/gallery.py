@@ -243,6 +243,7 @@ PICTURES: dict[str, Kind] = {
     "night": Kind(frame),
     "gels": Kind(frame),
     "softbox": Kind(frame),
+    "sky": Kind(frame),
     "sun": replace(SHEET, tiles=views),
     "one": SHEET,
     "panorama": SHEET,

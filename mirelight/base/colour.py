@@ -74,8 +74,8 @@ def shown(
     gain: float = 1.0,
     tone: ToneCurve = "none",
     background: ArrayLike = 0.0,
-    whole: bool = False,
     view: Callable[[F32], F32] | None = None,
+    behind: F32 | None = None,
 ) -> F32:
     """Display values of a premultiplied linear picture: the one way from light to what a screen or an 8-bit file shows.
 
@@ -89,16 +89,15 @@ def shown(
         gain: linear factor before the tone curve.
         tone: tone curve.
         background: display-encoded, broadcast to (..., 3).
-        whole: the splats were blended in linear light, as the engine's linear pipeline does: the background lies behind
-            them in linear light too, and what both make together is exposed, tone mapped and encoded.
         view: from linear light (..., 3) to display values, in place of the tone curve and the transfer curve.
+        behind: (..., 3) linear light in place of the background, as where splats were blended in linear light
+            (the engine's linear pipeline does): what both make together is exposed, tone mapped and encoded.
 
     Returns:
         (..., 3), 0 to 1; what is no number is 0.
     """
-    if whole:
-        share = np.float32(1) - alpha[..., None]
-        light = (rgb + decode(background, transfer) * share) * np.float32(gain)
+    if behind is not None:
+        light = (rgb + behind * (np.float32(1) - alpha[..., None])) * np.float32(gain)
         return laid_over(displayed(light, transfer, tone, view), np.ones_like(alpha), 0.0)
     own = straight(rgb, alpha)
     if gain != 1:

@@ -47,7 +47,7 @@ class Display:
                 gain=gain * 2.0**settings.exposure,
                 tone=settings.tone,
                 background=settings.background,
-                whole=whole,
+                behind=colour.decode(settings.background, transfer) if whole else None,
             )
         elif whole:
             lit = rgb if gain == 1 else colour.encode(colour.decode(rgb, transfer) * np.float32(gain), transfer)

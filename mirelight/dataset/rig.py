@@ -10,9 +10,9 @@ import numpy as np
 from mirelight.base.conventions import Matrix
 from mirelight.dataset.layouts.pictures import Lamp, Shared
 from mirelight.dataset.layouts.world import scale_of
-from mirelight.dataset.surroundings import Sun
 from mirelight.dataset.view import DataSet
 from mirelight.model import IesProfile, Light, PointLight, SpotLight, SunLight
+from mirelight.relighting.surroundings import Sun
 from mirelight.store.layer_index import UnitLight
 
 _UNITS = {

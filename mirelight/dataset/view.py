@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.dataset.planes import Planes, ReadyView, SeenObjects, planar, surface_of
-from mirelight.dataset.surroundings import Map, Sun, Surroundings
+from mirelight.io.environment import read_environment
 from mirelight.model import (
     F32,
     F64,
@@ -34,6 +34,8 @@ from mirelight.model import (
 )
 from mirelight.pipeline.captured_sun import one_distant, strongest, sun_of
 from mirelight.pipeline.codecs import ARRAY, composite_of, light_of, matte_of
+from mirelight.relighting import backdrop
+from mirelight.relighting.surroundings import Map, Sun, Surroundings
 from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
@@ -169,11 +171,9 @@ class DataSet:
         for place, weight in zip(weighted.units, weighted.weights, strict=True):
             unit, factor = self.lights[place], np.asarray(weight, dtype=np.float64)
             for light in unit.lights:
-                if isinstance(light, SunLight):
-                    lux = factor * light.color * light.intensity
-                    suns.append(Sun(light.direction, lux, light.angular_diameter))
-                elif isinstance(light, DirectionalLight):
-                    suns.append(Sun(light.direction, factor * light.color * light.intensity))
+                if isinstance(light, DirectionalLight | SunLight):
+                    sun = Sun.of(light)
+                    suns.append(replace(sun, lux=factor * sun.lux))
             for around in unit.around:
                 of_sky = self.suns(around)
                 if of_sky is None:
@@ -182,6 +182,19 @@ class DataSet:
                 else:
                     suns += [replace(sun, lux=factor * sun.lux) for sun in of_sky]
         return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
+
+    def background(self, camera: int, lighting: int, alpha: F32) -> F32 | None:
+        """(H, W, 3) linear light behind a frame of that alpha (H, W), as its job shows it; None: a plain colour."""
+        how, seen = self._index.display.backdrop, self._views[camera].camera
+        if how is None:
+            return None
+        if how.picture is not None:
+            return backdrop.fitted(read_environment(how.picture), seen, how.exposure)
+        around = self.surroundings(lighting)
+        if around is None:
+            return None
+        behind = backdrop.seen(seen, backdrop.prepared(around, how, seen.fx), how)
+        return behind if self._views[camera].composite is None else backdrop.without_leaks(behind, alpha)
 
     def suns(self, around: Around) -> tuple[Sun, ...] | None:
         """The suns that light from far away was kept as; None where it is a map. Raises InputError."""

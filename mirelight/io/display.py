@@ -55,7 +55,10 @@ def _exr(path: Path) -> NDArray[np.uint8]:
     rgba = _rgba(values)
     rgba[..., :3] = to_rec709(path, image.metadata, rgba[..., :3])
     profile, linear = profile_of(path, image.metadata)
-    return encode_display(rgba, _display_of(image.metadata), profile, whole=linear)
+    behind = None
+    if PROVENANCE in image.metadata and {f"background.{x}" for x in "RGB"} <= set(image.channels):
+        behind = to_rec709(path, image.metadata, image.layer("background"))
+    return encode_display(rgba, _display_of(image.metadata), profile, whole=linear, behind=behind)
 
 
 def _rgba(values: F32) -> F32:

@@ -38,7 +38,7 @@ from mirelight.io.frame_texts import (
     read_text,
     texts_of,
 )
-from mirelight.io.png import encode_display, png_is_intact, read_png_text, write_png
+from mirelight.io.png import encode_display, encode_straight, png_is_intact, read_png_text, write_png
 from mirelight.model import (
     F32,
     Camera,
@@ -66,7 +66,7 @@ def write(
     Args:
         frame: what to write.
         path: a name ending in .exr or .png in an existing folder; appears whole or not at all.
-        display: PNG only: exposure, tone curve and background.
+        display: PNG only: exposure, tone curve, and the background of a frame that brings none.
         output: EXR only: which layers, in which colour space, whether colours are 16-bit, and how it is compressed.
 
     Raises:
@@ -93,7 +93,10 @@ def write(
         write_exr(path, images, texts, half if output.half else (), output.compression)
     elif suffix == ".png":
         whole = frame.splats is not None and frame.splats.linear
-        pixels = encode_display(frame.rgba, display, frame.profile, whole=whole)
+        if display.transparent:
+            pixels = encode_straight(frame.rgba, display, frame.profile)
+        else:
+            pixels = encode_display(frame.rgba, display, frame.profile, whole=whole, behind=frame.background)
         write_png(path, pixels, texts_of(frame, noise=False))
     else:
         raise OutputError(f"{path}: a frame is written as .exr or .png, not {path.suffix or 'without a suffix'}")

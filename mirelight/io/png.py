@@ -21,7 +21,12 @@ from mirelight.model import F32, DisplaySettings, Profile, rules_of
 
 
 def encode_display(
-    rgba: F32, display: DisplaySettings, profile: Profile = "physical", *, whole: bool = False
+    rgba: F32,
+    display: DisplaySettings,
+    profile: Profile = "physical",
+    *,
+    whole: bool = False,
+    behind: F32 | None = None,
 ) -> NDArray[np.uint8]:
     """A premultiplied linear picture as display values over the display's background.
 
@@ -32,6 +37,7 @@ def encode_display(
         display: exposure in stops, tone curve or view, background.
         profile: whose transfer curve, without a view: sRGB for physical, a 2.2 power for playcanvas.
         whole: the splats were blended in linear light.
+        behind: (H, W, 3) linear light in place of the background.
 
     Returns:
         (H, W, 3) uint8, rounded half to even.
@@ -39,18 +45,42 @@ def encode_display(
     Raises:
         BackendError, InputError: see :func:`mirelight.io.views.curve_of`.
     """
+    transfer = rules_of(profile).transfer
+    if whole and behind is None:
+        behind = colour.decode(display.background, transfer)
     shown = colour.shown(
         rgba[..., :3],
         rgba[..., 3],
-        rules_of(profile).transfer,
+        transfer,
         gain=2.0**display.exposure,
         tone=display.tone,
         background=display.background,
-        whole=whole,
         view=curve_of(display),
+        behind=behind,
     )
     shown *= np.float32(255)
     return np.rint(shown, out=shown).astype(np.uint8)
+
+
+def encode_straight(rgba: F32, display: DisplaySettings, profile: Profile = "physical") -> NDArray[np.uint8]:
+    """A premultiplied linear picture as display values with straight alpha.
+
+    Laid over a background by a program, rgb a + background (1 - a), it is what :func:`encode_display` gives over that
+    background, except where a colour is brighter than white before it is multiplied by alpha, which 8 bits cannot hold.
+
+    Args:
+        rgba: (H, W, 4) linear, premultiplied.
+        display: exposure in stops, tone curve or view; its background has no part in it.
+        profile: whose transfer curve, without a view.
+
+    Returns:
+        (H, W, 4) uint8, rounded half to even; black where alpha is 0.
+    """
+    own = colour.straight(rgba[..., :3], rgba[..., 3]) * np.float32(2.0**display.exposure)
+    shown = colour.displayed(own, rules_of(profile).transfer, display.tone, curve_of(display))
+    values = np.concatenate([shown, rgba[..., 3:]], axis=-1)
+    clean = np.clip(np.nan_to_num(values, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    return np.asarray(np.rint(clean * np.float32(255)), dtype=np.uint8)
 
 
 def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> None:

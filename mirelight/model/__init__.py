@@ -34,12 +34,14 @@ from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, Wrap, Wraps
 from mirelight.model.settings import (
+    Backdrop,
     CompositorSettings,
     Compression,
     DatasetSettings,
     DisplaySettings,
     DisplayView,
     EngineSettings,
+    Ground,
     HdrFormat,
     HeldOut,
     Indirect,
@@ -57,6 +59,7 @@ __all__ = [
     "I32",
     "PROFILES",
     "AreaLight",
+    "Backdrop",
     "Camera",
     "CellLight",
     "CompositorSettings",
@@ -71,6 +74,7 @@ __all__ = [
     "EstimatedSky",
     "Falloff",
     "Frame",
+    "Ground",
     "HdrFormat",
     "HeldOut",
     "IesProfile",

@@ -59,6 +59,16 @@ PLANES: tuple[Plane, ...] = (
         exact=True,
     ),
     Plane(
+        name="background",
+        channels="RGB",
+        owner="frame",
+        field="background",
+        meaning="light behind the picture, where `display.background` is an environment or a picture; the two together "
+        "are RGB + (1 − A) background. Dark where the splats are all but opaque",
+        half=True,
+        color=True,
+    ),
+    Plane(
         name="splat_color",
         channels="RGB",
         owner="splats",

@@ -283,6 +283,7 @@ class Frame(ArrayHolder):
     made_by: Provenance | None = None
     noise: F32 | None = None  # (H, W, 3) standard deviation of rgba's colour; None where it is unknown or not wanted
     profile: Profile = "physical"  # by whose transfer curve it is shown; that of the splats where there are any
+    background: F32 | None = None  # (H, W, 3) linear light behind the picture; None: what shows it takes a plain colour
     mattes: tuple[Matte, ...] = ()  # what `output.aovs` names of `planes.MATTES`; not read back from a file
 
     def __post_init__(self) -> None:
@@ -291,12 +292,14 @@ class Frame(ArrayHolder):
         freeze(self, "unlit", (h, w, 4))
         freeze(self, "factor", (h, w, 3))
         freeze(self, "noise", (h, w, 3))
+        freeze(self, "background", (h, w, 3))
         if self.splats is not None:
             object.__setattr__(self, "profile", self.splats.profile)
 
     def __repr__(self) -> str:
         lighting = f" under {self.made_by.lighting!r}" if self.made_by is not None and self.made_by.lighting else ""
         parts = {"unlit": self.unlit, "factor": self.factor, "noise": self.noise, "splats": self.splats}
+        parts["background"] = self.background
         held = [name for name, part in parts.items() if part is not None]
         if self.lighting is not None:
             held.append(f"lighting in {shown.count(len(self.lighting.layers), 'layer')}")
@@ -308,5 +311,5 @@ class Frame(ArrayHolder):
         )
 
     def _repr_png_(self) -> bytes:
-        """In a notebook: the relit picture over black, by the profile's transfer curve."""
-        return shown.picture(self.rgba, self.profile)
+        """In a notebook: the relit picture over its background or black, by the profile's transfer curve."""
+        return shown.picture(self.rgba, self.profile, self.background)

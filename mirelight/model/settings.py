@@ -95,6 +95,30 @@ class DisplayView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """A floor that the lower half of a panorama is laid on, below a dome that takes the rest."""
+
+    center: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        0.0,
+    )  # of the floor, below where the panorama was taken
+    height: float = 1.6  # that it was taken at above the floor, world units
+    radius: float = 30.0  # of the dome, world units; larger than the height
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Backdrop:
+    """Light behind the splats: what a lighting has all around, or a picture."""
+
+    picture: str | None = None  # a file; None: environment, sky and suns of the frame's lighting
+    identity: str = ""  # SHA-256 of that file
+    exposure: float = 0.0  # stops, beside that of the whole picture
+    blur: float = 0.0  # degrees, standard deviation; of surroundings alone
+    ground: Ground | None = None  # of surroundings alone; None: all lies far away
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DisplaySettings:
     """How linear light becomes a PNG."""
 
@@ -102,13 +126,20 @@ class DisplaySettings:
     tone: ToneCurve = "none"
     view: DisplayView | None = None  # in place of the tone curve and the profile's transfer curve
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # display-encoded, behind the splats
+    transparent: bool = False  # nothing behind the splats: the PNG has straight alpha
+    backdrop: Backdrop | None = None  # light in place of that colour, in the EXR too
 
     @staticmethod
     def of(values: Mapping[str, Any]) -> DisplaySettings:
         """From `dataclasses.asdict` of some, as files hold it. TypeError, KeyError or ValueError: it is none."""
-        view = values.get("view")
+        view, behind = values.get("view"), values.get("backdrop")
+        if behind is not None:
+            ground = behind["ground"]
+            if ground is not None:
+                ground = Ground(**{**ground, "center": tuple(ground["center"])})
+            behind = Backdrop(**{**behind, "ground": ground})
         chosen = {"view": None if view is None else DisplayView(**view), "background": tuple(values["background"])}
-        return DisplaySettings(**{**values, **chosen})
+        return DisplaySettings(**{**values, **chosen, "backdrop": behind})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -52,7 +52,8 @@ def point(values: Any) -> str:
     return "(" + ", ".join(f"{float(x):.4g}" for x in np.asarray(values).ravel()) + ")"
 
 
-def picture(rgba: F32, profile: Profile = "physical") -> bytes:
-    """A premultiplied linear picture (H, W, 4) over black as PNG, at exposure 0, without tone curve: for a notebook."""
-    display = colour.shown(rgba[..., :3], rgba[..., 3], rules_of(profile).transfer)
+def picture(rgba: F32, profile: Profile = "physical", behind: F32 | None = None) -> bytes:
+    """A premultiplied linear picture (H, W, 4) over light (H, W, 3), or black, as PNG, at exposure 0, without tone
+    curve: for a notebook."""
+    display = colour.shown(rgba[..., :3], rgba[..., 3], rules_of(profile).transfer, behind=behind)
     return png_bytes(np.rint(display * np.float32(255)).astype(np.uint8), {})

@@ -227,8 +227,8 @@ def _shown(rgba: F32, frame: Frame, display: DisplaySettings, step: int) -> F32:
     whole = frame.splats is not None and frame.splats.linear
     gain = 2.0**display.exposure
     transfer = rules_of(frame.profile).transfer
-    view = curve_of(display)
-    return colour.shown(few[..., :3], few[..., 3], transfer, gain=gain, tone=display.tone, whole=whole, view=view)
+    black, view = np.zeros(3, np.float32) if whole else None, curve_of(display)
+    return colour.shown(few[..., :3], few[..., 3], transfer, gain=gain, tone=display.tone, behind=black, view=view)
 
 
 def _shares(display: F32) -> tuple[float, float]:

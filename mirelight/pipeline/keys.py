@@ -323,7 +323,19 @@ class Keys:
 
     def file(self, frame: str, camera: Camera, lighting: Lighting | None, suffix: str) -> str:
         """A file of a frame, whose own key is `frame`: what is in it, and how it is written."""
-        return _joined(self._writing[suffix], frame, json.dumps(camera.name), self._names(lighting))
+        shows = suffix == ".png" or self.job.output.wants("background")
+        behind = self._behind(requirements.shown_around(self.job, lighting)) if shows else []
+        return _joined(self._writing[suffix], frame, json.dumps(camera.name), self._names(lighting), *behind)
+
+    def _behind(self, around: Lighting | None) -> list[str]:
+        """What stands behind frames that show a lighting's surroundings, or a picture; empty: a plain colour."""
+        how = self.job.display.backdrop
+        if how is None:
+            return []
+        settings = replace(how, picture=None), how.picture is not None
+        if how.picture is not None or around is None:
+            return [digest("backdrop", settings, self._versions("numpy"))]
+        return [digest("backdrop", settings, _light(around), self._device)]
 
     @cached_property
     def _writing(self) -> dict[str, str]:

@@ -22,7 +22,7 @@ def read(settings: object, names: Iterable[str]) -> dict[str, object]:
 
 def display_reads(settings: DisplaySettings) -> tuple[object, ...]:
     """What decides a PNG's pixels: of a view not where its config lies, but what it computes."""
-    view = settings.view
+    view, settings = settings.view, replace(settings, backdrop=None)  # what stands behind has its own key
     if view is None:
         return (settings,)
     return replace(settings, view=None), view.display, view.view, view.identity

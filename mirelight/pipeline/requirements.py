@@ -39,6 +39,16 @@ def with_compared(job: Job, lightings: Iterable[Lighting]) -> list[Lighting]:
     return [*lightings, *(() if captured is None else (captured,))]
 
 
+def wants_backdrop(job: Job) -> bool:
+    """Whether files of frames hold light that stands behind the splats."""
+    return job.display.backdrop is not None and (job.output.png or job.output.wants("background"))
+
+
+def shown_around(job: Job, lighting: Lighting | None) -> Lighting | None:
+    """The lighting whose surroundings stand behind a frame: its own, or the captured one where it has none."""
+    return job.captured if lighting is None else lighting
+
+
 def follows_engine(job: Job) -> bool:
     """True where light is the real-time engine's."""
     return not rules_of(job.render.profile).path_traced

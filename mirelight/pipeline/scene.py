@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from mirelight import relighting
 from mirelight.model import (
+    F32,
     Camera,
     Deferred,
     Job,
+    Lighting,
     LightingBuffer,
     Matte,
     ProxyMesh,
@@ -19,6 +21,7 @@ from mirelight.model import (
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.pipeline import keys, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
+from mirelight.pipeline.backdrops import Backdrops
 from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneWithObjects
@@ -203,6 +206,14 @@ class Scene(Prepared):
             made = (self.object_matte(camera) if name == OBJECT_MATTE else own(camera, name) for name in wanted)
             self._mattes = (camera, tuple(made))
         return self._mattes[1]
+
+    def backdrop(self, camera: Camera, lighting: Lighting | None) -> F32 | None:
+        """(H, W, 3) what stands behind a frame, see :meth:`mirelight.pipeline.backdrops.Backdrops.of`."""
+        return self._backdrops.of(camera, lighting)
+
+    @cached_property
+    def _backdrops(self) -> Backdrops:
+        return Backdrops(self.job, self.resolved)
 
     @cached_property
     def _matte_rays(self) -> Mattes:

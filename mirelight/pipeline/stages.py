@@ -207,7 +207,10 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     mattes = scene.mattes(camera)
     if front is not None:
         mattes = tuple(x.behind(front.transmittance) if x.name == OBJECT_MATTE else x for x in mattes)
-    return replace(made, mattes=mattes) if mattes else made
+    behind = scene.backdrop(camera, lit.lighting if lit else None)
+    if behind is not None and splats is not None:
+        behind = relighting.without_leaks(behind, made.rgba[..., 3])
+    return made if not mattes and behind is None else replace(made, mattes=mattes, background=behind)
 
 
 def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSettings) -> F32:

@@ -8,6 +8,7 @@ docs/explanation/relighting.md.
 
 from __future__ import annotations
 
+from mirelight.relighting.backdrop import without_leaks
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.inserted import with_objects
 from mirelight.relighting.mode import Lit, Mode, Task
@@ -38,4 +39,5 @@ __all__ = [
     "unlit_rgba",
     "upsample",
     "with_objects",
+    "without_leaks",
 ]

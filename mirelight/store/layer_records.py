@@ -17,8 +17,8 @@ from mirelight.pipeline import plan as planning
 from mirelight.pipeline.artefact_cache import ArtefactCache
 from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.plan import Plan
+from mirelight.relighting.surroundings import shrunk
 from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
-from mirelight.store.small_maps import shrunk
 
 _TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
 

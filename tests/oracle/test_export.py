@@ -18,11 +18,12 @@ import pytest
 from PIL import Image
 
 from mirelight import cli, dataset
-from mirelight.dataset.layouts import LAYOUTS, Pixels, straight_rgba
-from mirelight.dataset.surroundings import solid_angles
+from mirelight.dataset.layouts import LAYOUTS, Pixels
 from mirelight.dataset.view import DataSet
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.exr import read_exr
+from mirelight.io.png import encode_straight
+from mirelight.relighting.surroundings import solid_angles
 
 from .test_dataset_view import make_scene
 
@@ -187,7 +188,7 @@ def test_pictures_are_the_frames(folder: Path, tmp_path: Path) -> None:
     data = dataset.open(folder)
     tensoir, nerf, olat = (export(folder, tmp_path / name, name) for name in ("tensoir", "nerf", "olat"))
     frame = data.frame("orbit.0002", "lamp")
-    expected = straight_rgba(frame, data.index.display)
+    expected = encode_straight(frame, data.index.display)
     one = next(tensoir.glob("*_001"))
     for path in (
         nerf / "lamp" / "images" / "orbit_0002.png",
@@ -220,7 +221,7 @@ def test_shards(folder: Path, tmp_path: Path) -> None:
     for lighting, name in (("day.1", "day_1"), ("lamp", "lamp")):
         sample = found[f"{name}__orbit_0003"]
         frame = data.frame("orbit.0003", lighting)
-        np.testing.assert_array_equal(np.asarray(sample["png"]), straight_rgba(frame, data.index.display))
+        np.testing.assert_array_equal(np.asarray(sample["png"]), encode_straight(frame, data.index.display))
         np.testing.assert_array_equal(np.asarray(sample["mask.png"])[..., 0] > 0, frame[..., 3] > 0.5)
         linear = sample["hdr.npy"].astype(np.float32)
         np.testing.assert_allclose(linear[..., :3] * linear[..., 3:], frame[..., :3], rtol=2e-3, atol=1e-5)

@@ -163,7 +163,8 @@ class Rungs:
         if whole:
             tone, gain = engine_tone(self.job)
         transfer = rules_of(frame.profile).transfer
-        return colour.shown(rgb, alpha, transfer, gain=gain, tone=tone, background=display.background, whole=whole)
+        behind = colour.decode(display.background, transfer) if whole else None
+        return colour.shown(rgb, alpha, transfer, gain=gain, tone=tone, background=display.background, behind=behind)
 
 
 def as_float(values: object) -> F32:

@@ -193,6 +193,8 @@ def _warnings(job: Job, layers: MixLayers) -> list[str]:
         out.append("splats that hold linear light: stills are right, the page itself shows them too dark")
     if job.display.view is not None:
         out.append(f"view {job.display.view.view!r}: stills have it, the page itself has the plain curve")
+    if job.display.backdrop is not None:
+        out.append("a background of light: stills have it, the page itself is black there")
     if job.display.tone == "agx":
         out.append("tone agx: the engine has no such curve; the page uses none")
     if any(x.projection != "perspective" for x in job.cameras):

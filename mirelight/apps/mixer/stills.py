@@ -98,4 +98,4 @@ class Stills:
     def _png(self, frame: Frame, view: View) -> bytes:
         display = replace(self._scene.job.display, exposure=view.exposure)
         whole = frame.splats is not None and frame.splats.linear
-        return png_bytes(encode_display(frame.rgba, display, frame.profile, whole=whole), {})
+        return png_bytes(encode_display(frame.rgba, display, frame.profile, whole=whole, behind=frame.background), {})

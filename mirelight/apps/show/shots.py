@@ -176,7 +176,8 @@ def _mixed(data: DataSet) -> list[Shot]:
 
     def pixels(camera: int, lighting: int) -> NDArray[np.uint8]:
         rgba = data.frame(camera, lighting)
-        return encode_display(rgba, index.display, cast(Profile, index.profile), whole=index.linear)
+        behind = data.background(camera, lighting, rgba[..., 3])
+        return encode_display(rgba, index.display, cast(Profile, index.profile), whole=index.linear, behind=behind)
 
     return [
         Shot(f"{camera.name}.{lighting}", camera.name, lighting, partial(pixels, i, j))

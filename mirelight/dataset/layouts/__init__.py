@@ -16,7 +16,7 @@ from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.hub import check_hub, configs, write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat, write_olat
-from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture, Pixels, Shared, straight_rgba
+from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture, Pixels, Shared
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
 from mirelight.dataset.layouts.world import world_of
@@ -32,7 +32,6 @@ __all__ = [
     "Pixels",
     "Shared",
     "points_of",
-    "straight_rgba",
     "world_of",
     "write_coco",
     "write_colmap",

@@ -16,12 +16,13 @@ from mirelight.base import colour
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.world import scale_of
-from mirelight.dataset.surroundings import Surroundings
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.io.cameras.transforms import Z_UP
+from mirelight.io.png import encode_straight
 from mirelight.io.views import curve_of
 from mirelight.model import F32, Camera, DisplaySettings
 from mirelight.model.arrays import freeze
+from mirelight.relighting.surroundings import Surroundings
 
 Split: TypeAlias = Literal["train", "val", "test"]
 Part: TypeAlias = Literal["seen", "novel_view", "novel_light", "novel_both"]
@@ -84,7 +85,7 @@ class Pixels:
     @cached_property
     def rgba(self) -> U8:
         """(H, W, 4) sRGB, straight alpha."""
-        return straight_rgba(self.linear, self._display)
+        return encode_straight(self.linear, self._display or DisplaySettings())
 
     @cached_property
     def rgb(self) -> U8:
@@ -209,25 +210,6 @@ class Shared:
         """(H, W, 3) unit, in the data set's world."""
         turn = (self.world[:3, :3] / self.scale).T.astype(np.float32)
         return np.asarray(pixels.geometry.normal @ turn, dtype=np.float32)
-
-
-def straight_rgba(rgba: F32, display: DisplaySettings | None = None) -> U8:
-    """A premultiplied linear picture as sRGB with straight alpha.
-
-    Laid over a background by a loader, rgb a + background (1 - a), it is the PNG that mirelight writes over that
-    background, except where a colour is brighter than white before it is multiplied by alpha, which 8 bits cannot hold.
-
-    Args:
-        rgba: (H, W, 4) linear, premultiplied.
-        display: exposure in stops, tone curve or view; its background has no part in it.
-
-    Returns:
-        (H, W, 4) uint8, rounded half to even; black where alpha is 0.
-    """
-    display = display or DisplaySettings()
-    own = colour.straight(rgba[..., :3], rgba[..., 3]) * np.float32(2.0**display.exposure)
-    shown = colour.displayed(own, "srgb", display.tone, curve_of(display))
-    return _bytes(np.concatenate([shown, rgba[..., 3:]], axis=-1))
 
 
 def millimetres(depth: F32) -> NDArray[np.uint16]:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from mirelight.dataset.layouts.files import Files
 from mirelight.dataset.layouts.pictures import Picture, Shared, millimetres
-from mirelight.dataset.surroundings import Surroundings
 from mirelight.io.environment import write_environment
 from mirelight.model import digest
+from mirelight.relighting.surroundings import Surroundings
 
 GEOMETRY, ENVIRONMENTS = "geometry", "environments"
 

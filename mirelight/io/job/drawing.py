@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 from mirelight.io import views
+from mirelight.io.job.background_tables import ENVIRONMENT, TRANSPARENT, BackgroundTable
+from mirelight.io.job.hashing import file_digest
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.settings_tables import DisplayTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.suffixes import SCENES
-from mirelight.model import CompositorSettings, DisplaySettings, SplatColorSpace, SplatFile, rules_of
+from mirelight.model import (
+    Backdrop,
+    CompositorSettings,
+    DisplaySettings,
+    Ground,
+    SplatColorSpace,
+    SplatFile,
+    rules_of,
+)
 from mirelight.model.scene import holds_light
 
 _DEFAULT = CompositorSettings()
@@ -36,26 +47,42 @@ def compositor(table: JobTable, files: Sequence[SplatFile], wrong: list[Mistake]
     )
 
 
-def display(source: Source, table: DisplayTable, used: Callable[[str], object]) -> DisplaySettings:
+def display(source: Source, table: DisplayTable, used: Callable[[str], Path]) -> DisplaySettings:
     """How PNGs are made; a view is looked up in its config now.
 
     Args:
         source: the job file.
         table: its table.
-        used: hears of the config's file, by the name that the job gives it.
+        used: hears of a file, by the name that the job gives it, and says where it is.
 
     Raises:
         BackendError: a view without OpenColorIO.
-        InputError: the config cannot be used, or does not have the view.
+        InputError: the config cannot be used, or does not have the view; the background's picture cannot be read.
     """
-    chosen = table.model_dump(exclude={"config", "display"})
-    chosen["background"] = tuple(table.background)
+    chosen = table.model_dump(exclude={"config", "display", "background"}) | _background(table.background, used)
     if table.view is not None:
         folder, config = source.folder, table.config
         chosen["view"] = views.resolve(source.shown, table.view, config=config, display=table.display, folder=folder)
         if config is not None and not config.startswith(views.BUILT_IN):
             used(config)
     return DisplaySettings(**chosen)
+
+
+def _background(table: BackgroundTable, used: Callable[[str], Path]) -> dict[str, Any]:
+    """What lies behind the splats, as fields of the settings."""
+    if table.color is not None:
+        return {"background": tuple(table.color)}
+    if table.path == TRANSPARENT:
+        return {"transparent": True}
+    picture, identity, ground = None, "", None
+    if table.path not in (None, ENVIRONMENT):
+        assert table.path is not None
+        file = used(table.path)
+        picture, identity = str(file), file_digest(file)
+    if table.ground is not None:
+        ground = Ground(**{**table.ground.model_dump(), "center": tuple(table.ground.center)})
+    chosen = Backdrop(picture=picture, identity=identity, exposure=table.exposure, blur=table.blur, ground=ground)
+    return {"backdrop": chosen}
 
 
 def _said(file: SplatFile) -> SplatFileInfo | None:

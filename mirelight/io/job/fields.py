@@ -125,7 +125,7 @@ def _printable(name: str) -> str:
 LightName: TypeAlias = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_printable)]
 
 
-def _existing(value: str, info: ValidationInfo) -> str:
+def existing(value: str, info: ValidationInfo) -> str:
     """Checks the path against the job's folder, so that a missing file is reported with the job's other mistakes."""
     if "://" in value:
         raise wrong(f"{shown_path(value)} is an address", "fetch the file and name its path")
@@ -143,17 +143,17 @@ def _existing(value: str, info: ValidationInfo) -> str:
     return value
 
 
-AssetPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing)]
+AssetPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(existing)]
 PROXY = "proxy"  # in lights_from and cameras_from: the proxy's own file
 SPLATS = "splats"  # as the proxy's path: it is made from them
 
 
 def _existing_or_proxy(value: str, info: ValidationInfo) -> str:
-    return value if value == PROXY else _existing(value, info)
+    return value if value == PROXY else existing(value, info)
 
 
 def _existing_or_splats(value: str, info: ValidationInfo) -> str:
-    return value if value == SPLATS else _existing(value, info)
+    return value if value == SPLATS else existing(value, info)
 
 
 MeshPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing_or_splats)]

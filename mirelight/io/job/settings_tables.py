@@ -9,7 +9,8 @@ from pydantic import Field, field_validator, model_validator
 
 from mirelight import model
 from mirelight.base.primaries import ColorSpace
-from mirelight.io.job.fields import DisplayColor, NotNegative, Positive, Seed, Share, Table, wrong
+from mirelight.io.job.background_tables import Background, BackgroundTable
+from mirelight.io.job.fields import NotNegative, Positive, Seed, Share, Table, wrong
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import (
     Compression,
@@ -159,7 +160,7 @@ class RelightTable(Table):
 
 
 class DisplayTable(Table):
-    """Settings of the PNG. The EXR is not affected."""
+    """Settings of the PNG. Of the EXR, only the layer `background` is affected."""
 
     exposure: float = Field(default=_DISPLAY.exposure, ge=-64, le=64, description="In stops.")
     tone: ToneCurve = Field(default=_DISPLAY.tone, description="Tone curve.")
@@ -180,8 +181,10 @@ class DisplayTable(Table):
         description="OpenColorIO config: a file, relative to the job file, or a built-in one, `ocio://NAME`. "
         "Default: what the environment variable OCIO names, or else OpenColorIO's built-in ACES config.",
     )
-    background: DisplayColor = Field(
-        default=list(_DISPLAY.background), description="Display-encoded [r, g, b] behind the splats, 0 to 1."
+    background: Background = Field(
+        default=BackgroundTable(color=list(_DISPLAY.background)),
+        description='What lies behind the splats: display-encoded [r, g, b], 0 to 1; "environment", which is what the '
+        'lighting has all around; a picture\'s path; "transparent"; or a table. Default: black.',
     )
 
     @model_validator(mode="after")

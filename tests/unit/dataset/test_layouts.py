@@ -17,7 +17,7 @@ import trimesh
 from PIL import Image
 
 from mirelight.base.errors import InputError
-from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, straight_rgba, world_of
+from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, world_of
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
 from mirelight.dataset.layouts.hub import write_hub
 from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
@@ -28,7 +28,7 @@ from mirelight.io import owner
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP
 from mirelight.io.exr import read_exr
-from mirelight.io.png import encode_display
+from mirelight.io.png import encode_display, encode_straight
 from mirelight.model import Camera, DisplaySettings, SplatCloud
 
 from ..cameras.views import pixels_of
@@ -95,12 +95,12 @@ def test_straight_alpha_gives_the_png_over_any_background() -> None:
     alpha[:3] = 0
     rgba = np.concatenate([rng.uniform(0, 1, (30, 40, 3)).astype(np.float32) * alpha, alpha], axis=-1)
     for display in (DisplaySettings(), DisplaySettings(exposure=-1.5, tone="agx")):
-        straight = straight_rgba(rgba, display) / 255
+        straight = encode_straight(rgba, display) / 255
         for background in ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.2, 0.6, 0.4)):
             over = straight[..., :3] * straight[..., 3:] + np.array(background) * (1 - straight[..., 3:])
             shown = encode_display(rgba, replace(display, background=background)) / 255
             assert np.abs(over - shown).max() <= 2 / 255
-    assert (straight_rgba(rgba)[:3] == 0).all()
+    assert (encode_straight(rgba, DisplaySettings())[:3] == 0).all()
 
 
 def test_nerf(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_nerf(tmp_path: Path) -> None:
         assert re.fullmatch(r"images/[A-Za-z0-9_-]+\.png", frame["file_path"])
         image = Image.open(tmp_path / "noon" / frame["file_path"])
         assert image.mode == "RGBA"
-        np.testing.assert_array_equal(np.asarray(image), straight_rgba(picture.pixels.linear))
+        np.testing.assert_array_equal(np.asarray(image), encode_straight(picture.pixels.linear, DisplaySettings()))
         np.testing.assert_array_equal(read_exr(tmp_path / "noon" / hdr["file_path"]).layer(), picture.pixels.linear)
         depth = np.asarray(Image.open(tmp_path / "noon" / frame["depth_file_path"]))
         assert depth.dtype == np.uint16 and (depth == 3250).all()

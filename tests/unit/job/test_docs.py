@@ -51,6 +51,8 @@ SECTIONS = {
     "compositor": "CompositorTable",
     "relight": "RelightTable",
     "display": "DisplayTable",
+    "display.background": "BackgroundTable",
+    "display.background.ground": "GroundTable",
     "output": "OutputTable",
     "dataset": "DatasetTable",
     "engine": "EngineTable",

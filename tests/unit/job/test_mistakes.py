@@ -149,7 +149,7 @@ half = "yes"
         ("6:1", "lightings[0].name"),
         ("9:10", "cameras[0].frames"),
         ("11:14", "compositor.alpha_clip"),
-        ("13:14", "display.background"),
+        ("13:14", "display.background.color"),
         ("15:8", "output.half"),
     ]
 

@@ -14,6 +14,7 @@ import pytest
 from mirelight import relighting
 from mirelight.dataset import export
 from mirelight.model import (
+    Backdrop,
     Camera,
     CompositorSettings,
     DatasetSettings,
@@ -61,6 +62,7 @@ OTHER: dict[str, Any] = {  # another value, where the type alone does not tell a
     "relight.texture_scale": 0.5,
     "display.background": (1.0, 0.0, 0.0),
     "display.view": DisplayView(config="ocio://default", display="screen", view="ACES", identity="1"),
+    "display.backdrop": Backdrop(blur=3.0),
     "output.directory": Path("elsewhere"),
     "dataset.layouts": ("nerf",),
     "dataset.license": "cc-by-4.0",
@@ -322,6 +324,8 @@ DECIDES: dict[str, set[str]] = {
     "display.tone": {"PNG", "unlit PNG", "exported picture"},
     "display.view": {"PNG", "unlit PNG", "exported picture"},
     "display.background": {"PNG", "unlit PNG", "exported picture"},
+    "display.transparent": {"PNG", "unlit PNG", "exported picture"},
+    "display.backdrop": {"EXR", "unlit EXR", "PNG", "unlit PNG", "exported picture"},
     "output.directory": set(),
     "output.store": set(),
     "output.exr": UNLIT | TRACED,
@@ -359,6 +363,21 @@ def test_a_setting_is_in_the_keys_of_what_it_decides(name: str) -> None:
     """What changes the bytes changes the key, and nothing else does."""
     assert name in DECIDES, f"{name}: say in DECIDES of which artefacts it changes the bytes"
     assert different(ROOM, with_other(ROOM, name)) == DECIDES[name]
+
+
+def test_what_stands_behind_unlit_frames_is_in_their_files_keys() -> None:
+    """They show the captured light's surroundings; without a backdrop nothing of it."""
+    behind = replace(ROOM, display=DisplaySettings(backdrop=Backdrop()))
+    unlit = {"unlit EXR", "unlit PNG"}
+    for job, expected in ((ROOM, set()), (behind, unlit)):
+        other = replace(job, captured=replace(CAPTURED, environment=sky(2.0)))
+        assert different(job, other) & UNLIT == expected
+    picture = replace(behind, display=DisplaySettings(backdrop=Backdrop(picture="a.png", identity="1")))
+    moved, other = (
+        replace(picture, display=DisplaySettings(backdrop=x))
+        for x in (Backdrop(picture="b.png", identity="1"), Backdrop(picture="a.png", identity="2"))
+    )
+    assert different(picture, moved) <= {"exported picture"} and different(picture, other) >= {"EXR", "PNG", *unlit}
 
 
 def test_every_artefact_has_its_place_in_the_table() -> None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mirelight.base import conventions
-from mirelight.dataset.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, solid_angles
 from mirelight.model import Camera
-from mirelight.store.small_maps import shrunk
+from mirelight.relighting.surroundings import CAMERA_FROM_MAP, Map, Sun, Surroundings, shrunk, solid_angles
 
 
 def way_of(u: float, v: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Light from all around: maps and suns of a lighting, drawn as one equirectangular picture in any frame.
+"""Light from all around: maps and suns of a lighting, seen in any direction or drawn as one equirectangular picture.
 
 A map's rows go from +Y down, `conventions` says which way its columns look. Suns are drawn so that a surface that faces
 them receives exactly their illuminance, however small their disc is beside a pixel.
@@ -6,15 +6,15 @@ them receives exactly their illuminance, however small their disc is beside a pi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
-from mirelight.model import F32, F64
-from mirelight.store.small_maps import MOST_ROWS, shrunk
+from mirelight.model import F32, F64, DirectionalLight, Lighting, SunLight
 
+MOST_ROWS = 1024  # of a map that is kept with a data set, or drawn
 SUN_DIAMETER = 0.53  # degrees, of a directional light, which has none
 # The frame whose map has the view direction in its middle and the camera's right at u = 0.75 (skylibs, Stanford-ORB).
 CAMERA_FROM_MAP = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
@@ -29,6 +29,14 @@ class Map:
     rotation: float  # degrees about +Y, counter-clockwise seen from above
     factor: F64  # (3,) linear
 
+    def seen(self, way: Matrix, world_from_way: Matrix | None = None) -> Matrix:
+        """(..., 3) radiance in unit directions (..., 3), which are the world's, or turned to it by a rotation (3, 3);
+        between pixels by bilinear interpolation."""
+        turn = conventions.rotation_from_euler((0, self.rotation, 0)).T
+        if world_from_way is not None:
+            turn = turn @ world_from_way
+        return _looked_up(self.radiance, np.einsum("...j,ij->...i", way, turn)) * self.factor
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sun:
@@ -37,6 +45,12 @@ class Sun:
     direction: F64  # (3,) unit, the way its light travels
     lux: F64  # (3,) linear
     diameter: float = SUN_DIAMETER  # degrees
+
+    @staticmethod
+    def of(light: DirectionalLight | SunLight) -> Sun:
+        """A distant light as a disc."""
+        diameter = light.angular_diameter if isinstance(light, SunLight) else SUN_DIAMETER
+        return Sun(light.direction, light.color * light.intensity, diameter)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,11 +87,36 @@ class Surroundings:
         out = np.zeros((rows, 2 * rows, 3))
         way = conventions.map_pixels(rows)
         for one in self.maps:
-            back = conventions.rotation_from_euler((0, one.rotation, 0)).T
-            out += _looked_up(shrunk(one.radiance, rows), way @ (back @ turn).T) * one.factor
+            out += replace(one, radiance=shrunk(one.radiance, rows)).seen(way, turn)
         for sun in self.suns:
             _draw(out, turn.T @ -np.asarray(sun.direction), sun)
         return out.astype(np.float32)
+
+
+def surroundings_of(lighting: Lighting) -> Surroundings | None:
+    """What a lighting has all around, as light and no more than that: its environment and its suns. None: nothing.
+
+    Args:
+        lighting: resolved, without a sky model or a mix (`mirelight.pipeline.prepared.Prepared.resolved`).
+    """
+    around = lighting.environment
+    maps = () if around is None else (Map(around.pixels, around.rotation, np.full(3, around.intensity)),)
+    suns = tuple(Sun.of(x) for x in lighting.lights if isinstance(x, DirectionalLight | SunLight))
+    return Surroundings(maps, suns) if maps or suns else None
+
+
+def shrunk(radiance: F32, most: int = MOST_ROWS) -> F32:
+    """A map (H, W, 3) of at most so many rows and twice as many columns, each pixel the mean of those that it stands
+    for."""
+    height, width, _ = radiance.shape
+    down, across = -(-height // most), -(-width // (2 * most))
+    if (down, across) == (1, 1):
+        return radiance
+    padded = np.pad(radiance, ((0, -height % down), (0, -width % across), (0, 0)), mode="edge")
+    share = np.sin(np.pi * (np.arange(len(padded)) + 0.5) / len(padded)) if not height % down else np.ones(len(padded))
+    weights = share.reshape(-1, down, 1, 1, 1)
+    blocks = padded.reshape(len(padded) // down, down, -1, across, 3).astype(np.float64) * weights
+    return np.asarray(blocks.sum(axis=1).mean(axis=2) / weights.sum(axis=1)[:, 0], dtype=np.float32)
 
 
 def solid_angles(rows: int) -> Matrix:
@@ -98,8 +137,9 @@ def _looked_up(radiance: F32, way: Matrix) -> Matrix:
     right_share, low_share = (x - left)[..., None], (y - top)[..., None]
     rows = [np.clip(top + i, 0, height - 1) for i in (0, 1)]
     columns = [(left + i) % width for i in (0, 1)]
-    wide = radiance.astype(np.float64)
-    upper, lower = (wide[row, columns[0]] * (1 - right_share) + wide[row, columns[1]] * right_share for row in rows)
+    upper, lower = (
+        radiance[row, columns[0]] * (1 - right_share) + radiance[row, columns[1]] * right_share for row in rows
+    )
     return np.asarray(upper * (1 - low_share) + lower * low_share)
 
 

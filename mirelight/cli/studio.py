@@ -12,7 +12,9 @@ from mirelight.cli.command import Command
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("capture", metavar="CAPTURE|JOB", help="a splat file, or a job file (TOML)")
+    parser.add_argument(
+        "capture", metavar="CAPTURE|JOB", nargs="?", help="a splat file or a job file (default: what the page is given)"
+    )
     parser.add_argument("-o", "--out", metavar="JOB", help="save there (default: NAME.studio.toml beside it)")
     parser.add_argument("--port", metavar="N", type=int, help="of the page (default: a free one)")
     options.add_quiet(parser, "the page's address and errors")
@@ -20,24 +22,20 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_studio(args: argparse.Namespace) -> int:
     """The command. The page's address goes to stdout, the rest to stderr; Ctrl-C ends it well."""
-    from mirelight.apps.studio import opened
+    from mirelight.apps.studio.desk import Desk
     from mirelight.apps.studio.server import serving
-    from mirelight.apps.studio.session import Session
 
     if args.port is not None and not 1 <= args.port <= 65535:
         raise InputError("--port", str(args.port), "give 1 to 65535")
     out = None if args.out is None else str(outputs.named(args.out, "a job is", ".toml"))
-    if not args.quiet:
-        say.remark(f"looking at {args.capture}")
-    document = opened(args.capture, out)
     with tempfile.TemporaryDirectory(prefix="mirelight-studio-") as folder:
-        session = Session(document, Path(folder), say.remark)
-        with serving(session, Path(folder), args.port or 0) as address:
+        desk = Desk(args.capture, Path(folder), out, say.remark)
+        with serving(desk, args.port or 0) as address:
             say.result(address)
             if not args.quiet:
                 say.remark("open the address above in a browser; Ctrl-C ends the studio")
             try:
-                session.run()
+                desk.run()
             except KeyboardInterrupt:
                 say.remark("the studio is closed")
     return 0
@@ -49,7 +47,7 @@ COMMAND = Command(
     help="relight a capture by looking: lights, cameras and frames on one page",
     description="Serve a page on this machine that shows a capture, finds its proxy and captured light, and takes "
     "lights, suns, panoramas and cameras set by hand. It saves the job that `mirelight render` takes, and renders.",
-    examples=("studio capture.ply", "studio job.toml -o evening.studio.toml"),
+    examples=("studio", "studio capture.ply", "studio job.toml -o evening.studio.toml"),
     arguments=_arguments,
     call=run_studio,
     page="studio",

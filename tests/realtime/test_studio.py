@@ -14,9 +14,8 @@ import pytest
 from PIL import Image
 
 from mirelight.apps.realtime import browser
-from mirelight.apps.studio import opened
+from mirelight.apps.studio.desk import Desk
 from mirelight.apps.studio.server import serving
-from mirelight.apps.studio.session import Session
 from mirelight.cli import main
 from mirelight.io import image, splats
 from mirelight.io import job as jobs
@@ -43,25 +42,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def seen(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a person does on the page, one after another, while this thread traces."""
     page = tmp_path_factory.mktemp("page")
-    session = Session(opened(str(folder / "corner.ply"), None), page, stages=2)
+    desk = Desk(str(folder / "corner.ply"), page)
     found: dict[str, Any] = {}
 
     def visit(address: str) -> None:
         try:
-            _visit(address, found)
+            _visit(address, found, folder / "corner.studio.toml")
         except Exception as error:  # told by the test
             found["trouble"] = error
 
-    with serving(session, page) as address:
+    with serving(desk) as address:
         visitor = threading.Thread(target=visit, args=(address,))
         visitor.start()
-        session.run(lambda: not visitor.is_alive())
+        desk.run(lambda: not visitor.is_alive())
     if "trouble" in found:
         raise found["trouble"]
     return found
 
 
-def _visit(address: str, found: dict[str, Any]) -> None:
+def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
     from playwright.sync_api import Page, sync_playwright
 
     def state(page: Page) -> dict[str, Any]:
@@ -146,6 +145,13 @@ def _visit(address: str, found: dict[str, Any]) -> None:
             "[...document.querySelectorAll('button, input, select')].filter((x) => !x.closest('[hidden]') && "
             "!(x.ariaLabel || x.textContent.trim() || x.labels?.length)).map((x) => x.outerHTML)"
         )
+        text = saved.read_text()
+        saved.write_text(text.replace("intensity = 12", "intensity = 9"))
+        page.click("#read")
+        page.wait_for_selector("[aria-label='lamp: intensity in candela']")
+        until(page, lambda: page.input_value("[aria-label='lamp: intensity in candela']") == "9")
+        found["read"] = page.input_value("[aria-label='lamp: intensity in candela']"), page.inner_text("#title")
+        saved.write_text(text)
         found["failures"] = failures
         chromium.close()
 
@@ -179,6 +185,10 @@ def test_a_frame_has_the_commands_bits(seen: dict[str, Any], folder: Path, tmp_p
     assert seen["frame"] == (tmp_path / "view-1.dusk.png").read_bytes()
     ours, theirs = (image.read(x / "view-1.dusk.exr") for x in (folder / "out", tmp_path))
     np.testing.assert_array_equal(ours.rgba, theirs.rgba)
+
+
+def test_what_is_written_by_hand_is_read(seen: dict[str, Any]) -> None:
+    assert seen["read"] == ("9", "corner")
 
 
 def test_it_is_labelled_and_fits_a_phone(seen: dict[str, Any]) -> None:

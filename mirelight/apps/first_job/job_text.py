@@ -26,6 +26,7 @@ class Wish:
 
     light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
     resolution: tuple[int, int] = (960, 540)
+    up: tuple[float, float, float] | None = None  # in the splats' own axes; None: it is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,10 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
     cameras, unread = beside.cameras(capture)
-    found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
+    if wish.up is None:
+        found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
+    else:
+        found = up.Up(conventions.unit(wish.up), "as it was said", False)
     turn = conventions.rotation_from_euler(found.euler)
     m = np.eye(4)
     m[:3, :3] = turn

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from mirelight.apps.first_job import job_for
+from mirelight.apps.first_job import Wish, job_for
 from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job as jobs
 from mirelight.io.atomic import atomic_path
@@ -24,6 +24,11 @@ EDITED = ("lightings", "cameras", "captured", "proxy", "display", "render", "res
 MOST_BYTES = 1 << 20  # of what it sends
 _HEAD = ("saved by mirelight studio", "`mirelight render` takes it; edit it by hand, or in the studio again")
 _MARK = f"# {_HEAD[0]}\n".encode()
+UPS = {
+    f"{sign}{axis}": (factor * (axis == "X"), factor * (axis == "Y"), factor * (axis == "Z"))
+    for axis in "XYZ"
+    for sign, factor in (("+", 1.0), ("-", -1.0))
+}
 _LIT = ("lights", "lights_from", "environment")
 
 
@@ -35,6 +40,7 @@ class Document:
     data: Mapping[str, Any]  # as TOML gives it; paths are relative to the file's folder
     notes: tuple[str, ...]  # what was found in a capture, a line each
     begun: bool  # for a bare capture, whose light is only assumed
+    up: str = ""  # as it was asked for, "+Y"; "": as it was found
 
     def text(self, edits: Mapping[str, Any]) -> str:
         """The job's TOML with other values for what may be edited."""
@@ -66,12 +72,13 @@ class Document:
             temporary.write_text(text, encoding="utf-8")
 
 
-def opened(name: str, out: str | None) -> Document:
+def opened(name: str | Path, out: str | Path | None, up: str = "") -> Document:
     """A capture or a job to be edited.
 
     Args:
         name: a splat file or a job file.
         out: where to save; None: beside it, in a file of its own.
+        up: of a capture, in its own axes: one of UPS; "": it is looked for.
 
     Raises:
         InputError: it cannot be used; `out` is a file that the studio has not written.
@@ -85,7 +92,7 @@ def opened(name: str, out: str | None) -> Document:
     else:
         target = Path(out)
     _spare_others(target)
-    return _of_job(path, target) if is_job else _of_capture(path, target)
+    return _of_job(path, target) if is_job else _of_capture(path, target, up)
 
 
 def edits_of(asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -99,17 +106,17 @@ def edits_of(asked: Mapping[str, Any]) -> dict[str, Any]:
     return {key: _with_times(value) for key, value in asked.items()}
 
 
-def _of_capture(path: Path, target: Path) -> Document:
-    found = job_for(path, target.parent)
+def _of_capture(path: Path, target: Path, up: str) -> Document:
+    found = job_for(path, target.parent, Wish(up=UPS.get(up)))
     data = load_toml(found.text)
-    return Document(target, _named(data, jobs.load_text(found.text, target)), (found.up, *found.not_taken), True)
+    return Document(target, _named(data, jobs.load_text(found.text, target)), (found.up, *found.not_taken), True, up)
 
 
 def _of_job(path: Path, target: Path) -> Document:
     source, _ = jobs.parse(path)
     if "sweep" in source.data:
         raise InputError(path, "lightings made by a sweep", "take it out", field="sweep")
-    data = load_toml(text_of(source.data, source.folder, target, ()))
+    data = {"proxy": "splats", **load_toml(text_of(source.data, source.folder, target, ()))}
     work = jobs.load_text(text_of(data, target.parent, target, ()), target)
     if work.splats is None:
         raise InputError(path, "no splats", 'name a capture: splats = "capture.ply"', field="splats")
@@ -123,6 +130,8 @@ def _named(data: dict[str, Any], job: Job) -> dict[str, Any]:
         data = {key: value for key, value in data.items() if key not in _LIT}
         if own:
             data["lightings"] = [{"name": job.lightings[0].name, **own}]
+        elif not job.lightings:
+            data["lightings"] = [{"name": "light", "environment": {"radiance": [1.0, 1.0, 1.0]}}]
     built = {x.name: x for x in job.lightings}
     lightings = []
     for table in data.get("lightings", []):

@@ -17,27 +17,35 @@ from mirelight.apps.mixer.asked import table, whole
 from mirelight.apps.realtime import engine
 from mirelight.apps.realtime.server import Handler, answering
 from mirelight.apps.studio import uploads
+from mirelight.apps.studio.desk import Desk
 from mirelight.apps.studio.document import MOST_BYTES, edits_of
-from mirelight.apps.studio.session import Session, State
+from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
 
 PATIENCE = 20.0  # seconds that a page waits for news before it asks again
 _OWN = ("index.html", "style.css", "studio.mjs", "model.mjs", "rows.mjs", "queue.mjs")
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
-_UPLOAD = "live/upload/"
-_LIMITS = {"live/job": MOST_BYTES, "live/save": 0, "live/render": 1 << 12, "live/cancel": 1 << 10, "live/sun": 1 << 10}
+_UPLOAD, _OPEN = "live/upload/", "live/open/"
+_LIMITS = {
+    "live/job": MOST_BYTES,
+    "live/save": 0,
+    "live/read": 0,
+    "live/render": 1 << 12,
+    "live/cancel": 1 << 10,
+    "live/sun": 1 << 10,
+    "live/turn": 1 << 10,
+}
 _LAYER = re.compile(r"live/layer/([0-9]{1,15})")
 _PICTURE = re.compile(r"live/picture/([0-9]{1,9})/[0-9]{1,9}")
 
 
 @contextmanager
-def serving(session: Session, folder: Path, port: int = 0) -> Iterator[str]:
+def serving(desk: Desk, port: int = 0) -> Iterator[str]:
     """Answer a page until the block ends; nothing is traced here.
 
     Args:
-        session: what is edited.
-        folder: where the session has put the splats.
+        desk: what is open.
         port: 0: a free one.
 
     Yields:
@@ -51,7 +59,7 @@ def serving(session: Session, folder: Path, port: int = 0) -> Iterator[str]:
     pages = {name: resources.files(__package__).joinpath("page", name).read_bytes() for name in _OWN}
     pages |= {name: bundle.page_file(name) for name in _MIXERS}
     pages |= {f"engine/{name}": (installed / name).read_bytes() for name in engine.FILES.values()}
-    handler = partial(_Page, folder=folder.resolve(), pages=pages, session=session)
+    handler = partial(_Page, folder=desk.folder.resolve(), pages=pages, desk=desk)
     with answering(handler, port) as address:
         yield f"{address}/index.html"
 
@@ -59,24 +67,27 @@ def serving(session: Session, folder: Path, port: int = 0) -> Iterator[str]:
 class _Page(Handler):
     """Answers one page."""
 
-    def __init__(self, *args: Any, session: Session, **named: Any) -> None:
-        self._session = session
+    def __init__(self, *args: Any, desk: Desk, **named: Any) -> None:
+        self._desk = desk
         super().__init__(*args, **named)
 
     def give(self, name: str) -> None:
         """A file of the page, news, a layer, or a picture."""
-        layer, picture = _LAYER.fullmatch(name), _PICTURE.fullmatch(name)
-        if name in self._pages or name == self._session.file:
+        layer, picture, session = _LAYER.fullmatch(name), _PICTURE.fullmatch(name), self._desk.session
+        if name in self._pages or (session is not None and name == session.file):
             super().give(name)
         elif name == "live/studio":
-            self.answer(200, _json(self._session.description), "studio.json")
+            empty = {"opening": self._desk.opening, "trouble": self._desk.trouble}
+            self.answer(200, _json(empty if session is None else session.description), "studio.json")
+        elif session is None:
+            self.send_error(404)
         elif name == "live/state":
             after = re.search(r"[?&]after=([0-9]{1,15})$", self.path)
-            self.answer(200, _json(_told(self._session.state(int(after[1]) if after else -1, PATIENCE))), "state.json")
+            self.answer(200, _json(_told(session.state(int(after[1]) if after else -1, PATIENCE))), "state.json")
         elif layer is not None:
-            self._or_gone(self._session.packed(int(layer[1])), "layer")
+            self._or_gone(session.packed(int(layer[1])), "layer")
         elif picture is not None:
-            path = self._session.picture(int(picture[1]))
+            path = session.picture(int(picture[1]))
             try:
                 self._or_gone(b"" if path is None else path.read_bytes(), "picture.png")
             except OSError:  # its place was taken by the finished one
@@ -92,6 +103,8 @@ class _Page(Handler):
 
     def limit(self, name: str) -> int | None:
         """Of an edit, a frame that is asked for, or a panorama."""
+        if name.startswith(_OPEN):
+            return uploads.MOST_OF_CAPTURES
         return uploads.MOST_BYTES if name.startswith(_UPLOAD) else _LIMITS.get(name)
 
     def take(self, name: str, body: bytes) -> None:
@@ -102,14 +115,22 @@ class _Page(Handler):
             self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
 
     def _taken(self, name: str, body: bytes) -> Any:
-        session = self._session
+        if name.startswith(_OPEN):
+            return self._desk.open(str(uploads.capture(Path.cwd(), name.removeprefix(_OPEN), body)))
+        session = self._desk.session
+        if session is None:
+            raise InputError("the studio", "nothing is open", "drop a capture on the page")
         if name.startswith(_UPLOAD):
             folder = session.document.path.absolute().parent
             path, intensity = uploads.kept(folder, name.removeprefix(_UPLOAD), body)
             return {"path": path, "intensity": intensity}
+        if name == "live/read":
+            return self._desk.read()
         if name == "live/save":
             return session.save()
         asked = table(body)
+        if name == "live/turn":
+            return self._desk.turn(_text(asked, "up"))
         if name == "live/job":
             return session.edit(
                 whole(asked, "number", 0, 10**15), _text(asked, "shown"), edits_of(_table(asked, "job"))
@@ -151,6 +172,7 @@ def _told(state: State) -> dict[str, Any]:
         "tracing": state.tracing,
         "done": round(state.done, 3),
         "trouble": printable(state.trouble),
+        "edited": state.edited,
         "estimate": state.estimate,
         "renders": state.renders,
     }

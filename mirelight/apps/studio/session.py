@@ -49,6 +49,7 @@ class State:
     tracing: str
     done: float
     trouble: str
+    edited: bool  # the saved file has changed by another hand
     estimate: Mapping[str, Any] | None
     renders: list[dict[str, Any]]
 
@@ -58,9 +59,8 @@ class Session:
 
     Args:
         document: what is edited.
-        folder: where the page's splats are written.
+        folder: where the page's splats are written; the page is served from the one around it.
         tell: called with a line where something cannot be made.
-        stages: how many of the stages of samples are traced.
     """
 
     def __init__(
@@ -68,9 +68,8 @@ class Session:
         document: Document,
         folder: Path,
         tell: Callable[[str], None] = lambda line: None,
-        stages: int = len(STAGES),
     ) -> None:
-        self.document, self._tell, self._stages = document, tell, stages
+        self.document, self._tell = document, tell
         self._news = threading.Condition()
         self.edits = {key: document.data[key] for key in EDITED if key in document.data}
         self._text = document.text(self.edits)
@@ -82,7 +81,7 @@ class Session:
         self._scene: Scene = prepare(self._job, self._store.artefacts)
         assert self._scene.splats is not None
         file, self._order = write_splats(self._scene.splats, folder)
-        self.file = file.name
+        self.file = f"{folder.name}/{file.name}"
         self._at: Job | None = None  # whose light is traced
         self._stuck: Job | None = None  # whose light cannot be
         self._lights: Lights | None = None
@@ -91,6 +90,7 @@ class Session:
         self._version, self._phase, self._line = 0, "proxy", ""
         self._tracing, self._done, self._trouble = "", 0.0, ""
         self._found: Mapping[str, Any] | None = None
+        self._file, self._edited = _file_of(document.path), False
         self._helper: Helper | None = None
         self._renders = Renders(self._changed)
 
@@ -133,7 +133,10 @@ class Session:
         Raises:
             InputError, OutputError: as :meth:`Document.save`.
         """
-        self.document.save(self._text)
+        with self._news:
+            self.document.save(self._text)
+            self._file, self._edited = _file_of(self.document.path), False
+            self._changed()
         return self.document.path.name
 
     def render(self, camera: str, lighting: str) -> int:
@@ -189,6 +192,7 @@ class Session:
                 self._tracing,
                 self._done,
                 self._trouble,
+                self._edited,
                 self._found,
                 self._renders.told(),
             )
@@ -208,6 +212,7 @@ class Session:
             "notes": list(self.document.notes),
             "job": self.edits,
             "begun": self.document.begun,
+            "up": self.document.up,
             **self.told(),
         }
 
@@ -221,6 +226,9 @@ class Session:
                 if not self._step():
                     with self._news:
                         self._news.wait(0.2)
+                        if not self._edited and self._file is not None and _file_of(self.document.path) != self._file:
+                            self._edited = True
+                            self._changed()
         finally:
             if self._helper is not None:
                 self._helper.end()
@@ -287,7 +295,7 @@ class Session:
         if job is not self._at:
             self._take(job)
         assert self._lights is not None
-        most = 1 if self._renders.busy else self._stages  # the machine is the frame's
+        most = 1 if self._renders.busy else len(STAGES)  # the machine is the frame's
         due = [x for x in self._lights.wanted(lighting) if x[0] < most]
         if not due and not taken:
             return False
@@ -322,3 +330,12 @@ class Session:
         with self._news:
             self._version += 1
             self._news.notify_all()
+
+
+def _file_of(path: Path) -> tuple[int, int] | None:
+    """What tells a file that was written anew; None: there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

@@ -1,7 +1,7 @@
 // The page: the capture in the engine, the panel that edits its job, and what the server makes of it.
 import { createHandles } from './handles.mjs';
 import { createNewest, send } from './live.mjs';
-import { aimOf, between, createModel, freeName, length, newLight, placed, plus, ratio, rounded } from './model.mjs';
+import { aimOf, between, createModel, freeName, length, newLight, placed, plus, ratio, rounded, table } from './model.mjs';
 import { createQueue } from './queue.mjs';
 import { aroundRow, lightRow, make } from './rows.mjs';
 import { createView } from './view.mjs';
@@ -51,6 +51,7 @@ function start(view, studio) {
         for (let after = 0; ;) {
             try {
                 const answer = await fetch(`live/state?after=${after}`);
+                if (answer.status === 404) return location.reload();  // another one is open
                 if (!answer.ok) throw new Error(String(answer.status));
                 state = await answer.json();
                 after = state.version;
@@ -64,6 +65,7 @@ function start(view, studio) {
     async function heard() {
         if (state.trouble) say(state.trouble);
         if (state.level) level = state.level;
+        find('edited').hidden = !state.edited;
         const lines = [state.line && `${state.line}…`, state.tracing && `${state.tracing}: ${Math.floor(100 * state.done)} %`];
         find('news').textContent = lines.filter(Boolean).join(' · ') || (state.phase === 'ready' ? 'The light is as fine as it gets here' : '');
         find('queue-section').hidden = !state.renders.length;
@@ -139,7 +141,7 @@ function start(view, studio) {
         model.change(`light ${index}`, (job) => edit(job.lightings[chosen].lights[index]));
     };
     const ask = (request) => put('live/sun', request);
-    const taken = () => ['environment', 'sky', 'emission', ...(lightings[chosen]?.lights ?? []), ...(lighting().lights ?? []).map((x) => x.name)];
+    const taken = () => ['environment', 'sky', 'emission', ...(table(lighting().environment)?.sky ? ['sun'] : []), ...(lightings[chosen]?.lights ?? []), ...(lighting().lights ?? []).map((x) => x.name)];
     const away = () => (bookmark ? length(plus(bookmark.target, bookmark.position, -1)) : 3);
     function rename(index, name) {
         if (!name || taken().includes(name)) return rows();
@@ -220,6 +222,7 @@ function start(view, studio) {
             if (anew) again();
             model.change('around', (job) => {
                 const one = job.lightings[chosen], made = edit(one.environment);
+                if (made?.sky) for (const x of one.lights ?? []) if (x.name === 'sun' || x.name === 'sky') x.name = freeName(`${x.name}-2`, taken());
                 if (made) one.environment = made;
                 else if (one.lights?.length || one.lights_from) delete one.environment;
                 else one.environment = { radiance: [1, 1, 1], intensity: 0 };
@@ -382,6 +385,7 @@ function start(view, studio) {
         redo: () => { again(); model.redo(); cameraRows(); },
         close: closeFrame,
         more: duplicate,
+        read: async () => { if (await put('live/read', '') !== null || find('error').hidden) location.reload(); },
         less: removeLighting,
         save: async () => {
             const name = await put('live/save', '');
@@ -435,6 +439,12 @@ function start(view, studio) {
         (job.render ??= {}).spp = Math.max(Math.round(Number(find('samples').value)) || 64, 1);
     }));
     find('split').addEventListener('input', seen);
+    find('up-row').hidden = !studio.begun;
+    find('up').value = studio.up;
+    find('up').addEventListener('change', async () => {
+        if (model.canUndo && !confirm('Begin again with another way up? Lights and cameras are set anew.')) return;
+        if (await put('live/turn', { up: find('up').value }) !== null || find('error').hidden) location.reload();
+    });
     const keys = { c: 'captured', b: 'compare', p: 'render-still', s: 'save', h: 'fold' };
     addEventListener('keydown', (event) => {
         const typing = event.target.matches?.('select, textarea, input:not([type=range]):not([type=color])');
@@ -450,6 +460,7 @@ function start(view, studio) {
     });
     const file = make('input', { type: 'file', accept: '.hdr,.exr,.png,.jpg,.jpeg' });
     const panorama = async (chosenFile) => {
+        if (chosenFile.size > 2 ** 28) return say(`${chosenFile.name} has more than 256 MB`);
         find('news').textContent = `reading ${chosenFile.name}`;
         const name = await put(`live/upload/${encodeURIComponent(chosenFile.name)}`, chosenFile);
         if (!name) return;
@@ -485,10 +496,39 @@ function start(view, studio) {
     return { model, state: () => state, cameras: () => cameras, choose, go, actions };
 }
 
+// what is open, once something is
+async function waited(message) {
+    for (let asks = false; ;) {
+        const studio = await (await fetch('live/studio')).json();
+        if (studio.file) return studio;
+        message.textContent = studio.trouble || (studio.opening ? `Looking at ${studio.opening.split('/').pop()}…` : '');
+        find('drop').hidden = Boolean(studio.opening);
+        if (!asks) {
+            asks = true;
+            const take = async (capture) => {
+                message.textContent = `Reading ${capture.name}…`;
+                try {
+                    await send(`live/open/${encodeURIComponent(capture.name)}`, capture, AGAIN);
+                } catch (error) {
+                    message.textContent = error.message;
+                }
+            };
+            find('capture').addEventListener('change', () => { if (find('capture').files[0]) take(find('capture').files[0]); });
+            find('drop').addEventListener('dragover', (event) => event.preventDefault());
+            find('drop').addEventListener('drop', (event) => {
+                event.preventDefault();
+                if (event.dataTransfer.files[0]) take(event.dataTransfer.files[0]);
+            });
+        }
+        await new Promise((resolve) => setTimeout(resolve, 500));
+    }
+}
+
 async function open() {
     const message = find('message');
     try {
-        const studio = await (await fetch('live/studio')).json();
+        const studio = await waited(message);
+        find('drop').hidden = true;
         const description = {
             ...studio, splats: { file: studio.file }, limit: null, layers: Array.from({ length: SLOTS }, () => ({ scale: 0 }))
         };

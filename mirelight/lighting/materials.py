@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from mirelight.model import F32, F64, Material, ProxyMesh, Wraps, triangles
 
 GLOW_SLOTS = 1 << 18  # draws of an emissive face come in so many equal shares
-ROW = 24  # floats a material: six groups of four
+TEXTURED = 5  # groups of a material's row that a texture may multiply
+ROW = 4 * (2 * TEXTURED + 2)  # floats a material
 WRAP_CODE = {"repeat": 0, "mirror": 1, "clamp": 2}
 _LOOKUPS = 1 << 22  # texture look-ups that the power of textured faces is taken from
 _AT_ONCE = 1 << 20
@@ -18,7 +19,9 @@ _AT_ONCE = 1 << 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """A row a material: colour, wrap | emission, wrap | 1, roughness, metallic, wrap | the place of each one's texture.
+    """A row a material: colour, wrap | emission, wrap | 1, roughness, metallic, wrap | scale of normals, wrap |
+    alpha, cutoff, whether there is one, wrap | the place of each one's texture | specular, weight | clear coat,
+    its alpha, 0, 0.
 
     A place is width, height, first texel (low, high half); a wrap is the code along u plus three times that along v.
     """
@@ -36,6 +39,16 @@ def is_emissive(proxy: ProxyMesh) -> bool:
 def has_emissive_texture(proxy: ProxyMesh) -> bool:
     """True where some material glows by a texture."""
     return proxy.uvs is not None and any(_glows(m) and m.emissive_texture is not None for m in proxy.materials)
+
+
+def has_cutouts(proxy: ProxyMesh) -> bool:
+    """True where something shows through some material."""
+    return any(m.alpha < 1 or m.alpha_texture is not None for m in proxy.materials)
+
+
+def has_coats(proxy: ProxyMesh) -> bool:
+    """True where some material is lacquered."""
+    return any(m.clearcoat > 0 for m in proxy.materials)
 
 
 def _glows(material: Material) -> bool:
@@ -122,8 +135,19 @@ def pack_materials(proxy: ProxyMesh) -> Atlas:
         row[0:3], row[3] = material.base_color, _wrap_code(material.base_color_wrap)
         row[4:7], row[7] = material.emissive, _wrap_code(material.emissive_wrap)
         row[8:11], row[11] = (1, material.roughness, material.metallic), _wrap_code(material.finish_wrap)
-        textures = material.base_color_texture, material.emissive_texture, material.finish_texture
-        for place, texture in zip(row[12:].reshape(3, 4), textures, strict=True):
+        scale = 0.0 if material.normal_texture is None or proxy.uvs is None else material.normal_scale
+        row[12:15], row[15] = scale, _wrap_code(material.normal_wrap)
+        row[16:19], row[19] = (material.alpha, material.cutoff or 0, material.cutoff is not None), row[3]
+        row[40:43], row[43] = material.specular, material.specular_weight
+        row[44:46] = material.clearcoat, max(material.clearcoat_roughness**2, 1e-3)
+        textures = (
+            material.base_color_texture,
+            material.emissive_texture,
+            material.finish_texture,
+            material.normal_texture,
+            material.alpha_texture,
+        )
+        for place, texture in zip(row[20:40].reshape(TEXTURED, 4), textures, strict=True):
             if texture is None or proxy.uvs is None:
                 place[:] = (1, 1, 0, 0)
                 continue

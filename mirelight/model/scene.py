@@ -91,8 +91,7 @@ Wraps: TypeAlias = tuple[Wrap, Wrap]  # along u and v
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Material(ArrayHolder):
     """What a proxy's own file says of its surface. It glows always; its base colour is used where the albedo comes from
-    the file; metallic and roughness where it is an inserted object's. Textures are (h, w, 3) linear, row 0 at v = 0
-    (glTF: top)."""
+    the file; all else where it is an inserted object's. Textures are (h, w, 3) linear, row 0 at v = 0 (glTF: top)."""
 
     name: str = "default"
     base_color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear factor
@@ -105,12 +104,25 @@ class Material(ArrayHolder):
     roughness: float = 1.0  # 0 a mirror
     finish_texture: F32 | None = None  # multiplies roughness by its green, metallic by its blue
     finish_wrap: Wraps = ("repeat", "repeat")
+    normal_texture: F32 | None = None  # 2 x - 1 is a normal: along u, against v, outwards
+    normal_wrap: Wraps = ("repeat", "repeat")
+    normal_scale: float = 1.0  # of the first two
+    specular: F64 = field(default_factory=lambda: np.full(3, 0.04))  # (3,) reflectance of what is no metal, from above
+    specular_weight: float = 1.0  # and at grazing angles; `specular` has it multiplied in
+    clearcoat: float = 0.0  # strength of a coat of lacquer
+    clearcoat_roughness: float = 0.0
+    alpha: float = 1.0  # how much of it is there
+    alpha_texture: F32 | None = None  # multiplies it
+    ignored: tuple[str, ...] = ()  # what its file says of it that is not followed
+    cutoff: float | None = None  # alpha below which nothing is there, and above which all; None: as much as alpha says
 
     def __post_init__(self) -> None:
         freeze(self, "base_color", (3,), np.float64)
         freeze(self, "base_color_texture", (None, None, 3))
         freeze(self, "emissive_texture", (None, None, 3))
-        freeze(self, "finish_texture", (None, None, 3))
+        for name in ("finish_texture", "normal_texture", "alpha_texture"):
+            freeze(self, name, (None, None, 3))
+        freeze(self, "specular", (3,), np.float64)
         freeze(self, "emissive", (3,), np.float64)
 
     def __repr__(self) -> str:

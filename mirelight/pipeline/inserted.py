@@ -21,7 +21,7 @@ class SceneWithObjects(Prepared):
     """New light falls on proxy and objects, while captured light knows the proxy alone."""
 
     def __init__(self, bare: Prepared) -> None:
-        super().__init__(bare.job, bare.kept)
+        super().__init__(bare.job, bare.kept, bare._report)
         self.keys = bare.keys
         self._bare: Prepared = weakref.proxy(bare)  # the scene holds this: a cycle would outlive both
 
@@ -32,6 +32,10 @@ class SceneWithObjects(Prepared):
 
         proxy = self._bare.proxy
         assert proxy is not None
+        for one in self.job.objects:
+            ignored = dict.fromkeys(x for material in one.mesh.value.materials for x in material.ignored)
+            if ignored:
+                self._tell(f"{one.name}: its file's {', '.join(ignored)} is not followed")
         return inserted(self.job.objects, proxy)
 
     @cached_property

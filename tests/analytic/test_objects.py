@@ -57,16 +57,32 @@ def shown(buffer: LightingBuffer) -> NDArray[np.float32]:
     return np.asarray(buffer.objects.beauty.sum((0, 1)) / buffer.objects.coverage.sum())
 
 
-def brdf(base: Array, metallic: float, roughness: float, n: Array, v: Array, wi: Array) -> Array:
-    """glTF 2.0, appendix B.3.5, of directions (..., 3); separable masking and shadowing."""
+def lobe(roughness: float, n: Array, v: Array, wi: Array) -> Array:
+    """glTF 2.0, appendix B.3.2, of directions (..., 3); separable masking and shadowing."""
     a2 = np.float64(roughness) ** 4
     h = (v + wi) / np.linalg.norm(v + wi, axis=-1, keepdims=True)
-    nl, nv, nh, vh = wi @ n, v @ n, h @ n, np.sum(v * h, -1)
-    f0 = 0.04 + (base - 0.04) * metallic
-    fresnel = f0 + (1 - f0) * (1 - vh)[..., None] ** 5
+    nl, nv, nh = wi @ n, v @ n, h @ n
     d = a2 / (np.pi * (nh**2 * (a2 - 1) + 1) ** 2)
     g = 2 * nl / (nl + np.sqrt(a2 + (1 - a2) * nl**2)) * (2 * nv / (nv + np.sqrt(a2 + (1 - a2) * nv**2)))
-    return np.asarray((1 - fresnel) * base * (1 - metallic) / np.pi + fresnel * (d * g / (4 * nl * nv))[..., None])
+    return np.asarray(d * g / (4 * nl * nv))
+
+
+def brdf(
+    base: Array,
+    metallic: float,
+    roughness: float,
+    n: Array,
+    v: Array,
+    wi: Array,
+    above: Array | float = 0.04,
+    weight: float = 1.0,
+) -> Array:
+    """glTF 2.0, appendix B.3.5, with the reflectances of KHR_materials_specular."""
+    h = (v + wi) / np.linalg.norm(v + wi, axis=-1, keepdims=True)
+    vh = np.sum(v * h, -1)
+    f0 = above + (base - above) * metallic
+    fresnel = f0 + (weight + (1 - weight) * metallic - f0) * (1 - vh)[..., None] ** 5
+    return np.asarray((1 - fresnel) * base * (1 - metallic) / np.pi + fresnel * lobe(roughness, n, v, wi)[..., None])
 
 
 BASE = np.array([0.8, 0.5, 0.2])
@@ -94,6 +110,66 @@ def test_a_constant_sky_is_reflected_by_the_integral_of_the_model(metallic: floa
     one = plate(base_color=BASE, metallic=metallic, roughness=roughness)
     measured = shown(lit(one, sky=constant_sky(1.0), spp=256))
     np.testing.assert_allclose(measured, truth, rtol=0.01)
+
+
+COATED = {"base_color": BASE, "roughness": 0.7, "clearcoat": 0.8, "clearcoat_roughness": 0.4}
+
+
+def coated(v: Array, wi: Array) -> Array:
+    """KHR_materials_clearcoat over the appendix's model."""
+    k = 0.8 * (0.04 + 0.96 * (1 - np.sum(v * -DOWN, -1)) ** 5)
+    return np.asarray((1 - k) * brdf(BASE, 0, 0.7, -DOWN, v, wi) + k * lobe(0.4, -DOWN, v, wi)[..., None])
+
+
+def test_reflectances_and_lacquer_are_those_of_the_extensions() -> None:
+    to_light = np.array([np.sin(np.radians(35)), np.cos(np.radians(35)), 0.0])
+    light = DirectionalLight(name="key", direction=-to_light, intensity=3.0)
+    tint, up = np.array([0.6, 0.3, 0.1]), -DOWN
+    measured = shown(lit(plate(base_color=BASE, roughness=0.5, specular=tint * 0.7, specular_weight=0.7), light))
+    truth = 3 * to_light[1] * brdf(BASE, 0, 0.5, up, up, to_light[None], tint * 0.7, 0.7)[0]
+    np.testing.assert_allclose(measured, truth, rtol=2e-4)
+    measured = shown(lit(plate(**COATED), light))  # type: ignore[arg-type]
+    np.testing.assert_allclose(measured, 3 * to_light[1] * coated(up, to_light[None])[0], rtol=2e-4)
+    z, phi = np.meshgrid((np.arange(2000) + 0.5) / 2000, (np.arange(64) + 0.5) / 64 * 2 * np.pi, indexing="ij")
+    r = np.sqrt(1 - z**2)
+    wi = np.stack([r * np.cos(phi), z, r * np.sin(phi)], -1)
+    measured = shown(lit(plate(**COATED), sky=constant_sky(1.0), spp=256))  # type: ignore[arg-type]
+    np.testing.assert_allclose(measured, (coated(up, wi) * z[..., None]).mean((0, 1)) * 2 * np.pi, rtol=0.01)
+
+
+def mapped(texture: Array, **finish: object) -> Inserted:
+    """The plate with texture coordinates, u along +x and v along +z."""
+    one = plate().mesh.value
+    uvs = (one.vertices[:, [0, 2]] / 6 + 0.5).astype(np.float32)
+    name = "normal_texture" if "base_color" in finish else "alpha_texture"
+    material = Material(**{name: np.asarray(texture, np.float32), **finish})  # type: ignore[arg-type]
+    mesh = replace(one, uvs=uvs, materials=(material,))
+    return Inserted(name="plate", mesh=Deferred("mapped", lambda: mesh))
+
+
+def test_maps_turn_normals_along_u_and_against_v() -> None:
+    turned = np.array([0.3, 0.4, np.sqrt(0.75)])
+    n = np.array([0.3, turned[2], -0.4])  # u is +x, v is +z, and the map's second axis goes against it
+    to_light = np.array([0.6, 0.8, 0.0])
+    light = DirectionalLight(name="key", direction=-to_light, intensity=3.0)
+    one = mapped(np.tile((turned + 1) / 2, (2, 2, 1)), base_color=BASE, roughness=0.6)
+    truth = 3 * (to_light @ n) * brdf(BASE, 0, 0.6, n, -DOWN, to_light[None])[0]
+    np.testing.assert_allclose(shown(lit(one, light)), truth, rtol=1e-3)
+
+
+def test_what_alpha_cuts_away_is_not_there_and_casts_no_shadow() -> None:
+    left = np.concatenate([np.ones((4, 2, 3)), np.zeros((4, 2, 3))], axis=1)
+    light = DirectionalLight(name="key", direction=DOWN, intensity=3.0)
+    whole, half = lit(plate(), light), lit(mapped(left, cutoff=0.5), light)
+    assert whole.objects is not None and half.objects is not None
+    np.testing.assert_allclose(half.objects.coverage.sum(), whole.objects.coverage.sum() / 2, rtol=0.02)
+    lit_floor = half.beauty[half.coverage == 1].max(axis=-1)
+    np.testing.assert_allclose(lit_floor, 3 * 0.5 / np.pi, rtol=1e-5)  # no shadow lies where nothing is above
+    veil = lit(mapped(np.ones((2, 2, 3)), alpha=0.25), light, spp=64)
+    assert veil.objects is not None
+    np.testing.assert_allclose(veil.objects.coverage.sum(), whole.objects.coverage.sum() / 4, rtol=0.05)
+    seen = whole.objects.coverage == 1
+    np.testing.assert_allclose(veil.beauty[seen].mean(), 0.75**2 * 3 * 0.5 / np.pi, rtol=0.05)
 
 
 def test_a_mirror_shows_the_sky_and_no_more() -> None:

@@ -1,9 +1,11 @@
-"""Base colour, metallic, roughness and emission of glTF materials (glTF §3.8.4, §3.9)."""
+"""glTF materials (glTF §3.8.4, §3.9): colour and emission of any, and of objects also their finish, normals, alpha and
+lacquer (KHR_materials_ior, _specular, _clearcoat)."""
 
 from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +13,19 @@ from mirelight.base import colour
 from mirelight.base.errors import printable
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Bytes, Fields
-from mirelight.io.ldr import decode_srgb_image
+from mirelight.io.ldr import decode_srgb_image, decode_with_alpha
 from mirelight.io.safety import BRIGHTEST
 from mirelight.model import F32, F64, Material, Wrap, Wraps
 
+_UNFOLLOWED = (
+    "KHR_materials_anisotropy",
+    "KHR_materials_dispersion",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+)
 WRAP_NUMBERS: dict[Wrap, int] = {"repeat": 10497, "mirror": 33648, "clamp": 33071}  # of a sampler's wrapS and wrapT
 
 
@@ -48,7 +59,7 @@ def read_materials(
         used: which ``materials`` entries are wanted.
         textures: decode base colour textures; without, their factor alone is kept. Emissive ones are always decoded,
             unless their factor is black.
-        finish: decode those of metallic and roughness.
+        finish: decode those of metallic and roughness, normals and alpha.
 
     Raises:
         InputError: a value outside the specification, an image that cannot be decoded, textures of one material that
@@ -69,19 +80,85 @@ def _finished(
     metallic, roughness = (_share(shape, name) for name in ("metallicFactor", "roughnessFactor"))
     if glossy is not None:
         metallic, roughness = 0.0, 1 - _share(glossy, "glossinessFactor")
-    made = replace(plain.material, metallic=metallic, roughness=roughness)
-    if not textured or glossy is not None or "metallicRoughnessTexture" not in shape:
-        return TexturedMaterial(made, plain.uv)
-    found = _texture(document, shape.child("metallicRoughnessTexture"), images)
-    if plain.uv is not None and plain.uv.key() != found.uv.key():
-        remedy = "give both the same texCoord and KHR_texture_transform"
-        raise shape.fail("metallicRoughnessTexture", "other texture coordinates than the base colour's", remedy)
-    values = colour.srgb_encode(found.image)  # these texels are numbers, and were read as colours
-    return TexturedMaterial(replace(made, finish_texture=values, finish_wrap=found.wraps), found.uv)
+    made, uv = replace(plain.material, metallic=metallic, roughness=roughness), plain.uv
+    if not textured:
+        return TexturedMaterial(made, uv)
+    made = _layered(entry, made)
+    for owner, name, field, wrap in (
+        (shape, "metallicRoughnessTexture", "finish_texture", "finish_wrap"),
+        (entry, "normalTexture", "normal_texture", "normal_wrap"),
+    ):
+        if name not in owner or (glossy is not None and owner is shape):
+            continue
+        found = _texture(document, owner.child(name), images)
+        if uv is not None and uv.key() != found.uv.key():
+            remedy = "give both the same texCoord and KHR_texture_transform"
+            raise owner.fail(name, "other texture coordinates than the base colour's", remedy)
+        uv = found.uv
+        values = colour.srgb_encode(found.image)  # these texels are numbers, and were read as colours
+        more: dict[str, Any] = {field: values, wrap: found.wraps}
+        made = replace(made, **more)
+    if "normalTexture" in entry:
+        made = replace(made, normal_scale=entry.child("normalTexture").number("scale", 1.0))
+    return TexturedMaterial(_cut(document, entry, shape, made), uv)
 
 
-def _share(shape: Fields, name: str) -> float:
-    value = shape.number(name, 1.0)
+def _layered(entry: Fields, made: Material) -> Material:
+    """With reflectances and lacquer, and the names of what is not followed."""
+    of_ior, of_specular, of_coat = (entry.extension(f"KHR_materials_{x}") for x in ("ior", "specular", "clearcoat"))
+    ior = 1.5 if of_ior is None else of_ior.number("ior", 1.5)
+    if of_ior is not None and ior != 0 and ior < 1:
+        raise of_ior.fail("ior", f"{ior:g}", "it must be 0, or 1 and more")
+    tint, weight = np.ones(3), 1.0
+    if of_specular is not None:
+        weight = _share(of_specular, "specularFactor")
+        tint = of_specular.vector("specularColorFactor", 3, (1, 1, 1))
+        if np.any(tint < 0) or np.any(tint > BRIGHTEST):
+            raise of_specular.fail("specularColorFactor", f"{tint.tolist()}", "it must not be negative, or far above 1")
+    above = 1.0 if ior == 0 else ((ior - 1) / (ior + 1)) ** 2  # 0 is said of what reflects all, for older materials
+    coat, rough = 0.0, 0.0
+    if of_coat is not None:
+        coat, rough = (_share(of_coat, name, 0.0) for name in ("clearcoatFactor", "clearcoatRoughnessFactor"))
+    there = [x.removeprefix("KHR_materials_") for x in _UNFOLLOWED if entry.extension(x) is not None]
+    for owner in (of_specular, of_coat):
+        there += [] if owner is None else [x for x in owner.values if x.endswith("Texture")]
+    return replace(
+        made,
+        specular=np.minimum(above * tint, 1) * weight,
+        specular_weight=weight,
+        clearcoat=coat,
+        clearcoat_roughness=rough,
+        ignored=tuple(there),
+    )
+
+
+def _cut(document: Document, entry: Fields, shape: Fields, made: Material) -> Material:
+    """With alpha, unless the file says that there is none."""
+    mode = entry.text("alphaMode", "OPAQUE")
+    if mode not in ("MASK", "BLEND"):
+        return made
+    names = ("baseColorFactor", "baseColorTexture")
+    glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
+    if glossy is not None:
+        shape, names = glossy, ("diffuseFactor", "diffuseTexture")
+    texture: F32 | None = None
+    if names[1] in shape:
+        info = shape.child(names[1])
+        texture = _alpha(document, document.entry("textures", info.integer("index"), info, "index"))
+    cutoff = entry.number("alphaCutoff", 0.5) if mode == "MASK" else None
+    alpha = float(np.clip(shape.vector(names[0], 4, (1, 1, 1, 1))[3], 0, 1))
+    return replace(made, alpha=alpha, alpha_texture=texture, cutoff=cutoff)
+
+
+def _alpha(document: Document, texture: Fields) -> F32 | None:
+    """(h, w, 3) the alpha of a texture's image, three times; None where it has none."""
+    image = document.entry("images", _image_index(texture), texture, "source")
+    _, alpha = decode_with_alpha(io.BytesIO(_encoded(document, image).tobytes()), document.path)
+    return None if alpha is None else np.repeat(alpha[..., None], 3, axis=2)
+
+
+def _share(shape: Fields, name: str, default: float = 1.0) -> float:
+    value = shape.number(name, default)
     if not 0 <= value <= 1:
         raise shape.fail(name, f"{value:g}", "it must be from 0 to 1")
     return value
@@ -172,12 +249,13 @@ def _image_index(texture: Fields) -> int:
 
 
 def _decode(document: Document, image: Fields) -> F32:
-    data: Bytes
+    return decode_srgb_image(io.BytesIO(_encoded(document, image).tobytes()), document.path, image.where)
+
+
+def _encoded(document: Document, image: Fields) -> Bytes:
     if "bufferView" in image:
-        data = document.view(image.integer("bufferView"), image)
-    else:
-        data = document.resource(image, "uri")
-    return decode_srgb_image(io.BytesIO(data.tobytes()), document.path, image.where)
+        return document.view(image.integer("bufferView"), image)
+    return document.resource(image, "uri")
 
 
 def _uv_transform(moved: Fields) -> F64:

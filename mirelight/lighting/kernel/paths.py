@@ -163,11 +163,7 @@ class _Steps:
 
     def gloss(self, at: Point, d: Vector3f, albedo: Vector3f, scattered: Bool) -> Gloss | None:
         """How a hit reflects; None where there are no objects."""
-        if at.finish is None:
-            return None
-        alpha = dr.square(at.finish.roughness)
-        alpha = dr.select(scattered, dr.maximum(alpha, SCATTERED_ALPHA), alpha)
-        return Gloss.of(at.finish.on, at.normal, -d, albedo, at.finish.metallic, alpha)
+        return Gloss.of(at, -d, albedo, dr.select(scattered, mi.Float(SCATTERED_ALPHA), 0))
 
     def drawn(self, vertex: Vertex) -> tuple[Vector3f, Vector3f]:
         """(the way on from a vertex, drawn by its BRDF; what a path that takes it is multiplied by)."""

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.samples import mix, number
 from mirelight.lighting.kernel.types import (
     Bool,
     Corners,
@@ -25,8 +26,11 @@ from mirelight.lighting.kernel.types import (
 )
 from mirelight.lighting.materials import (
     ROW,
+    TEXTURED,
     WRAP_CODE,
     Atlas,
+    has_coats,
+    has_cutouts,
     has_emissive_texture,
     is_emissive,
     pack_glow,
@@ -38,7 +42,9 @@ from mirelight.model import F32, F64, ProxyMesh
 # the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
 OFFSET = 2.0**-18
 
-BASE_COLOR, EMISSION, FINISH = 0, 1, 2  # groups of an atlas row; each one's texture stands three groups further on
+BASE_COLOR, EMISSION, FINISH, NORMAL, ALPHA = range(TEXTURED)  # groups of an atlas row; textures' places follow
+SPECULAR, COAT = 2 * TEXTURED, 2 * TEXTURED + 1
+_LAYERS = 64  # that a ray passes of what is not wholly there
 
 
 class Finish(NamedTuple):
@@ -47,6 +53,10 @@ class Finish(NamedTuple):
     on: Bool  # there is one; else the point is the proxy's own
     metallic: Float
     roughness: Float
+    specular: Vector3f  # reflectance of what is no metal, from above
+    weight: Float  # the same at grazing angles
+    coat: Float | None  # strength of a clear coat; None: nothing has one
+    coat_alpha: Float
 
 
 class Point(NamedTuple):
@@ -59,6 +69,7 @@ class Point(NamedTuple):
     albedo: Vector3f
     emission: Vector3f  # radiance
     finish: Finish | None = None  # where objects are inserted
+    smooth: Vector3f | None = None  # the shading normal without a map of normals; None: the same
 
 
 class DeviceProxy:
@@ -90,6 +101,9 @@ class DeviceProxy:
         self.textured = self.colored and proxy.uvs is not None and _has_base_texture(proxy)
         self.glow_textured = has_emissive_texture(proxy)
         self.finish_textured = proxy.uvs is not None and any(m.finish_texture is not None for m in proxy.materials)
+        self.normal_textured = proxy.uvs is not None and any(m.normal_texture is not None for m in proxy.materials)
+        self.alpha_textured = proxy.uvs is not None and any(m.alpha_texture is not None for m in proxy.materials)
+        self.coated, self.cut_out = self.has_objects and has_coats(proxy), self.has_objects and has_cutouts(proxy)
         if self.atlas is not None and self.atlas.texels is not None and proxy.uvs is not None:
             self.texels = floats(self.atlas.texels)
             self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
@@ -102,10 +116,46 @@ class DeviceProxy:
 
     def nearest(self, ray: Ray3f, active: Bool, *, coherent: bool = False) -> Hit:
         """Mitsuba's PreliminaryIntersection3f of the nearest hit."""
-        return self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
+        found = self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
+        return self._beyond(found, ray, active) if self.cut_out else found
+
+    @dr.syntax
+    def _beyond(self, found: Hit, ray: Ray3f, active: Bool) -> Hit:
+        """The hit, or the first one behind it of what is there."""
+        passing, layers = active & self._is_clear(found, ray, active), mi.UInt32(0)
+        while passing & (layers < _LAYERS):
+            gone = mi.Float(found.t)
+            step = mi.Ray3f(ray)
+            start = ray.o + ray.d * gone
+            lift = OFFSET * (dr.max(abs(start)) + gone * dr.max(abs(ray.d)))
+            skipped = gone + lift / dr.norm(ray.d)
+            step.o = ray.o + ray.d * skipped
+            step.maxt = ray.maxt - skipped
+            found = self.scene.ray_intersect_preliminary(step, active=passing)
+            found.t = found.t + skipped
+            passing &= self._is_clear(found, ray, passing)
+            layers += 1
+        return found
+
+    def _is_clear(self, found: Hit, ray: Ray3f, active: Bool) -> Bool:
+        """Whether a hit is at a place where an object is not: by its cutoff, or drawn by its alpha."""
+        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
+        hit = active & found.is_valid() & self.is_inserted(face)
+        i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, hit) for k in range(3)]
+        b = (1 - uv.x - uv.y, uv.x, uv.y)
+        row = dr.gather(mi.UInt32, self.material_of_face, face, hit) * (ROW // 4) + ALPHA
+        factor = dr.gather(mi.Vector4f, self.materials, row, hit)
+        alpha = factor.x
+        if self.alpha_textured:
+            alpha = alpha * self._texel_of(row, factor.w, i, b, hit).x
+        salt = mix(mix(dr.reinterpret_array(mi.UInt32, uv.x), dr.reinterpret_array(mi.UInt32, uv.y)), face)
+        drawn = number(mix(salt, dr.reinterpret_array(mi.UInt32, ray.d.x)), mi.UInt32(0))
+        return hit & (alpha < dr.select(factor.z > 0, factor.y, drawn))
 
     def blocked(self, ray: Ray3f, active: Bool, *, coherent: Bool | bool = False) -> Bool:
         """Bool: something lies on the ray. `coherent` (Bool): lanes side by side go nearly the same way."""
+        if self.cut_out:
+            return mi.Bool(self.nearest(ray, mi.Bool(active)).is_valid())
         return self.scene.ray_test(ray, coherent, active)
 
     # --- a surface point ---
@@ -125,7 +175,10 @@ class DeviceProxy:
         start = lifted + ng * (OFFSET * (dr.max(abs(p)) + longest))
         albedo, emission = self._material(face, i, b, active)
         finish = self._finish(face, i, b, active) if self.has_objects else None
-        return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission, finish)
+        smooth = None
+        if self.has_objects and self.normal_textured:
+            smooth, n = n, self._mapped(face, i, b, (e1, e2), n, (ng, side, d), active)
+        return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission, finish, smooth)
 
     def is_inserted(self, face: UInt32) -> Bool:
         """Whether a face is an object's."""
@@ -191,7 +244,54 @@ class DeviceProxy:
 
     def _finish(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Finish:
         value = self._of_material(FINISH, face, i, b, active, textured=self.finish_textured)
-        return Finish(self.is_inserted(face), dr.clip(value.z, 0, 1), dr.clip(value.y, 0, 1))
+        row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4)
+        specular = dr.gather(mi.Vector4f, self.materials, row + SPECULAR, active)
+        coat = dr.gather(mi.Vector2f, self.materials, (row + COAT) * 2, active) if self.coated else None
+        return Finish(
+            on=self.is_inserted(face),
+            metallic=dr.clip(value.z, 0, 1),
+            roughness=dr.clip(value.y, 0, 1),
+            specular=mi.Vector3f(specular.x, specular.y, specular.z),
+            weight=specular.w,
+            coat=None if coat is None else coat.x,
+            coat_alpha=mi.Float(0) if coat is None else coat.y,
+        )
+
+    def _mapped(
+        self,
+        face: UInt32,
+        corners: Corners,
+        weights: Weights,
+        edges: tuple[Vector3f, Vector3f],
+        n: Vector3f,
+        seen: tuple[Vector3f, Float, Vector3f],
+        active: Bool,
+    ) -> Vector3f:
+        """The shading normal as an object's map has it, by tangents of each face's texture coordinates.
+
+        `seen`: the face's normal, 1 from outside and -1 from inside, the way of the ray.
+        """
+        ng, side, d = seen
+        row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4) + NORMAL
+        factor = dr.gather(mi.Vector4f, self.materials, row, active)
+        t = 2 * self._texel_of(row, factor.w, corners, weights, active) - 1
+        uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in corners]
+        a, b, (e1, e2) = uv[1] - uv[0], uv[2] - uv[0], edges
+        turned = dr.select(a.x * b.y - a.y * b.x < 0, mi.Float(-1), mi.Float(1))
+        front = n * side
+        u = (e1 * b.y - e2 * a.y) * turned
+        u -= front * dr.dot(front, u)
+        v = (e1 * b.x - e2 * a.x) * turned  # against v, which goes down a picture
+        length2 = dr.squared_norm(u)
+        on = active & self.is_inserted(face) & (factor.x > 0) & (length2 > 1e-30)
+        u = u * dr.select(on, dr.rsqrt(length2), 0)
+        up = dr.cross(front, u)
+        up = dr.select(dr.dot(up, v) < 0, -up, up)
+        mapped = (u * (t.x * factor.x) + up * (t.y * factor.x) + front * dr.maximum(t.z, 1e-3)) * side
+        mapped = dr.normalize(mapped)
+        low = 0.01 - dr.dot(mapped, -d)  # turned away from the viewer it would be black
+        mapped = dr.select(low > 0, dr.normalize(mapped - d * low), mapped)
+        return dr.select(on & (dr.dot(mapped, ng) > 0), mapped, n)
 
     def _of_material(
         self, group: int, face: UInt32, i: Corners, b: Weights, active: Bool, *, textured: bool
@@ -202,10 +302,14 @@ class DeviceProxy:
         value = mi.Vector3f(factor.x, factor.y, factor.z)
         if not textured:
             return value
+        return value * self._texel_of(row, factor.w, i, b, active)
+
+    def _texel_of(self, row: UInt32, wrap: Float, i: Corners, b: Weights, active: Bool) -> Vector3f:
+        """The texture of a group of an atlas row."""
         uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in i]
         at = uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]
-        place = dr.gather(mi.Vector4f, self.materials, row + 3, active)
-        return value * self._texture(place, factor.w, at, active)
+        place = dr.gather(mi.Vector4f, self.materials, row + TEXTURED, active)
+        return self._texture(place, wrap, at, active)
 
     def _texture(self, place: Vector4f, wrap: Float, at: Point2f, active: Bool) -> Vector3f:
         """A texture of the atlas (`materials.Atlas`), bilinear between texel centres."""

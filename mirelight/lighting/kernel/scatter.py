@@ -1,8 +1,9 @@
 """How light leaves a vertex: Lambert's law on the proxy, glTF's metallic-roughness model on inserted objects.
 
 The model is that of the appendix B of glTF 2.0: a Trowbridge-Reitz (GGX) lobe with separable masking and shadowing over
-a Lambert base, joined by Schlick's Fresnel term. Directions are drawn from the normals that the viewer sees (Dupuy and
-Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
+a Lambert base, joined by Schlick's Fresnel term, whose reflectances are those of KHR_materials_specular and _ior. Over
+all may lie the lobe of KHR_materials_clearcoat, weighted by Fresnel's term of the viewer's angle. Directions are drawn
+from the normals that the viewer sees (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
 """
 
 from __future__ import annotations
@@ -12,12 +13,22 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from mirelight.lighting.kernel.proxy import Point
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Vector3f
 
-DIELECTRIC = 0.04  # reflectance at normal incidence of what is no metal (an index of refraction of 1.5)
+COAT = 0.04  # reflectance at normal incidence of lacquer (an index of refraction of 1.5)
 LEAST_ALPHA = 1e-3  # smoother surfaces have no lobe that single precision could hold
 SCATTERED_ALPHA = 0.2  # least of mirrors that are met after a path has scattered: their caustics stay free of fireflies
 LEAST_SHARE = 0.1  # of the samples that each lobe with any weight gets
+
+
+class Coat(NamedTuple):
+    """A clear coat over a vertex."""
+
+    n: Vector3f  # shading normal, which maps do not turn
+    alpha: Float
+    weight: Float  # what it takes of the light below it
+    share: Float  # of the samples that follow it
 
 
 class Gloss(NamedTuple):
@@ -28,73 +39,113 @@ class Gloss(NamedTuple):
     wo: Vector3f  # way to the viewer
     diffuse: Vector3f  # albedo of the base
     f0: Vector3f  # reflectance at normal incidence
+    f90: Float  # and at grazing angles
     alpha: Float  # roughness squared
     share: Float  # of the samples that follow the lobe
+    coat: Coat | None = None  # where there is any
 
     @staticmethod
-    def of(on: Bool, n: Vector3f, wo: Vector3f, base: Vector3f, metallic: Float, alpha: Float) -> Gloss:
-        """From a base colour: all of it is the base's where there is no object."""
-        f0 = dr.select(on, dr.lerp(mi.Vector3f(DIELECTRIC), base, metallic), 0)
+    def of(at: Point, wo: Vector3f, base: Vector3f, least: Float) -> Gloss | None:
+        """Of a point with a base colour: all of it is the base's where there is no object; None where there are none.
+
+        `least`: alpha that no lobe is below.
+        """
+        finish, n = at.finish, at.normal
+        if finish is None:
+            return None
+        on, metallic = finish.on, finish.metallic
+        f0 = dr.select(on, dr.lerp(finish.specular, base, metallic), 0)
+        f90 = dr.lerp(finish.weight, 1, metallic)
         diffuse = dr.select(on, base * (1 - metallic), base)
         seen = dr.maximum(dr.dot(n, wo), 1e-4)
-        lobe = dr.mean(_fresnel(f0, seen))
+        lobe = dr.mean(_fresnel(f0, f90, seen))
         below = (1 - lobe) * dr.mean(diffuse)
         share = lobe / dr.maximum(lobe + below, 1e-6)
         share = dr.select(below > 0, dr.clip(share, LEAST_SHARE, 1 - LEAST_SHARE), 1)
-        return Gloss(on, n, wo, diffuse, f0, dr.maximum(alpha, LEAST_ALPHA), dr.select(on, share, 0))
+        alpha = dr.maximum(dr.maximum(dr.square(finish.roughness), least), LEAST_ALPHA)
+        coat: Coat | None = None
+        if finish.coat is not None:
+            over = n if at.smooth is None else at.smooth
+            taken = finish.coat * (COAT + (1 - COAT) * _grazing(dr.clip(dr.dot(over, wo), 0, 1)))
+            taken = dr.select(on, taken, 0)
+            followed = taken / dr.maximum(taken + (1 - taken) * (lobe + below), 1e-6)
+            followed = dr.select(taken > 0, dr.clip(followed, LEAST_SHARE, 1 - LEAST_SHARE), 0)
+            coat = Coat(over, dr.maximum(finish.coat_alpha, least), taken, followed)
+        return Gloss(on, n, wo, diffuse, f0, f90, alpha, dr.select(on, share, 0), coat)
 
     def value(self, wi: Vector3f) -> Vector3f:
         """The BRDF of light from `wi`, 1/sr; 0 below the horizon of an object."""
-        nl, nv, nh2, vh = self._cosines(wi)
-        fresnel = _fresnel(self.f0, vh)
-        lobe = self._normals(nh2) * self._unmasked(nl) * self._unmasked(nv) / (4 * nl * nv)
+        nl, nv, nh2, vh = self._cosines(wi, self.n)
+        fresnel = _fresnel(self.f0, self.f90, vh)
+        lobe = _normals(self.alpha, nh2) * _unmasked(self.alpha, nl) * _unmasked(self.alpha, nv) / (4 * nl * nv)
         shiny = (1 - fresnel) * self.diffuse * dr.inv_pi + fresnel * lobe
+        if self.coat is not None:
+            shiny = dr.lerp(shiny, mi.Vector3f(self._coat_lobe(self.coat, wi) / nl), self.coat.weight)
         return dr.select(self.on, dr.select(dr.dot(wi, self.n) > 0, shiny, 0), self.diffuse * dr.inv_pi)
 
     def pdf(self, wi: Vector3f) -> Float:
         """Density per solid angle of `sample`."""
         cosine = dr.maximum(dr.dot(wi, self.n), 0)
-        _, nv, nh2, _ = self._cosines(wi)
-        lobe = self._normals(nh2) * self._unmasked(nv) / (4 * nv)
-        return dr.select(cosine > 0, dr.lerp(cosine * dr.inv_pi, lobe, self.share), 0)
+        _, nv, nh2, _ = self._cosines(wi, self.n)
+        lobe = _normals(self.alpha, nh2) * _unmasked(self.alpha, nv) / (4 * nv)
+        density = dr.lerp(cosine * dr.inv_pi, lobe, self.share)
+        if self.coat is not None:
+            _, nv, nh2, _ = self._cosines(wi, self.coat.n)
+            lobe = _normals(self.coat.alpha, nh2) * _unmasked(self.coat.alpha, nv) / (4 * nv)
+            density = dr.lerp(density, lobe, self.coat.share)
+        return dr.select(cosine > 0, density, 0)
+
+    def _coat_lobe(self, coat: Coat, wi: Vector3f) -> Float:
+        """The coat's lobe at full reflectance, times its own cosine."""
+        nl, nv, nh2, _ = self._cosines(wi, coat.n)
+        lobe = _normals(coat.alpha, nh2) * _unmasked(coat.alpha, nl) * _unmasked(coat.alpha, nv) / (4 * nv)
+        return dr.select(dr.dot(wi, coat.n) > 0, lobe, 0)
 
     def sample(self, choice: Float, u: Point2f) -> Vector3f:
         """A direction, by the lobe or by the cosine; it may lie below the horizon, where `pdf` is 0."""
-        frame = mi.Frame3f(self.n)
+        n, alpha, share = self.n, self.alpha, self.share
+        if self.coat is not None:  # one number chooses twice
+            coated, rest = choice < self.coat.share, (choice - self.coat.share) / (1 - self.coat.share)
+            choice = dr.select(coated, 0, rest)
+            n, alpha = dr.select(coated, self.coat.n, n), dr.select(coated, self.coat.alpha, alpha)
+            share = dr.select(coated, 1, share)
+        frame = mi.Frame3f(n)
         diffuse = frame.to_world(mi.warp.square_to_cosine_hemisphere(u))
         v = frame.to_local(self.wo)
-        v = dr.normalize(mi.Vector3f(v.x * self.alpha, v.y * self.alpha, dr.maximum(v.z, 1e-4)))
+        v = dr.normalize(mi.Vector3f(v.x * alpha, v.y * alpha, dr.maximum(v.z, 1e-4)))
         sin_phi, cos_phi = dr.sincos(dr.two_pi * u.y)
         z = dr.fma(1 - u.x, 1 + v.z, -v.z)
         r = dr.safe_sqrt(1 - z * z)
         h = mi.Vector3f(r * cos_phi, r * sin_phi, z) + v
-        h = frame.to_world(dr.normalize(mi.Vector3f(h.x * self.alpha, h.y * self.alpha, h.z)))
+        h = frame.to_world(dr.normalize(mi.Vector3f(h.x * alpha, h.y * alpha, h.z)))
         mirrored = h * (2 * dr.dot(self.wo, h)) - self.wo
-        return dr.select(choice < self.share, mirrored, diffuse)
+        return dr.select(choice < share, mirrored, diffuse)
 
     def weight(self, wi: Vector3f) -> Vector3f:
         """What a path that goes on along a drawn direction is multiplied by: BRDF times cosine over density."""
         pdf = self.pdf(wi)
         return dr.select(pdf > 0, self.value(wi) * dr.maximum(dr.dot(wi, self.n), 0) / pdf, 0)
 
-    def _cosines(self, wi: Vector3f) -> tuple[Float, Float, Float, Float]:
+    def _cosines(self, wi: Vector3f, n: Vector3f) -> tuple[Float, Float, Float, Float]:
         """n·l, n·v, sin² of the angle between n and h, v·h."""
         h = wi + self.wo
         length2 = dr.squared_norm(h)
         h = h * dr.select(length2 > 1e-12, dr.rsqrt(length2), 0)
-        sine2 = dr.squared_norm(dr.cross(self.n, h))  # not 1 - cos², which near a mirror's peak is all rounding
-        nl, nv = dr.maximum(dr.dot(self.n, wi), 1e-4), dr.maximum(dr.dot(self.n, self.wo), 1e-4)
+        sine2 = dr.squared_norm(dr.cross(n, h))  # not 1 - cos², which near a mirror's peak is all rounding
+        nl, nv = dr.maximum(dr.dot(n, wi), 1e-4), dr.maximum(dr.dot(n, self.wo), 1e-4)
         return nl, nv, sine2, dr.clip(dr.dot(self.wo, h), 0, 1)
 
-    def _normals(self, sine2: Float) -> Float:
-        """D, the density of microscopic normals, by sin² of their angle to n."""
-        a2 = dr.square(self.alpha)
-        return a2 * dr.inv_pi / dr.square(a2 + sine2 * (1 - a2))
 
-    def _unmasked(self, cosine: Float) -> Float:
-        """G1, the share of a direction's normals that nothing hides."""
-        a2 = dr.square(self.alpha)
-        return 2 * cosine / (cosine + dr.sqrt(a2 + (1 - a2) * dr.square(cosine)))
+def _normals(alpha: Float, sine2: Float) -> Float:
+    """D, the density of microscopic normals, by sin² of their angle to n."""
+    a2 = dr.square(alpha)
+    return a2 * dr.inv_pi / dr.square(a2 + sine2 * (1 - a2))
+
+
+def _unmasked(alpha: Float, cosine: Float) -> Float:
+    """G1, the share of a direction's normals that nothing hides."""
+    a2 = dr.square(alpha)
+    return 2 * cosine / (cosine + dr.sqrt(a2 + (1 - a2) * dr.square(cosine)))
 
 
 def reflected(gloss: Gloss | None, irradiance: Vector3f, wi: Vector3f) -> Vector3f:
@@ -107,8 +158,12 @@ def density(gloss: Gloss | None, cosine: Float, wi: Vector3f) -> Float:
     return cosine * dr.inv_pi if gloss is None else gloss.pdf(wi)
 
 
-def _fresnel(f0: Vector3f, cosine: Float) -> Vector3f:
+def _fresnel(f0: Vector3f, f90: Float, cosine: Float) -> Vector3f:
     """Schlick's approximation; nothing where `f0` is 0."""
+    return dr.select(dr.max(f0) > 0, f0 + (f90 - f0) * _grazing(cosine), 0)
+
+
+def _grazing(cosine: Float) -> Float:
+    """(1 - cos)⁵."""
     away = 1 - cosine
-    rise = dr.square(dr.square(away)) * away
-    return dr.select(dr.max(f0) > 0, f0 + (1 - f0) * rise, 0)
+    return dr.square(dr.square(away)) * away

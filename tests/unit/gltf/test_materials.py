@@ -164,6 +164,42 @@ def test_factor_and_emission(glb: Any) -> None:
     assert found.emissive.tolist() == [20, 10, 0]
 
 
+def test_finish_normals_alpha_and_lacquer_are_read_where_they_are_asked_for(glb: Any) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (4, 6, 4)).astype(np.uint8)
+    image = glb.put("images", {"bufferView": glb.view(encoded("PNG", pixels)), "mimeType": "image/png"})
+    texture = {"index": glb.put("textures", {"source": image})}
+    made = glb.put(
+        "materials",
+        {
+            "pbrMetallicRoughness": {
+                "baseColorTexture": texture,
+                "baseColorFactor": [1, 1, 1, 0.5],
+                "metallicFactor": 0,
+            },
+            "normalTexture": {**texture, "scale": 0.5},
+            "alphaMode": "MASK",
+            "extensions": {
+                "KHR_materials_ior": {"ior": 2.0},
+                "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 20]},
+                "KHR_materials_clearcoat": {"clearcoatFactor": 0.25, "clearcoatTexture": texture},
+                "KHR_materials_sheen": {},
+            },
+        },
+    )
+    glb.node(mesh=glb.mesh(glb.primitive(attributes={"TEXCOORD_0": glb.accessor(UVS)}, material=made)))
+    found, plain = proxy(glb, finish=True).materials[0], proxy(glb).materials[0]
+    np.testing.assert_allclose(found.specular, np.array([1 / 9, 1 / 18, 1]) * 0.5)
+    assert (found.specular_weight, found.clearcoat, found.alpha, found.cutoff) == (0.5, 0.25, 0.5, 0.5)
+    assert found.normal_scale == 0.5 and found.normal_texture is not None and found.alpha_texture is not None
+    np.testing.assert_allclose(found.normal_texture, pixels[..., :3] / 255, atol=1e-6)
+    np.testing.assert_allclose(found.alpha_texture[..., 0], pixels[..., 3] / 255, atol=1e-6)
+    assert found.ignored == ("sheen", "clearcoatTexture")
+    assert plain.normal_texture is None and plain.alpha_texture is None and plain.alpha == 1
+    with pytest.raises(InputError, match=r"ior: 0\.5; it must be 0, or 1 and more"):
+        glb.top["materials"][0]["extensions"]["KHR_materials_ior"]["ior"] = 0.5
+        proxy(glb, finish=True)
+
+
 def test_the_archived_specular_glossiness_model(glb: Any) -> None:
     glossy = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.1, 0.2, 0.3, 1]}}
     assert material(glb, extensions=glossy).base_color.tolist() == [0.1, 0.2, 0.3]

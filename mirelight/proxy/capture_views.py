@@ -15,18 +15,19 @@ import numpy as np
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
-from mirelight.model import F32, Camera, Deferred, SplatCloud, SplatLayer, Variant
+from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
 from mirelight.model.scene import SOLID
 from mirelight.proxy.capture import SURFEL
 
 _SAMPLE = 20_000  # splats that tell their kind
 _OPAQUE = 0.9  # alpha of pixels by which a picture's exposure is told
 _BRIGHT = 0.7  # quantile of the light from which it is: what is dark shows in composites what lies beside it
-_WHITE = 0.98  # display value from which a pixel may have been any brighter
+_WHITE = 0.955  # linear, display value 0.98: a pixel may have been any brighter
 _COUNTS = 0.99  # of a pixel of a picture, from which it is taken
 _FEWEST = 100  # pixels
-_UNLIKE = 0.35  # log of light by which half of the pixels are off at the least, if a picture is not of the splats
-_SAME = 0.02  # log of exposures that are taken as one
+_UNLIKE = 0.35  # of the logarithm: half of the pixels are off by more, if a picture is not of the splats
+_VARIED = 0.04  # of the logarithm: exposures of half of the pictures lie farther apart, if each has its own
+_DEVELOPED = 0.2  # of the logarithm: all pictures are brighter or darker than the splats by more, if they were changed
 
 
 def are_discs(splats: SplatCloud) -> bool:
@@ -62,49 +63,74 @@ def capture_views(
 
     compositor = Compositor(splats, variant=variant, threads=threads)
     step = -(-len(cameras) // MOST_VIEWS)
-    taken = pictures[::step] if pictures else [None] * len(cameras[::step])
-    views, refused = list[SplatLayer](), list[str]()
-    for camera, picture in zip(cameras[::step], taken, strict=True):
-        view = compositor.composite(camera.resized(*view_size(camera.width, camera.height)))
-        if picture is not None:
-            try:
-                view = _as_photographed(view, picture.value)
-            except InputError as unfit:
-                refused.append(str(unfit))
-            except ValueError as unlike:
-                refused.append(f"that of {camera.name!r} {unlike}")
-        views.append(view)
+    views = [compositor.composite(x.resized(*view_size(x.width, x.height))) for x in cameras[::step]]
+    photographs, refused = dict[int, F32](), list[str]()
+    exposures = np.full(len(views), np.nan)
+    for k, (view, picture) in enumerate(zip(views, pictures[::step], strict=bool(pictures))):
+        if picture is None:
+            continue
+        try:
+            photographs[k] = picture.value
+            exposures[k] = _exposure(view, photographs[k])
+        except InputError as unfit:
+            refused.append(str(unfit))
+        except ValueError as unlike:
+            refused.append(f"that of {view.camera.name!r} {unlike}")
+            del photographs[k]
+    gains = _gains(exposures)
+    for k, photograph in photographs.items():
+        views[k] = _as_photographed(views[k], photograph, float(gains[k]))
     if refused and report is not None:
-        there = sum(x is not None for x in taken)
+        count = len(photographs) + len(refused)
         report(
-            f"{len(refused)} of {there} pictures of the capture are not used, but what its splats show: {refused[0]}"
+            f"{len(refused)} of {count} pictures of the capture are not used, but what its splats show: {refused[0]}"
         )
     return tuple(views)
 
 
-def _as_photographed(view: SplatLayer, picture: F32) -> SplatLayer:
-    """The view in the colours of a picture (H, W, 4), brought to the splats' exposure; what does not count in it shows
-    nothing. Raises ValueError: it shows something else."""
+def _exposure(view: SplatLayer, picture: F32) -> float:
+    """The logarithm of by how much more a picture (H, W, 4) shows than the splats, where it is bright; NaN where too
+    little is. Raises ValueError: it shows something else."""
     alpha = 1 - view.transmittance
-    shown = np.maximum(view.color / np.maximum(alpha, 1e-6)[..., None], 0)
-    own = shown if view.linear else colour.srgb_decode(shown)
-    light, theirs = colour.luminance(picture[..., :3]), colour.luminance(own)
-    white = float(colour.srgb_decode(_WHITE))
-    clipped = picture[..., :3].max(axis=2) > white
+    own = np.maximum(view.color / np.maximum(alpha, 1e-6)[..., None], 0)
+    own = own if view.linear else colour.srgb_decode(own)
+    light = [colour.luminance(x) for x in (picture[..., :3], own)]
+    told = (picture[..., 3] > _COUNTS) & (alpha > _OPAQUE) & (light[0] > 0) & (light[1] > 0)
+    told &= np.maximum(picture[..., :3], own).max(axis=2) < _WHITE
+    if np.count_nonzero(told) < _FEWEST:
+        return np.nan
+    ratio = np.log(light[0][told] / light[1][told])
+    ratio = ratio[light[1][told] > np.quantile(light[1][told], _BRIGHT)]
+    exposure = float(np.median(ratio))
+    if float(np.median(np.abs(ratio - exposure))) > _UNLIKE:
+        raise ValueError("shows something else than the splats do from there")
+    return exposure
+
+
+def _gains(exposures: F64) -> F64:
+    """(N,) what pictures are multiplied by: all alike, unless they were exposed one by one or developed anew.
+
+    Splats show a few hundredths more than the pictures that they were trained on, from one to the next by a little
+    more or less. That is no exposure.
+    """
+    told = exposures[np.isfinite(exposures)]
+    if not len(told):
+        return np.ones(len(exposures))
+    middle = float(np.median(told))
+    common = middle if abs(middle) > _DEVELOPED else 0.0
+    varied = float(np.median(np.abs(told - middle))) > _VARIED
+    apart = np.nan_to_num(exposures - middle) if varied else np.zeros(len(exposures))
+    return np.asarray(np.exp(-common - apart))
+
+
+def _as_photographed(view: SplatLayer, picture: F32, gain: float) -> SplatLayer:
+    """The view in the colours of a picture (H, W, 4), times a gain; what does not count in it shows nothing."""
+    clipped = picture[..., :3].max(axis=2) > _WHITE
     counts = picture[..., 3] > _COUNTS
-    told = counts & ~clipped & (alpha > _OPAQUE) & (own.max(axis=2) < white) & (light > 0) & (theirs > 0)
-    gain = 1.0
-    if np.count_nonzero(told) >= _FEWEST:
-        ratio = np.log(light[told] / theirs[told])
-        bright = theirs[told] > np.quantile(theirs[told], _BRIGHT)
-        exposure = float(np.median(ratio[bright]))
-        if float(np.median(np.abs(ratio[bright] - exposure))) > _UNLIKE:
-            raise ValueError("shows something else than the splats do from there")
-        gain = float(np.exp(-exposure)) if abs(exposure) > _SAME else 1.0
     if gain < 1:
-        counts = counts & ~clipped
+        counts &= ~clipped  # white, of which no more is known than that it is above the gain
     rgb = np.where(clipped[..., None], picture[..., :3], np.minimum(picture[..., :3] * gain, 1))
-    there = np.where(counts, alpha, 0)
+    there = np.where(counts, 1 - view.transmittance, 0)
     return replace(
         view,
         color=np.asarray((rgb if view.linear else colour.srgb_encode(rgb)) * there[..., None], np.float32),

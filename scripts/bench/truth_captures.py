@@ -66,6 +66,7 @@ class Captured:
     whole: bool  # all proxies and ways are tried on it, not the ends alone
     camera: Camera  # not one that the splats were made from
     orbit: tuple[Camera, ...]  # those that they were made from, as they are known
+    pictures: tuple[F32, ...]  # (H, W, 3) display-encoded, that those took; none: they are discs on the true surface
     sky: bool  # the splats show it, too: what they have before nothing is not scored
     splats: SplatCloud
     light: Lighting  # under which they were captured
@@ -170,6 +171,7 @@ class _Scene:
             whole=plan.whole,
             camera=self._camera,
             orbit=self.recipe.orbit if plan.shooting is None else training.known(self.recipe.orbit, plan.shooting),
+            pictures=() if plan.shooting is None else tuple(self._pictures(plan.captured, plan.shooting)),
             sky=plan.shooting is not None and plan.shooting.sky,
             splats=self._splats(plan.captured),
             light=self._lightings[plan.captured],
@@ -238,11 +240,20 @@ class _Scene:
         )
         return self._coloured(bare, lighting)
 
+    def _pictures(self, lighting: str, how: Shooting) -> F32:
+        def make() -> F32:
+            self._say(f"{len(self.recipe.orbit)} pictures of {self._plan.cloud}")
+            light = self._lightings[lighting]
+            return np.stack(training.shots(Truth(self.looks, light), light, self.recipe.orbit, how))
+
+        return self._store.array(f"{self._plan.cloud}.pictures.{lighting}", "pictures", make)
+
     def _trained(self, lighting: str, how: Shooting) -> SplatCloud:
         def make() -> F32:
-            self._say(f"splats of {self._plan.cloud}, trained on {len(self.recipe.orbit)} pictures")
-            light = self._lightings[lighting]
-            return training.trained(Truth(self.looks, light), light, self.recipe.orbit, how)
+            pictures = list(self._pictures(lighting, how))
+            self._say(f"splats of {self._plan.cloud}, trained on {len(pictures)} pictures")
+            truth = Truth(self.looks, self._lightings[lighting])
+            return training.trained(truth, pictures, self.recipe.orbit, how)
 
         name = f"{self._plan.cloud}.trained.{lighting}"
         return training.cloud_of(self._store.array(name, "trained splats", make))

@@ -17,13 +17,14 @@ from bench.truth_scores import F32, Bool, Score, edges_of, mean, score
 from bench.truth_seen import seen_of
 from bench.truth_store import Store
 from mirelight import estimate, proxy, relighting
-from mirelight.base.colour import srgb_encode
+from mirelight.base.colour import srgb_decode, srgb_encode
 from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
 from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (
     Camera,
+    Deferred,
     DirectionalLight,
     Indirect,
     Lighting,
@@ -37,6 +38,7 @@ from mirelight.model import (
     digest,
 )
 from mirelight.pipeline import captured_sun
+from mirelight.proxy.capture_views import capture_views
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Soup
 
@@ -117,6 +119,17 @@ class Bench:
     def splats(self) -> SplatLayer:
         """Composited once."""
         return Compositor(self.capture.splats).composite(self.capture.camera, depth=False)
+
+    @cached_property
+    def _views(self) -> tuple[SplatLayer, ...]:
+        """What the capture's cameras took, where splats were trained on it."""
+        capture = self.capture
+        counts = (np.ones((*x.shape[:2], 1), np.float32) for x in capture.pictures)
+        pictures = [
+            Deferred.of(np.concatenate([srgb_decode(x), more], axis=2))
+            for x, more in zip(capture.pictures, counts, strict=True)
+        ]
+        return capture_views(capture.splats, capture.orbit, pictures, report=self._say) if pictures else ()
 
     @cached_property
     def _surface(self) -> LightingBuffer:
@@ -228,16 +241,24 @@ class Bench:
     def _all_rows(self) -> str:
         """Digest of what all rows of the capture are made from."""
         c = self.capture
-        return digest(c.splats, c.camera, c.lightings, *(x for name in sorted(c.truth) for x in c.truth[name]))
+        return digest(
+            c.splats,
+            c.camera,
+            c.orbit,
+            c.pictures,
+            c.lightings,
+            *(x for name in sorted(c.truth) for x in c.truth[name]),
+        )
 
     def _estimated(self, surface: Surface, mesh: ProxyMesh) -> Lighting:
         splats = self.capture.splats
 
         def pack() -> F32:
-            return estimate.estimate(splats, mesh, RenderSettings()).packed().astype(np.float32)
+            made = estimate.estimate(splats, mesh, RenderSettings(), views=self._views)
+            return made.packed().astype(np.float32)
 
         name = f"{self.capture.name}.{surface}.light"
-        packed = self._store.array(name, "light estimated", pack, "light", (splats, mesh))
+        packed = self._store.array(name, "light estimated", pack, "light", (splats, mesh, self._views))
         return estimate.lighting_of(packed.astype(np.float64))
 
     def _without_light(self) -> Iterator[Row]:
@@ -259,9 +280,9 @@ class Bench:
         self, surface: Surface, known: Known, mesh: ProxyMesh, light: Lighting, ways: Sequence[Way]
     ) -> Iterator[Row]:
         """Two rows of every way: noisy and denoised; of the one by which proxies are compared the denoised one."""
-        capture, cost = self.capture, self._store.cost
-        colored = cost("colours of proxies", lambda: colored_by(capture.splats, mesh, light, RenderSettings()))
-        level = cost("captured levels", lambda: captured_level(capture.splats, colored, light, RenderSettings()))
+        capture, cost, splats, views = self.capture, self._store.cost, self.capture.splats, self._views
+        colored = cost("colours of proxies", lambda: colored_by(splats, mesh, light, RenderSettings(), views))
+        level = cost("captured levels", lambda: captured_level(splats, colored, light, RenderSettings(), views))
         tracer = cost("frames", lambda: Tracer(colored, RenderSettings(), layers=False, aovs=False))
         lightings = (light, *capture.lightings)
         caches: Sequence[SurfaceCache | None] = [None] * len(lightings)

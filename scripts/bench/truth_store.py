@@ -29,12 +29,13 @@ SCENES = ("scripts/scenegen", "scripts/bench/truth_captures.py")
 MAKERS: dict[Maker, tuple[str, ...]] = {
     "scenes": SCENES,
     "proxies": (*SCENES, "mirelight/proxy", "mirelight/lighting", "mirelight/compositor", "mirelight/model"),
-    "light": ("mirelight/estimate", "mirelight/lighting", "mirelight/model"),
+    "light": ("mirelight/estimate", "mirelight/lighting", "mirelight/model", "mirelight/proxy/capture_views.py"),
     "rows": (
         "mirelight/relighting",
         "mirelight/lighting",
         "mirelight/compositor",
         "mirelight/model",
+        "mirelight/proxy/capture_views.py",
         "scripts/bench/truth_rows.py",
         "scripts/bench/truth_scores.py",
         "scripts/bench/truth_seen.py",

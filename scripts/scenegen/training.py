@@ -72,16 +72,15 @@ def _turned(camera: Camera, pixels: F64) -> Camera:
     return replace(camera, world_from_camera=camera.world_from_camera @ turn)
 
 
-def trained(truth: Truth, lighting: Lighting, cameras: Sequence[Camera], how: Shooting) -> F32:
+def trained(truth: Truth, pictures: Sequence[F32], cameras: Sequence[Camera], how: Shooting) -> F32:
     """Rows (N, 59) of splats that were trained on pictures; :func:`cloud_of` reads them.
 
     Args:
         truth: the scene under the captured light.
-        lighting: that light; its sky is behind the pictures.
+        pictures: as :func:`shots` takes them.
         cameras: the pictures'.
         how: they are taken and trained on.
     """
-    pictures = shots(truth, lighting, cameras, how)
     return train(known(cameras, how), pictures, *_start(truth, cameras, how), how)
 
 

@@ -197,6 +197,7 @@ def test_a_lamp_lights_a_capture_as_brightly_as_it_was_captured() -> None:
 @pytest.mark.parametrize("doubted", [False, True])
 def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, doubted: bool) -> None:
     """What is estimated is not looked at here: new light is as bright as it, and the job loads."""
+    cameras_beside(tmp_path, 6, 640)
     for file in ("splats.compressed.ply", "proxy.glb", "sunset.hdr", "spots.glb"):
         shutil.copy(SCENES / "stage" / file, tmp_path / file)
     shutil.copy(tmp_path / "sunset.hdr", tmp_path / "spots.hdr")  # names of lightings differ all the same
@@ -221,7 +222,7 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
         radiance=np.full((48, 96, 3), 4.0),
         confidence=sure,
     )
-    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: light)
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_, **__: light)
     monkeypatch.setattr("mirelight.lighting.captured_level", lambda *_: 4.0)
     text = job_for(tmp_path / "splats.compressed.ply", tmp_path).text
     table = tomllib.loads(text)
@@ -233,7 +234,7 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
         assert table["captured"] == "estimate" and table["proxy"]["albedo"] == "splats"
         assert "a sun 90° above the horizon, and a sky" in text
         assert table["lightings"][0]["lights"][0]["intensity"] == 12.8
-    assert table["proxy"]["path"] == "proxy.glb"
+    assert table["proxy"]["path"] == "proxy.glb" and table["proxy"]["cameras"] == "transforms.json"
     assert [x.name for x in work.lightings] == ["sun", "spots", "spots-2", "sunset"]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mirelight.base import colour
 from mirelight.base.errors import InputError, one_line, printable
 from mirelight.io.suffixes import GLTF, MESHES
-from mirelight.model import F64, PointLight, ProxyMesh, SplatCloud, SpotLight
+from mirelight.model import F64, Deferred, PointLight, ProxyMesh, SplatCloud, SplatLayer, SpotLight
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import FileCamera
@@ -67,6 +67,27 @@ class Cameras:
 
     path: Path
     cameras: tuple[FileCamera, ...]  # at least one
+
+    def views(self, world: SplatCloud, turn: F64) -> tuple[SplatLayer, ...]:
+        """What they see, in the colours of their pictures where those lie there.
+
+        Args:
+            world: the splats, in world space.
+            turn: (3, 3) rotation from the splats' axes to the world.
+        """
+        from mirelight.io.cameras import open_file
+        from mirelight.io.cameras.pictures import find_all
+        from mirelight.proxy.capture_views import capture_views
+
+        pictures = find_all(open_file(self.path), self.cameras)
+        m = np.eye(4)
+        m[:3, :3] = turn
+        cameras = [
+            one.to_camera(one.size((960, 540)) if picture is None else picture.lens.size, m @ one.world_from_camera)
+            for one, picture in zip(self.cameras, pictures, strict=True)
+        ]
+        taken = [None if x is None else Deferred("", x.read, keep=False) for x in pictures]
+        return capture_views(world, cameras, taken)
 
 
 def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Misfit | None]:

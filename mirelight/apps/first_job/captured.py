@@ -19,12 +19,13 @@ class Known:
     level: float  # its mean over the surface, irradiance / pi as luminance
 
 
-def find(world: SplatCloud, proxy: beside.Proxy, turn: F64) -> Known | None:
+def find(world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None, turn: F64) -> Known | None:
     """What is estimated; None where the two halves of the splats disagree, or it explains hardly anything.
 
     Args:
         world: the splats, in world space.
         proxy: the mesh that fits them.
+        cameras: the capture's, that colours are looked at from.
         turn: (3, 3) rotation from the splats' axes to the world.
     """
     from mirelight.estimate import estimate
@@ -37,12 +38,13 @@ def find(world: SplatCloud, proxy: beside.Proxy, turn: F64) -> Known | None:
         mesh = replace(mesh, vertices=(mesh.vertices @ turn.T.astype(np.float32)), normals=None)
     settings = RenderSettings()
     try:
-        found = estimate(world, mesh, settings)
+        views = () if cameras is None else cameras.views(world, turn)
+        found = estimate(world, mesh, settings, views=views)
     except RenderError:
         return None
     if doubted(found):
         return None
-    level = captured_level(world, mesh, found.lighting, settings)
+    level = captured_level(world, mesh, found.lighting, settings, views)
     if not level > 0:
         return None
     if not found.sun.any():

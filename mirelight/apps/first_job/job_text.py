@@ -71,7 +71,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
     proxy, misfit = beside.proxy(capture, cloud, turn)
     seen = view.best(world, str(capture), outside=cameras is not None and beside.around(cameras, cloud))
-    known = None if proxy is None else captured.find(world, proxy, turn)
+    looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
+    known = None if proxy is None else captured.find(world, proxy, looking, turn)
     named = Names(folder)
     if proxy is None:
         _refuse_no_surface(capture, world, seen, misfit)
@@ -80,7 +81,11 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     lines = [
         f"# {printable(capture.name)}: written by `mirelight new`. Every key: {page('job file')}",
         *_splats(capture, which_way, found, named),
-        *(_made(cameras, cloud, seen.room, misfit, named) if proxy is None else _given(proxy, found, known, named)),
+        *(
+            _made(cameras, looking, seen.room, misfit, named)
+            if proxy is None
+            else _given(proxy, looking, found, known, named)
+        ),
         *_cameras(cameras, unread, wish, named),
         *_camera(seen, wish),
         *_captured(seen, proxy, known),
@@ -128,11 +133,14 @@ def _placed(found: up.Up) -> str:
     return f", transform = {{ rotation_euler = {vector(found.euler)} }}" if turned else ""
 
 
-def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, named: Names) -> Iterator[str]:
-    """A mesh beside the capture, and the light that is known by it."""
+def _given(
+    proxy: beside.Proxy, cameras: beside.Cameras | None, found: up.Up, known: captured.Known | None, named: Names
+) -> Iterator[str]:
+    """A mesh beside the capture, the cameras that colours are looked at from, and the light that is known by it."""
     yield ""
     yield "# The mesh that light falls on, found beside the capture."
-    colours = ', albedo = "splats"' if known is not None else ""
+    colours = f", cameras = {named(cameras.path)}" if cameras is not None else ""
+    colours += ', albedo = "splats"' if known is not None else ""
     yield f"proxy = {{ path = {named(proxy.path)}{_placed(found) if proxy.turned else ''}{colours} }}"
     if known is not None:
         yield ""
@@ -141,9 +149,13 @@ def _given(proxy: beside.Proxy, found: up.Up, known: captured.Known | None, name
 
 
 def _made(
-    cameras: beside.Cameras | None, cloud: SplatCloud, room: bool, misfit: beside.Misfit | None, named: Names
+    cameras: beside.Cameras | None,
+    looking: beside.Cameras | None,
+    room: bool,
+    misfit: beside.Misfit | None,
+    named: Names,
 ) -> Iterator[str]:
-    """A mesh made from the splats, with the capture's cameras where they help."""
+    """A mesh made from the splats, with the capture's cameras where they help: `looking`, where they see splats."""
     yield ""
     if misfit is not None:
         yield f"# {misfit}"
@@ -152,7 +164,7 @@ def _made(
         yield 'proxy = "splats"'
         return
     with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)} }}'
-    if not beside.look_at(cameras, cloud):
+    if looking is None:
         name = printable(cameras.path.name)
         yield f"# {name} is left out: few of its cameras see splats."
         yield 'proxy = "splats"'

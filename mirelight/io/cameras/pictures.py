@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,6 +65,12 @@ def view_size(width: int, height: int) -> Size:
     """The size of the view of a camera of that size: smaller where it has more than `MOST_PIXELS`."""
     scale = min((MOST_PIXELS / (width * height)) ** 0.5, 1.0)
     return max(round(width * scale), 1), max(round(height * scale), 1)
+
+
+def find_all(file: CameraFile, cameras: Sequence[FileCamera], folder: Path | None = None) -> tuple[Picture | None, ...]:
+    """The pictures of the cameras of a file that are looked from; None for the others. See :func:`find`."""
+    step = -(-len(cameras) // MOST_VIEWS)
+    return tuple(None if i % step else find(file, one, folder) for i, one in enumerate(cameras))
 
 
 def find(file: CameraFile, camera: FileCamera, folder: Path | None = None) -> Picture | None:

@@ -138,7 +138,7 @@ def with_pictures(
     splats: Sequence[SplatsTable],
     files: CameraFiles,
     wrong: list[Mistake],
-) -> tuple[list[Camera], list[Picture | None]]:
+) -> tuple[list[Camera], tuple[Picture | None, ...]]:
     """The cameras of a capture's pictures, and what those took that are looked from; None where it is not known.
 
     Args:
@@ -148,19 +148,18 @@ def with_pictures(
         files: reads them.
         wrong: gets what is wrong.
     """
-    from mirelight.io.cameras.pictures import MOST_VIEWS, find
+    from mirelight.io.cameras.pictures import find_all
 
     assert table.cameras is not None
     at, wanted = ("proxy", "cameras"), table.pictures
     if table.cameras == PROXY or table.cameras.lower().endswith(SCENES):
         named = CamerasFromTable.model_construct({"path"}, path=table.cameras, transform="splats")
         scene = _of_scene(named, at, resolution, splats, files, wrong)
-        return scene, [None] * len(scene)
+        return scene, (None,) * len(scene)
     file = files.camera_file(table.cameras)
     folder = files.folder / wanted if isinstance(wanted, str) else None
     found = file.read()
-    step = -(-len(found) // MOST_VIEWS)
-    pictures = [find(file, x, folder) if wanted and not i % step else None for i, x in enumerate(found)]
+    pictures = find_all(file, found, folder) if wanted else (None,) * len(found)
     if isinstance(wanted, str) and not any(pictures):
         remedy = f"name the folder in which {shown_path(found[0].picture or 'a picture')} lies"
         wrong.append(

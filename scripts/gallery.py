@@ -187,6 +187,16 @@ def gloss(work: Work) -> Tiles:
     return [(name, part(pixels, (0.35, 0.06, 0.59, 0.48))) for name, pixels in tiles]
 
 
+def glaze(work: Work) -> Tiles:
+    """The knot: matt, with its glaze, true."""
+    matt = replace(work, folder=work.folder / "matt", settings=(*work.settings, "relight.gloss=false"))
+    matt.render()
+    path = work.frames()[0][1]
+    truth = picture(ROOT / "scenes" / "stage" / "truth" / path.name)
+    tiles = (("matt", picture(matt.frames()[0][1])), ("with gloss", picture(path)), ("path-traced truth", truth))
+    return [(name, part(pixels, (0.35, 0.06, 0.59, 0.48))) for name, pixels in tiles]
+
+
 def clipped(work: Work) -> Tiles:
     """The marble plinth, from the capture and from one that was two stops too bright for what a file can hold."""
     from mirelight.base import colour
@@ -265,6 +275,7 @@ TUTORIALS: dict[str, Kind] = {
     "even": Kind(
         before_and_after, 2, 480, settings=("resolution_scale=0.75",), page="explanation/cannot-be-removed", job="even"
     ),
+    "glaze": Kind(glaze, 3, 320, page="guides/gloss", job="glaze"),
     "gloss": Kind(gloss, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
     "clipped": Kind(clipped, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
 }

@@ -76,6 +76,10 @@ class DataSet:
         if any(relighting.per_splat(x) for x in ways):
             found = "frames whose light is found for splats"
             raise InputError(self.folder, found, 'render with relight.per = "pixel"')
+        if any(x.gloss for x in ways):
+            raise InputError(
+                self.folder, "frames with gloss, which no layer holds", "render with relight.gloss = false"
+            )
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)
         there = self._kept.there()

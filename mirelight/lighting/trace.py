@@ -66,6 +66,8 @@ class Tracer:
         first_inserted: faces of the mesh from there on are inserted objects'; their light is traced and kept apart, in
             `LightingBuffer.objects`. None: there are none. With some, light is read from no cache, and
             `settings.noise` is None.
+        lobes: light is what the lobes of the materials reflect to the camera, of glTF's metallic-roughness model, and
+            the albedo the metal's share of the surface; all else of the mesh is matt. Read from no cache, as above.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Tracer:
         layers: bool = True,
         aovs: bool = True,
         first_inserted: int | None = None,
+        lobes: bool = False,
     ) -> None:
         self.settings = settings
         self._layers, self._aovs = layers, aovs
@@ -87,7 +90,7 @@ class Tracer:
         if len(proxy.faces):
             from mirelight.lighting.kernel.proxy import DeviceProxy
 
-            self._surface = DeviceProxy(proxy, first_inserted)
+            self._surface = DeviceProxy(proxy, first_inserted, lobes=lobes)
 
     def trace(
         self,

@@ -22,4 +22,5 @@ class RelightSettings:
     max_ratio: float = 16.0  # ratio: upper clamp
     per: Per = "pixel"  # light is found for each pixel of a view, or for each splat
     repair: bool = True  # captured light has the shadows and the white that the picture shows (ratio, albedo)
+    gloss: bool = False  # what the materials' lobes reflect of the new light is added
     sh: Gloss = "keep"  # SH above degree 0: relit as all else, never brightened (fade), or left out (remove)

@@ -27,6 +27,8 @@ def check(job: Job) -> None:
         )
     if job.objects:
         _check_objects(job)
+    if any(x.gloss for x in _relights(job)):
+        _check_gloss(job)
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
     if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
@@ -57,6 +59,22 @@ def _check_objects(job: Job) -> None:
     for is_so, found, remedy in wrong:
         if is_so:
             raise InputError(job.source, f"inserted objects and {found}", remedy, field="objects")
+
+
+def _check_gloss(job: Job) -> None:
+    """Raises InputError, in one line, where a job asks for gloss together with what does not have it."""
+    wrong = (
+        (job.proxy is None, "no proxy mesh whose materials mirror", 'add the line proxy = "splats"'),
+        (requirements.follows_engine(job), "the profile playcanvas, whose light is not traced", "use profile physical"),
+        (
+            job.output.store == "layers" or bool(job.dataset.layouts),
+            "frames that are mixed from layers, which do not hold it",
+            'leave dataset.layouts and output.store = "layers" out',
+        ),
+    )
+    for is_so, found, remedy in wrong:
+        if is_so:
+            raise InputError(job.source, f"gloss and {found}", remedy, field="relight.gloss")
 
 
 def _comparing(job: Job) -> str:

@@ -1,12 +1,14 @@
-"""The scene with objects in it, as the light of a view asks for it."""
+"""The scene with objects in it, and that of what the proxy's materials mirror, as the light of a view asks for them."""
 
 from __future__ import annotations
 
 import weakref
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mirelight.model import Camera, Lighting, ProxyMesh, SurfaceCache
+from mirelight.model.dressing import dressed
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
 from mirelight.pipeline.prepared import Prepared
@@ -63,3 +65,26 @@ class SceneWithObjects(Prepared):
     def surface_cache(self, light_set: LightSet, *, progress: Progress | None = None) -> SurfaceCache | None:
         """None: light on the surface is kept without objects, so all is traced."""
         return None
+
+
+class SceneOfLobes(SceneWithObjects):
+    """The proxy with its materials; light is what their lobes reflect to the camera."""
+
+    @cached_property
+    def proxy(self) -> ProxyMesh | None:
+        """The proxy, as the job's materials dress it."""
+        bare = self._bare.proxy
+        return bare if bare is None else dressed(bare, self.job.materials)
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        """The tracer of the lobes."""
+        from mirelight.lighting import Tracer
+
+        assert self.proxy is not None
+        settings = replace(self.job.render, noise=None, indirect="traced")
+        return Tracer(self.proxy, settings, layers=requirements.keeps_lights_apart(self.job), aovs=False, lobes=True)
+
+    def light_key(self, light_set: LightSet, seen: Camera) -> str:
+        """The key of a set's traced buffer; `seen` is the lighting's camera."""
+        return self.keys.light_of_lobes(light_set, seen)

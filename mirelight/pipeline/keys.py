@@ -171,6 +171,15 @@ class Keys:
         """The same with the job's inserted objects in the scene."""
         return self._light(light_set, view(camera), self._objects)
 
+    def light_of_lobes(self, light_set: LightSet, camera: Camera) -> str:
+        """Key of what the proxy's materials mirror of it."""
+        return self._light(light_set, view(camera), self._lobes)
+
+    @cached_property
+    def _lobes(self) -> str:
+        """Materials as the job has them; those of the proxy's file are in its digest."""
+        return digest("lobes", self.job.materials)
+
     def _light(self, light_set: LightSet, seen: str, objects: str = "") -> str:
         """The same by the camera's view; kept, since many lightings are made of one set."""
         place = light_set.digest, seen, *([objects] if objects else [])
@@ -240,6 +249,8 @@ class Keys:
         for camera in job.cameras:
             needs = self.needs(camera, (x for x in job.lightings if x.lights_up(camera)))
             seen = relighting.lighting_camera(camera, job.relight)
+            if any(relighting.adds_lobes(job.relight_of(x)) for x in job.lightings):
+                yield from (self.light_of_lobes(s, seen) for s in (*every.values(), GLOW))
             yield from (*needs.lights, *needs.veiled, self.light(GLOW, seen), self.light_with_objects(GLOW, seen))
         if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
@@ -268,6 +279,9 @@ class Keys:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen, self._objects), self._relit(job.relight_of(lighting))]
+        if relighting.adds_lobes(job.relight_of(lighting)):
+            for one in requirements.with_compared(job, [lighting]):
+                parts += self._lit(one, seen, self._lobes)
         captured = requirements.compared_in(job, lighting)
         if captured is not None:
             if seen not in self._old:

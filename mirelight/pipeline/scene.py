@@ -24,7 +24,7 @@ from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
 from mirelight.pipeline.backdrops import Backdrops
 from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
-from mirelight.pipeline.inserted import SceneWithObjects
+from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.splat_light import SplatLight
 from mirelight.pipeline.view_light import ViewLight
@@ -67,6 +67,7 @@ class Scene(Prepared):
         super().__init__(job, kept, report)
         self._view: ViewLight | None = None
         self._view_with_objects: ViewLight | None = None
+        self._view_of_lobes: ViewLight | None = None
         self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # was, seen in, is
         self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
         self._front: tuple[str, SplatLayer] | None = None  # its key
@@ -137,6 +138,17 @@ class Scene(Prepared):
         if view is None or view.is_broken or keys.view(view.camera) != keys.view(seen):
             self._view_with_objects = view = ViewLight(self._with_objects, seen)
         return view
+
+    def lobes(self, seen: Camera) -> ViewLight:
+        """What the proxy's materials mirror to a view; that of the last one is kept."""
+        view = self._view_of_lobes
+        if view is None or view.is_broken or keys.view(view.camera) != keys.view(seen):
+            self._view_of_lobes = view = ViewLight(self._of_lobes, seen)
+        return view
+
+    @cached_property
+    def _of_lobes(self) -> SceneOfLobes:
+        return SceneOfLobes(self)
 
     @cached_property
     def _with_objects(self) -> SceneWithObjects:

@@ -32,6 +32,8 @@ class Lit:
     new: LightingBuffer
     captured: LightingBuffer | None = None
     sun: relighting.Sun | None = None  # of the captured light, where its shadows take their places from the picture
+    lobes: LightingBuffer | None = None  # what the proxy's materials mirror of the new light, where that is wanted
+    captured_lobes: LightingBuffer | None = None  # the same of the captured one, where both are compared
     factor: F32 | None = None  # (N, 3) of each splat, linear, where splats are relit one by one
 
     def __repr__(self) -> str:
@@ -97,6 +99,8 @@ def light(
         view.expect([] if compared is None else [compared], progress)
         new.expect([lighting], progress)
     captured: LightingBuffer | None = None
+    lobes: LightingBuffer | None = None
+    captured_lobes: LightingBuffer | None = None
     sun: relighting.Sun | None = None
     settings = job.relight_of(lighting)
     try:
@@ -105,7 +109,8 @@ def light(
         raise Stopped(None) from None
 
     def lit(buffer: LightingBuffer) -> Lit:
-        return Lit(camera=camera, lighting=lighting, new=buffer, captured=captured, sun=sun, factor=factor)
+        beside = {"captured": captured, "lobes": lobes, "captured_lobes": captured_lobes}
+        return Lit(camera=camera, lighting=lighting, new=buffer, sun=sun, factor=factor, **beside)
 
     def offer(so_far: Callable[[], LightingBuffer]) -> None:
         assert look is not None
@@ -115,6 +120,11 @@ def light(
         captured = None if compared is None else view.mixed(compared)
         if compared is not None and relighting.repairs(settings):
             sun = view.sun(compared)
+        if relighting.adds_lobes(settings):
+            mirrored = scene.lobes(seen)
+            mirrored.expect(requirements.with_compared(job, [lighting]), None)
+            captured_lobes = None if compared is None else mirrored.mixed(compared)
+            lobes = mirrored.mixed(lighting)
         return lit(new.mixed(lighting, None if look is None else offer))
     except ViewStopped:
         so_far = new.mixed_so_far(lighting) if compared is None or captured is not None else None
@@ -198,6 +208,8 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
             made_by=made_by,
             noise=requirements.wants_noise(job),
         )
+    if lit is not None and lit.lobes is not None:
+        made = relighting.with_lobes(made, lit.lobes, settings, lit.captured_lobes)
     front: SplatLayer | None = None
     if job.objects and lit is not None:
         front = None if splats is None or lit.new.objects is None else scene.in_front(camera, lit.new.objects)

@@ -11,8 +11,9 @@ from __future__ import annotations
 from mirelight.relighting.backdrop import without_leaks
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.inserted import with_objects
+from mirelight.relighting.lobes import with_lobes
 from mirelight.relighting.mode import Lit, Mode, Task
-from mirelight.relighting.modes import MODES, gloss_of, mode_of, per_splat, reads, repairs
+from mirelight.relighting.modes import MODES, adds_lobes, gloss_of, mode_of, per_splat, reads, repairs
 from mirelight.relighting.repair import Sun, repaired
 from mirelight.relighting.resample import upsample
 from mirelight.relighting.splats import captured_color, frame_of_splats, relit_colors, splat_relighter
@@ -23,6 +24,7 @@ __all__ = [
     "Mode",
     "Sun",
     "Task",
+    "adds_lobes",
     "apply",
     "captured_color",
     "frame_of_splats",
@@ -38,6 +40,7 @@ __all__ = [
     "splat_relighter",
     "unlit_rgba",
     "upsample",
+    "with_lobes",
     "with_objects",
     "without_leaks",
 ]

@@ -27,6 +27,7 @@ def reads(settings: RelightSettings) -> frozenset[str]:
     """
     mode = mode_of(settings)
     own = mode.reads | ({"space"} if mode.space is None and not rules_of(settings.profile).blending_space else set())
+    own |= {"gloss"} if rules_of(settings.profile).path_traced else set()
     own |= {"per"} if rules_of(settings.profile).path_traced else set()
     own |= {"repair"} if mode.needs_captured and rules_of(settings.profile).path_traced else set()
     own |= {"sh"} if rules_of(settings.profile).splits_colour else set()
@@ -42,6 +43,11 @@ def repairs(settings: RelightSettings) -> bool:
     """Whether pixels are compared with captured light as the picture shows it."""
     compares = mode_of(settings).needs_captured and settings.blend > 0
     return settings.repair and settings.per == "pixel" and compares and rules_of(settings.profile).path_traced
+
+
+def adds_lobes(settings: RelightSettings) -> bool:
+    """Whether what the proxy's materials mirror of the new light is added to a frame."""
+    return settings.gloss and settings.blend > 0 and rules_of(settings.profile).path_traced
 
 
 def gloss_of(settings: RelightSettings) -> Gloss:

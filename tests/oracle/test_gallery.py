@@ -77,7 +77,7 @@ def test_the_clip_is_a_film_of_its_lightings(
         assert film.n_frames == 3  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "clipped"])
+@pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "glaze", "clipped"])
 def test_jobs_on_pages_are_found(name: str, gallery: ModuleType, tmp_path: Path) -> None:
     kind = gallery.TUTORIALS[name]
     assert mirelight.load(gallery.job_of(name, kind, tmp_path)).cameras

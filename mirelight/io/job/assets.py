@@ -66,15 +66,18 @@ class Assets:
         ]
         return Deferred(model.digest("splats", known), partial(_cloud, files))
 
-    def mesh(self, table: ProxyTable) -> Deferred[ProxyMesh]:
-        """The proxy in world space; gray where its colours come from the splats."""
+    def mesh(self, table: ProxyTable, *, finish: bool = False) -> Deferred[ProxyMesh]:
+        """The proxy in world space; gray where its colours come from the splats. `finish`: with textures of metallic
+        and roughness, which matt light does not see."""
         path, m = self.path(table.path), placing.matrix(table.transform)
         if path.suffix.lower() in GLTF:
             from mirelight.io.gltf.decoders import refuse_without_decoder
 
             refuse_without_decoder(path)
         albedo = "gray" if table.albedo == "splats" else table.albedo
-        return Deferred(model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo))
+        return Deferred(
+            model.digest("proxy", self.digests[table.path], m, albedo), partial(_mesh, path, m, albedo, finish)
+        )
 
     def inserted(self, table: ObjectTable) -> Inserted:
         """An object in world space, before it is dropped."""
@@ -204,10 +207,10 @@ def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:
     return clouds[0] if len(clouds) == 1 else splats.merge(clouds)
 
 
-def _mesh(path: Path, m: Matrix, albedo: list[float] | str) -> ProxyMesh:
+def _mesh(path: Path, m: Matrix, albedo: list[float] | str, finish: bool) -> ProxyMesh:
     from mirelight.io import mesh
 
-    found = mesh.read_mesh(path, textures=albedo == "file")
+    found = mesh.read_mesh(path, textures=albedo == "file", finish=finish)
     found = found if placing.is_identity(m) else mesh.transform(found, m)
     if albedo == "gray":
         return found

@@ -41,6 +41,7 @@ from mirelight.model import (
     ProxyRecipe,
     SplatCloud,
 )
+from mirelight.model.dressing import Dress, dressed
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
 from mirelight.model.recipe import not_made_yet
@@ -70,7 +71,9 @@ def build(source: Source, table: JobTable) -> Job:
     compositor = drawing.compositor(table, files, wrong)
     capture_cameras, capture_pictures = _capture(table, assets, wrong)
     made = _made_of_splats(source, table, splats, capture_cameras)
-    proxy = _with_job_albedo(made.mesh, table) if made else assets.mesh(table.proxy) if table.proxy else None
+    proxy = _with_job_albedo(made.mesh, table) if made else _of_file(table, assets)
+    dresses = tuple(x.dress for x in table.materials)
+    proxy = _glowing(proxy, dresses, source) if proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
     captured = _captured(table, lightings, assets, wrong)
@@ -92,6 +95,7 @@ def build(source: Source, table: JobTable) -> Job:
         made_proxy=made,
         capture_cameras=capture_cameras,
         capture_pictures=capture_pictures,
+        materials=dresses,
         objects=inserted.named_apart([assets.inserted(x) for x in table.objects]),
         albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
@@ -157,6 +161,22 @@ def _with_job_albedo(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[Pro
     assert table.proxy is not None and table.proxy.albedo != "file"
     albedo = None if table.proxy.albedo == "splats" else tuple(table.proxy.albedo)
     return Deferred(model.digest("proxy", made.digest, albedo), partial(_with_albedo, made, albedo))
+
+
+def _of_file(table: JobTable, assets: Assets) -> Deferred[ProxyMesh] | None:
+    return assets.mesh(table.proxy, finish=table.relight.gloss) if table.proxy else None
+
+
+def _glowing(mesh: Deferred[ProxyMesh], dresses: tuple[Dress, ...], source: Source) -> Deferred[ProxyMesh]:
+    """A mesh with what the job's materials send out; how they mirror counts for no matt light."""
+    glowing = tuple(x for x in dresses if x.emission is not None)
+    if not glowing:
+        return mesh
+    return Deferred(model.digest("glowing", mesh.digest, glowing), partial(_dressed, mesh, glowing, str(source.shown)))
+
+
+def _dressed(mesh: Deferred[ProxyMesh], dresses: tuple[Dress, ...], source: str) -> ProxyMesh:
+    return dressed(mesh.value, dresses, source)
 
 
 def _with_albedo(made: Deferred[ProxyMesh], albedo: tuple[float, ...] | None) -> ProxyMesh:

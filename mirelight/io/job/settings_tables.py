@@ -152,6 +152,10 @@ class RelightTable(Table):
         description="ratio, albedo, light found for pixels: captured light takes the place of the sun's shadows, and "
         "the white that it ends at, from the picture. playcanvas: false.",
     )
+    gloss: bool = Field(
+        default=_RELIGHT.gloss,
+        description="Add what the proxy's materials mirror of the new light (docs/guides/gloss.md). playcanvas: false.",
+    )
     sh: Gloss = Field(
         default=_RELIGHT.sh,
         description="Colour that changes with the view (SH above degree 0): keep (relit as all else), fade (darkened "

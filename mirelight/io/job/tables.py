@@ -10,6 +10,7 @@ from mirelight.io.job.camera_file_tables import CamerasFrom
 from mirelight.io.job.camera_tables import AnyCamera
 from mirelight.io.job.fields import Positive, Resolution
 from mirelight.io.job.light_tables import Captured, Lightings, Lit
+from mirelight.io.job.material_tables import MaterialTable
 from mirelight.io.job.mixing import MixTable
 from mirelight.io.job.moving import MovedTable
 from mirelight.io.job.scene_tables import ObjectTable, Proxy, Splats
@@ -38,6 +39,11 @@ class JobTable(Lit):
         description="One or several splat files: a path, a table or a list. Default: the lighting is rendered alone.",
     )
     proxy: Proxy | None = Field(default=None, description="The mesh that stands for the scene: a path or a table.")
+    materials: list[MaterialTable] = Field(
+        default=[],
+        max_length=1000,
+        description="What parts of the proxy are made of: how they mirror (with relight.gloss), and what glows.",
+    )
     objects: list[ObjectTable] = Field(
         default=[], max_length=1000, description="Objects that are put into the capture, one table each."
     )

@@ -73,7 +73,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     active = mi.Bool(covered)
     seen = world.surface.at(face, uv, d, active)
     pixel, place = steps.part_of_film(pixel, place, face)
-    film.add_surface(pixel, seen, view.depth(seen.p), active)
+    film.add_surface(pixel, steps.shown(seen), view.depth(seen.p), active)
 
     depth = mi.UInt32(0)
     sums = mi.Vector3f(0), mi.Vector3f(0)
@@ -87,7 +87,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         salt = mix(stream, depth + 1)
         at = world.surface.at(face, uv, d, active)
         albedo = steps.albedo(at, depth)
-        gloss = steps.gloss(at, d, albedo, scattered)
+        gloss = steps.gloss(at, d, albedo, depth, scattered)
         weight = throughput * albedo * dr.inv_pi if gloss is None else throughput
         vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight, gloss)
 
@@ -161,9 +161,20 @@ class _Steps:
         pixels, places = self.film.second_half
         return pixel + dr.select(inserted, pixels, 0), place + dr.select(inserted, places, 0)
 
-    def gloss(self, at: Point, d: Vector3f, albedo: Vector3f, scattered: Bool) -> Gloss | None:
-        """How a hit reflects; None where there are no objects."""
-        return Gloss.of(at, -d, albedo, dr.select(scattered, mi.Float(SCATTERED_ALPHA), 0))
+    def shown(self, seen: Point) -> Point:
+        """A first hit as the film has it; of lobes alone the albedo is the metal's share of the surface."""
+        if not self.surface.lobes or seen.finish is None:
+            return seen
+        return seen._replace(albedo=mi.Vector3f(seen.finish.metallic))
+
+    def gloss(self, at: Point, d: Vector3f, albedo: Vector3f, depth: UInt32, scattered: Bool) -> Gloss | None:
+        """How a hit reflects; None where Lambert's law is all that there is."""
+        least = dr.select(scattered, mi.Float(SCATTERED_ALPHA), 0)
+        if not self.surface.lobes or at.finish is None:
+            return Gloss.of(at, -d, albedo, least)
+        first = at._replace(finish=at.finish._replace(on=depth == 0))
+        made = Gloss.of(first, -d, albedo, least)
+        return None if made is None else made.alone(at.finish.on)
 
     def drawn(self, vertex: Vertex) -> tuple[Vector3f, Vector3f]:
         """(the way on from a vertex, drawn by its BRDF; what a path that takes it is multiplied by)."""
@@ -208,6 +219,8 @@ class _Steps:
         if job.irradiance:
             share = dr.select(vertex.indirect, share, 0)
             layer = dr.select(vertex.depth == 1, film.met_glow_layer, film.glow_layer)
+        if self.surface.lobes:  # what glows itself is no reflection
+            share = dr.select(vertex.indirect, share, 0)
         value = dr.select(active, vertex.throughput * vertex.at.emission * share, 0)
         sums = film.add_light(sums, vertex.place, layer, vertex.depth > 1, value, active)
         return sums, active & (vertex.depth < job.max_depth)

@@ -48,9 +48,9 @@ _LAYERS = 64  # that a ray passes of what is not wholly there
 
 
 class Finish(NamedTuple):
-    """How an inserted object reflects at a point."""
+    """How a point reflects that has more than Lambert's law."""
 
-    on: Bool  # there is one; else the point is the proxy's own
+    on: Bool  # it is an inserted object's, or one of a proxy whose lobes alone are traced and that has one
     metallic: Float
     roughness: Float
     specular: Vector3f  # reflectance of what is no metal, from above
@@ -68,16 +68,18 @@ class Point(NamedTuple):
     normal: Vector3f  # shading normal
     albedo: Vector3f
     emission: Vector3f  # radiance
-    finish: Finish | None = None  # where objects are inserted
+    finish: Finish | None = None  # where objects are inserted, or lobes traced
     smooth: Vector3f | None = None  # the shading normal without a map of normals; None: the same
 
 
 class DeviceProxy:
     """The mesh in device memory and Mitsuba's scene over it. The kinds of data it has are compiled in, not values."""
 
-    def __init__(self, proxy: ProxyMesh, first_inserted: int | None = None) -> None:
-        """`first_inserted`: faces from there on are inserted objects', which reflect as glTF says; None: none are."""
+    def __init__(self, proxy: ProxyMesh, first_inserted: int | None = None, *, lobes: bool = False) -> None:
+        """`first_inserted`: faces from there on are inserted objects', which reflect as glTF says; None: none are.
+        `lobes`: what a path meets first reflects by the lobe of its material alone."""
         self.bounds = proxy.bounds
+        self.lobes = lobes
         self.has_objects = first_inserted is not None
         self.first_inserted = dr.opaque(mi.UInt32, first_inserted or 0)
         self.scene = _scene(proxy)
@@ -89,7 +91,7 @@ class DeviceProxy:
         self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in _constant_albedo(proxy)))
         self.emissive = is_emissive(proxy)
         self.atlas: Atlas | None = None
-        if (from_file and _needs_materials(proxy)) or self.emissive or self.has_objects:
+        if (from_file and _needs_materials(proxy)) or self.emissive or self.has_objects or lobes:
             self.atlas = pack_materials(proxy)
             self.materials = floats(self.atlas.rows)
             self.material_of_face = integers(self.atlas.of_face)
@@ -174,7 +176,7 @@ class DeviceProxy:
         n, lifted = (ng, p) if self.normals is None else self._smooth(i, v, b, p, ng, side, active)
         start = lifted + ng * (OFFSET * (dr.max(abs(p)) + longest))
         albedo, emission = self._material(face, i, b, active)
-        finish = self._finish(face, i, b, active) if self.has_objects else None
+        finish = self._finish(face, i, b, active) if self.has_objects or self.lobes else None
         smooth = None
         if self.has_objects and self.normal_textured:
             smooth, n = n, self._mapped(face, i, b, (e1, e2), n, (ng, side, d), active)
@@ -247,10 +249,14 @@ class DeviceProxy:
         row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4)
         specular = dr.gather(mi.Vector4f, self.materials, row + SPECULAR, active)
         coat = dr.gather(mi.Vector2f, self.materials, (row + COAT) * 2, active) if self.coated else None
+        metallic, roughness = dr.clip(value.z, 0, 1), dr.clip(value.y, 0, 1)
+        on = self.is_inserted(face)
+        if self.lobes:
+            on = (metallic > 0) | (roughness < 1)
         return Finish(
-            on=self.is_inserted(face),
-            metallic=dr.clip(value.z, 0, 1),
-            roughness=dr.clip(value.y, 0, 1),
+            on=on,
+            metallic=metallic,
+            roughness=roughness,
             specular=mi.Vector3f(specular.x, specular.y, specular.z),
             weight=specular.w,
             coat=None if coat is None else coat.x,

@@ -34,7 +34,7 @@ class Coat(NamedTuple):
 class Gloss(NamedTuple):
     """What decides how a vertex reflects, in world space; where `on` is false Lambert's law holds."""
 
-    on: Bool  # of an inserted object
+    on: Bool  # it has more than Lambert's law
     n: Vector3f  # shading normal
     wo: Vector3f  # way to the viewer
     diffuse: Vector3f  # albedo of the base
@@ -72,6 +72,11 @@ class Gloss(NamedTuple):
             followed = dr.select(taken > 0, dr.clip(followed, LEAST_SHARE, 1 - LEAST_SHARE), 0)
             coat = Coat(over, dr.maximum(finish.coat_alpha, least), taken, followed)
         return Gloss(on, n, wo, diffuse, f0, f90, alpha, dr.select(on, share, 0), coat)
+
+    def alone(self, there: Bool) -> Gloss:
+        """The lobe without its base where the law is on; nothing where there is no lobe."""
+        f0, diffuse = dr.select(self.on & ~there, 0, self.f0), dr.select(self.on, 0, self.diffuse)
+        return self._replace(f0=f0, diffuse=diffuse, share=dr.select(self.on, 1, 0))
 
     def value(self, wi: Vector3f) -> Vector3f:
         """The BRDF of light from `wi`, 1/sr; 0 below the horizon of an object."""

@@ -21,6 +21,7 @@ SECTIONS = {
     "The job": "",
     "splats": "SplatsTable",
     "proxy": "ProxyTable",
+    "materials": "MaterialTable",
     "objects": "ObjectTable",
     "transform": "Transform",
     "environment": "EnvironmentTable",

@@ -36,6 +36,7 @@ from mirelight.model import (
     SkyModel,
     SplatCloud,
 )
+from mirelight.model.dressing import Dress
 from mirelight.model.planes import AOVS, MATTES
 from mirelight.pipeline import keys, provenance
 from mirelight.pipeline.plan import plan
@@ -274,7 +275,7 @@ ARTEFACTS: dict[str, Artefact] = {
 # Public names of Keys: those that are keys of an artefact, and those that only help to find one.
 KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places"}
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
-KEYED |= {"light_with_objects", "in_front", "object_matte", "object_boxes"}
+KEYED |= {"light_with_objects", "light_of_lobes", "in_front", "object_matte", "object_boxes"}
 HELPING = {"job", "splat_sets", "sets", "lights", "needs", "mixture", "files"}
 
 FILES = {"frame", "EXR", "PNG", "exported picture"}
@@ -319,6 +320,7 @@ DECIDES: dict[str, set[str]] = {
     "relight.max_ratio": FILES,
     "relight.per": FILES,
     "relight.repair": FILES,
+    "relight.gloss": FILES,
     "relight.sh": UNLIT | FILES,
     "display.exposure": {"PNG", "unlit PNG", "exported picture"},
     "display.tone": {"PNG", "unlit PNG", "exported picture"},
@@ -399,9 +401,19 @@ def test_every_part_of_a_job_has_its_place() -> None:
         "cameras",
         "lightings",
     }
-    content |= {"pooled", "captured", "objects"}
+    content |= {"pooled", "captured", "objects", "materials"}
     in_no_key = {"source", "splat_files", "inputs", "notes"}
     assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
+
+
+def test_a_material_s_finish_is_in_the_keys_of_frames_that_show_it_alone() -> None:
+    finish = (Dress(roughness=0.5),)
+    assert different(ROOM, replace(ROOM, materials=finish)) == set()
+    shiny = replace(ROOM, relight=replace(ROOM.relight, gloss=True))
+    assert different(shiny, replace(shiny, materials=finish)) == FILES - {"exported picture"}
+    made = [keys.Keys(replace(shiny, materials=x)) for x in ((), finish)]
+    one, other = (x.light_of_lobes(x.mixture(DAY).sets[0], VIEW) for x in made)
+    assert one != other and one != made[0].light(made[0].mixture(DAY).sets[0], VIEW)
 
 
 SURE = {"mitsuba", "drjit", "llvm", "numpy", "scipy"}

@@ -22,6 +22,7 @@ OTHER: dict[str, Any] = {  # another value for every setting
     "delta": 0.2,
     "max_ratio": 1.5,
     "sh": "remove",
+    "gloss": None,  # decides whether lobes are added to what comes of it
     "per": None,  # decides who is asked, not what comes of it
     "repair": None,  # decides what captured light is compared with
     "texture_scale": 0.5,

@@ -1,0 +1,44 @@
+"""Materials of the proxy, as a job file says them."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from mirelight.io.job.fields import Bounds, ColorOrGray, LightName, Share, Table, wrong
+from mirelight.model.dressing import Dress
+
+
+class MaterialTable(Table):
+    """What some faces of the proxy are made of. Of several tables for a face the last one counts."""
+
+    name: LightName | None = Field(
+        default=None, description="Of a material in the proxy's file. Default: whatever faces are made of there."
+    )
+    box: Bounds | None = Field(
+        default=None,
+        description="Lowest and highest corner, world units: faces whose middles lie in it. Default: anywhere.",
+    )
+    metallic: Share | None = Field(default=None, description="In place of the file's: 0 no metal, 1 a metal.")
+    roughness: Share | None = Field(default=None, description="In place of the file's: 0 a mirror, 1 matt.")
+    emission: ColorOrGray | None = Field(
+        default=None,
+        description="Radiance that the faces send out in every lighting, as captured: a number or linear [r, g, b].",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> MaterialTable:
+        if self.metallic is None and self.roughness is None and self.emission is None:
+            raise wrong("a material that says nothing", "add roughness, metallic or emission")
+        return self
+
+    @property
+    def dress(self) -> Dress:
+        """The same as the model has it."""
+        box, light = self.box, self.emission
+        return Dress(
+            name=self.name,
+            box=None if box is None else ((box[0][0], box[0][1], box[0][2]), (box[1][0], box[1][1], box[1][2])),
+            metallic=self.metallic,
+            roughness=self.roughness,
+            emission=None if light is None else (light[0], light[1], light[2]),
+        )

@@ -1,0 +1,76 @@
+"""Materials that a job gives to parts of a proxy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.base.errors import InputError
+from mirelight.model.scene import Material, ProxyMesh
+
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest corner, world units
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dress:
+    """What a job says of the surface of some faces; None: as the proxy's file has it."""
+
+    name: str | None = None  # of the material that they have in the file; None: any
+    box: Box | None = None  # that their middles lie in; None: anywhere
+    metallic: float | None = None
+    roughness: float | None = None
+    emission: tuple[float, float, float] | None = None  # linear radiance
+
+    def of(self, material: Material) -> Material:
+        """A material with what is said in place of the file's values."""
+        texture = material.finish_texture
+        if texture is not None and not (self.metallic is None and self.roughness is None):
+            texture = texture.copy()
+            texture[..., 1] = texture[..., 1] if self.roughness is None else 1
+            texture[..., 2] = texture[..., 2] if self.metallic is None else 1
+        if self.emission is not None:
+            material = replace(material, emissive=np.asarray(self.emission), emissive_texture=None)
+        return replace(
+            material,
+            metallic=material.metallic if self.metallic is None else self.metallic,
+            roughness=material.roughness if self.roughness is None else self.roughness,
+            finish_texture=texture,
+        )
+
+    def faces(self, mesh: ProxyMesh) -> NDArray[np.bool_]:
+        """(F,) which faces are meant."""
+        chosen = np.ones(len(mesh.faces), np.bool_)
+        if self.name is not None:
+            named = np.array([x.name == self.name for x in mesh.materials])
+            chosen &= named[0 if mesh.face_materials is None else mesh.face_materials]
+        if self.box is not None:
+            middles = mesh.vertices[mesh.faces].mean(axis=1)
+            chosen &= ((middles >= self.box[0]) & (middles <= self.box[1])).all(axis=1)
+        return chosen
+
+
+def dressed(mesh: ProxyMesh, dresses: Sequence[Dress], source: str = "the proxy") -> ProxyMesh:
+    """A mesh whose faces have what is said of them; where several speak of a face the last one counts.
+
+    Raises:
+        InputError: one speaks of no face of the mesh, whose file is `source`.
+    """
+    materials = list(mesh.materials)
+    owner = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials.copy()
+    for dress in dresses:
+        chosen = dress.faces(mesh)
+        if not chosen.any():
+            names = ", ".join(dict.fromkeys(x.name for x in mesh.materials))
+            what = (
+                "in that box"
+                if dress.name is None
+                else f"of a material {dress.name!r}" + (dress.box is not None) * " in that box"
+            )
+            raise InputError(source, f"no faces {what}", f"its materials are {names}"[:300], field="materials")
+        for index in np.unique(owner[chosen]):
+            owner[chosen & (owner == index)] = len(materials)
+            materials.append(dress.of(materials[index]))
+    return replace(mesh, materials=tuple(materials), face_materials=owner) if dresses else mesh

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from mirelight.io.exr import read_exr, to_rec709
 from mirelight.io.frame_texts import PROVENANCE, profile_of
 from mirelight.io.png import encode_display
 from mirelight.io.safety import existing, open_binary
+from mirelight.io.views import located
 from mirelight.model import F32, DisplaySettings
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".exr")  # of files that can be shown, what is cheapest first
@@ -58,7 +60,10 @@ def _exr(path: Path) -> NDArray[np.uint8]:
     behind = None
     if PROVENANCE in image.metadata and {f"background.{x}" for x in "RGB"} <= set(image.channels):
         behind = to_rec709(path, image.metadata, image.layer("background"))
-    return encode_display(rgba, _display_of(image.metadata), profile, whole=linear, behind=behind)
+    settings = _display_of(image.metadata)
+    if settings.view is not None:
+        settings = replace(settings, view=located(settings.view, path))
+    return encode_display(rgba, settings, profile, whole=linear, behind=behind)
 
 
 def _rgba(values: F32) -> F32:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
@@ -66,6 +66,29 @@ def resolve(
     with _refused(file, "display.view"):
         identity = _processor(file, found, display, view).getCacheID()
     return DisplayView(config=place, display=display, view=view, identity=identity)
+
+
+def located(view: DisplayView, picture: Path) -> DisplayView:
+    """The view that a picture names, with its config's path: headers hold a config's name alone. The file is what $OCIO
+    names, or lies beside the picture or in the folder above.
+
+    Raises:
+        BackendError: OpenColorIO is not installed.
+        InputError: there is none of that name that computes the same.
+    """
+    if view.config.startswith(BUILT_IN):
+        return view
+    extras.require("ocio")
+    name = view.config_name
+    places = [Path(os.environ.get("OCIO", "")), picture.absolute().parent / name, picture.absolute().parents[1] / name]
+    for place in places:
+        if place.name == name and place.is_file():
+            with suppress(InputError):
+                found = resolve(picture, view.view, config=str(place.absolute()), display=view.display)
+                if found.identity == view.identity:
+                    return found
+    remedy = "set OCIO to that config, or put it beside the picture"
+    raise InputError(picture, f"shown by a view of {name!r}, which is not found as it was", remedy)
 
 
 def curve_of(settings: DisplaySettings) -> Curve | None:

@@ -94,6 +94,11 @@ class DisplayView:
     view: str
     identity: str  # OpenColorIO's digest of what the transform computes
 
+    @property
+    def config_name(self) -> str:
+        """The config without its place: a built-in one, or a file's name."""
+        return self.config if self.config.startswith("ocio://") else Path(self.config).name
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ground:

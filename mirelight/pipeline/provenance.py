@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from mirelight.base.version import __version__
-from mirelight.model import Job, Provenance
+from mirelight.model import DisplaySettings, Job, Provenance
 
 _PACKAGES = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "pyoidn")
 
@@ -40,12 +40,20 @@ def pixel_settings(job: Job) -> dict[str, Any]:
         "compositor": asdict(job.compositor),
         "proxy": {"albedo_from_splats": job.albedo_from_splats},
         "relight": asdict(job.relight),
-        "display": asdict(job.display),
+        "display": _display(job.display),
         "output": asdict(job.output),
     }
     del every["output"]["directory"], every["compositor"]["max_memory"]
     del every["render"]["max_memory"], every["render"]["threads"]
     return every
+
+
+def _display(settings: DisplaySettings) -> dict[str, Any]:
+    """As JSON values; of a config's path the name: what the view computes is told by its identity."""
+    found = asdict(settings)
+    if settings.view is not None:
+        found["view"]["config"] = settings.view.config_name
+    return found
 
 
 def of_frame(job: Job, lighting: str, fingerprint: str) -> Provenance:

@@ -25,7 +25,7 @@ from mirelight.model import (
     SunLight,
 )
 
-_FILM = 24.0  # mm high, of cameras
+_FILM = 0.24  # tenths of a metre high, of cameras: 24 mm
 _CODES = 24.0  # time codes a second
 _RENDER = "/Render"  # where OpenUSD looks for what is to be rendered
 _NO_FRAMES: Mapping[str, str] = MappingProxyType({})

@@ -17,6 +17,7 @@ from mirelight.io.display import read_display
 from mirelight.io.png import encode_display
 from mirelight.model import F32, Camera, DisplaySettings, Frame, OutputSettings, Provenance
 from mirelight.pipeline.keys import Keys
+from mirelight.pipeline.provenance import pixel_settings
 
 SPLATS = Path(__file__).resolve().parents[2] / "data" / "splats" / "small.glb"
 STUDIO = "ocio://studio-config-latest"
@@ -140,3 +141,11 @@ def test_a_view_of_a_file_and_of_the_environment(tmp_path: Path, monkeypatch: py
     assert named.display.view is not None
     other = replace(named, display=replace(named.display, view=replace(named.display.view, identity="other")))
     assert Keys(other).file("frame", other.cameras[0], None, ".png") != keys[0]
+
+    # Files hold the config's name, and are shown by it wherever it lies now.
+    shown = pixel_settings(named)["display"]
+    assert shown["view"]["config"] == "studio.ocio"
+    held = DisplaySettings.of(shown).view
+    assert held is not None and views.located(held, tmp_path / "out" / "a.exr") == named.display.view
+    with pytest.raises(InputError, match=r"a view of 'studio.ocio', which is not found as it was"):
+        views.located(replace(held, identity="other"), tmp_path / "a.exr")

@@ -50,12 +50,19 @@ def run_stage(args: argparse.Namespace) -> int:
             baked = baking.relit(work.splats.value, factor, work.relight_of(lighting))
         _ = scene.mesh  # made now, where the job makes it from the splats
         baking.write_stage(out, baked, work, lighting, frames)
-    if not args.quiet:
+    notes = []
+    if len(frames) < len(work.cameras):
+        notes.append(f"{len(work.cameras) - len(frames)} frames are not there, or not of the job as it is now")
+    if work.objects:
+        notes.append("[[objects]] are in the frames alone; the stage does not have them")
+    if args.json:
+        from mirelight.cli.report import print_json
+
+        print_json({"files": [out], "lighting": lighting.name, "frames": len(frames), "notes": notes})
+    elif not args.quiet:
         say.result(f"{out}: the job {work.source.name} under {lighting.name!r}, {len(frames)} of its frames by name")
-        if len(frames) < len(work.cameras):
-            say.remark(f"{len(work.cameras) - len(frames)} frames are not there, or not of the job as it is now")
-        if work.objects:
-            say.remark("[[objects]] are in the frames alone; the stage does not have them")
+        for line in notes:
+            say.remark(line)
     return 0
 
 

@@ -130,6 +130,7 @@ def _stage(path: Path) -> SplatFacts | MeshFacts:
     """A stage: of one with splats those, and a line on what else there is; of another meshes, lights and cameras."""
     from mirelight.io.usd.cameras import read_cameras
     from mirelight.io.usd.contents import contents
+    from mirelight.io.usd.files import notes_of
     from mirelight.io.usd.lights import read_lights
     from mirelight.io.usd.mesh import read_proxy
 
@@ -138,10 +139,10 @@ def _stage(path: Path) -> SplatFacts | MeshFacts:
     if found.splats:
         facts = _splats(path)
         line = f"beside them {found.meshes} meshes, {found.cameras} cameras, {found.lamps} lamps, {found.domes} domes"
-        return replace(facts, notes=tuple(dict.fromkeys((*facts.notes, line, *lit.notes))))
+        return replace(facts, notes=tuple(dict.fromkeys((*facts.notes, line, *lit.notes, *notes_of(path)))))
     cameras = tuple(stage_camera_facts(camera) for camera in read_cameras(path))
     mesh = _mesh_facts(path, read_proxy(path, textures=False), tuple(light_facts(x) for x in lit.lights), cameras)
-    return replace(mesh, notes=tuple(dict.fromkeys((*mesh.notes, *lit.notes))))
+    return replace(mesh, notes=tuple(dict.fromkeys((*mesh.notes, *lit.notes, *notes_of(path)))))
 
 
 def _mesh_facts(

@@ -45,6 +45,10 @@ class Assets:
         path = self.folder / named
         if named not in self.digests:
             self.digests[named] = digest(path)
+            if path.suffix.lower() in USD:
+                from mirelight.io.usd.files import notes_of
+
+                self.notes |= dict.fromkeys(f"{path.name}: {note}" for note in notes_of(path))
         return path
 
     def splat_files(self, tables: list[SplatsTable]) -> tuple[SplatFile, ...]:

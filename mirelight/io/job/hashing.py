@@ -42,7 +42,7 @@ def digest_of_all(files: Iterable[Path], root: Path) -> str:
     """The digest of the list over files below `root`, see :func:`digest`. Raises InputError."""
     whole = hashlib.sha256()
     for file in files:
-        name = file.relative_to(root).as_posix()
+        name = Path(os.path.relpath(file, root)).as_posix()
         whole.update(os.fsencode(name) + f"\0{file_digest(file)}\n".encode("ascii"))
     return whole.hexdigest()
 
@@ -56,7 +56,7 @@ def companions(path: Path) -> set[Path]:
         if suffix in USD:
             from mirelight.io.usd.files import files_of
 
-            return set(_named(path, iter(files_of(path))))
+            return {path.parent / name for name in files_of(path)}
         if suffix in (".obj", ".ply"):
             from mirelight.io import mesh
 

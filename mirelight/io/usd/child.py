@@ -1,7 +1,7 @@
 """The process that opens a stage: ``python -m mirelight.io.usd.child REQUEST FOLDER BYTES``.
 
-Before the library composes a stage, every file that it names is looked up: one outside the stage's folder is refused,
-so that an untrusted stage opens nothing else of the machine.
+Before the library composes a stage, every file that it names is looked up: what lies outside its folder is said, and
+has to be a layer or a picture, so that an untrusted stage opens nothing else of the machine.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,11 @@ def _answer(request: Request, folder: Path) -> Answer:
 
 
 def _files(stage: Stage, _: Request) -> Answer:
+    from mirelight.io.usd import take_cameras, take_meshes
+
+    with suppress(RefusedError):  # it may be used for something else
+        take_meshes.remarks(stage)
+    take_cameras.remarks(stage)
     return Answer(files=sorted(str(x) for x in stage.files))
 
 

@@ -55,10 +55,7 @@ def cut(stage: Stage, prim: Any, materials: Materials) -> Piece | None:
     parts = {"uvs": _primvar(stage, prim, materials.uv_name(bound), faces, 2)}
     colours = materials.colour_name(bound)
     parts["colors"] = None if colours is None else _primvar(stage, prim, colours, faces, 3)
-    smooth = mesh.GetSubdivisionSchemeAttr().Get() not in ("none", None)
-    if smooth:
-        stage.note(f"{where}: a subdivision surface, of which the cage is taken")
-    parts["normals"] = None if smooth else _normals(stage, mesh, faces)
+    parts["normals"] = None if is_smooth(stage, prim) else _normals(stage, mesh, faces)
     if mesh.GetOrientationAttr().Get() == "leftHanded":
         faces = replace(faces, corners=faces.corners[:, ::-1])
     own = materials.of_faces(prim, bound)[faces.face] if len(faces.face) else np.zeros(0, np.int64)
@@ -72,6 +69,16 @@ def cut(stage: Stage, prim: Any, materials: Materials) -> Piece | None:
         flatten = {name: None if x is None else x.reshape(-1, x.shape[-1]) for name, x in whole.items()}
         return Piece(points[at.reshape(-1)], own_corners, own, **flatten)
     return Piece(points, faces.indices[faces.corners], own, **parts)
+
+
+def is_smooth(stage: Stage, prim: Any) -> bool:
+    """Whether a mesh is a subdivision surface, which is noted."""
+    from pxr import UsdGeom
+
+    smooth = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() not in ("none", None)
+    if smooth:
+        stage.note(f"{prim.GetPath()}: a subdivision surface, of which the cage is taken")
+    return smooth
 
 
 def _faces(stage: Stage, mesh: Any, points: int, where: str) -> _Faces:

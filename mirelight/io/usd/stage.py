@@ -14,7 +14,7 @@ from mirelight.io.usd.rows import Rows4
 
 _MOST_PRIMS = 300_000  # with those in instances, once for each place
 _MOST_FILES = 10_000
-_COLLECT = "collect the stage into one file with its assets: usdzip -a whole.usdz STAGE"
+_LAYERS = (".usd", ".usda", ".usdc", ".usdz")
 _PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr", ".ies")
 
 
@@ -104,7 +104,7 @@ class Stage:
         """Copy a picture or profile into the answer's folder; its name there, "" where none is named.
 
         Raises:
-            RefusedError: it is missing, outside of the stage's folder, or of no kind that is read.
+            RefusedError: it is missing, or of no kind that is read.
         """
         from pxr import Ar
 
@@ -116,7 +116,7 @@ class Stage:
             raise RefusedError(f"there is no file {_shown(value.path)}", "the stage is incomplete", where)
         if resolved in self._copied:
             return self._copied[resolved]
-        self.files.add(inside(resolved, self.base, value.path, where))
+        self.files.add(_reached(resolved, self.base, value.path, where, self.notes))
         suffix = Path(resolved.rstrip("]")).suffix.lower()
         if suffix not in _PICTURES:
             found = f"{_shown(value.path)} is of no kind that is read"
@@ -135,12 +135,13 @@ def open_stage(path: Path, folder: Path, seconds: float | None) -> Stage:
     """Open a stage, after every file that it names was looked up.
 
     Raises:
-        RefusedError: no stage, or one that names files outside of its folder.
+        RefusedError: no stage, or one that names files outside of its folder which are no layers and no pictures.
     """
     from pxr import Sdf, Usd, UsdGeom
 
     base = path.parent.resolve()
-    files = _named(path.resolve(), base)
+    notes: dict[str, None] = {}
+    files = _named(path.resolve(), base, notes)
     layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
     stage = None if layer is None else Usd.Stage.Open(layer)
     if stage is None:
@@ -151,7 +152,7 @@ def open_stage(path: Path, folder: Path, seconds: float | None) -> Stage:
     turn = np.diag([unit, unit, unit, 1.0])
     if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:
         turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]]) @ turn
-    return Stage(stage, _code(stage, seconds), folder, base, files, turn)
+    return Stage(stage, _code(stage, seconds), folder, base, files, turn, notes)
 
 
 def _code(stage: Any, seconds: float | None) -> Any:
@@ -164,8 +165,8 @@ def _code(stage: Any, seconds: float | None) -> Any:
     return Usd.TimeCode(seconds * (stage.GetTimeCodesPerSecond() or 24.0))
 
 
-def _named(path: Path, base: Path) -> set[Path]:
-    """All layers that a layer leads to, itself too, before any is composed."""
+def _named(path: Path, base: Path, notes: dict[str, None]) -> set[Path]:
+    """All files that a layer leads to, itself too, before any is composed; what lies elsewhere is noted."""
     from pxr import Sdf, UsdUtils
 
     seen: set[Path] = set()
@@ -177,7 +178,7 @@ def _named(path: Path, base: Path) -> set[Path]:
         if len(seen) == _MOST_FILES:
             raise RefusedError(f"more than {_MOST_FILES:,} files", "give a smaller stage")
         seen.add(at)
-        if at.suffix.lower() not in (".usd", ".usda", ".usdc", ".usdz"):
+        if at.suffix.lower() not in _LAYERS:
             continue  # a picture, or what the library cannot compose
         layer = Sdf.Layer.FindOrOpen(str(at))
         if layer is None:
@@ -189,21 +190,28 @@ def _named(path: Path, base: Path) -> set[Path]:
                 continue
             target = str(at.parent / layer.ComputeAbsolutePath(name))  # a bare name comes back as it is
             if "[" not in target or not target.startswith(str(at)):  # else in the same package
-                file = inside(target, base, name, "")
+                file = _reached(target, base, name, "", notes)
                 if file.is_file():
                     pending.append(file)
     return seen
 
 
-def inside(target: str, base: Path, name: str, prim: str) -> Path:
-    """The file of an absolute path, in the stage's folder or below; of a file in a package, the package."""
+def _reached(target: str, base: Path, name: str, prim: str, notes: dict[str, None]) -> Path:
+    """The file of an absolute path; of a file in a package, the package. One that is not in the stage's folder or
+    below, as published assets are, is noted, and has to be a plain file of a kind that is read."""
     file = Path(target.partition("[")[0])
     try:
         file = file.resolve()
     except (OSError, RuntimeError, ValueError):
         raise RefusedError(f"{_shown(name)} cannot be followed", "the stage is damaged", prim) from None
-    if not file.is_relative_to(base):
-        raise RefusedError(f"it names {_shown(name)}, outside of its folder", _COLLECT, prim)
+    if file.is_relative_to(base):
+        return file
+    if file.suffix.lower() not in (*_LAYERS, *_PICTURES):
+        found = f"it names {_shown(name)}, outside of its folder and of no kind that is read"
+        raise RefusedError(found, "take it out of the stage", prim)
+    if not file.is_file():
+        raise RefusedError(f"there is no file {_shown(name)}", "the stage is incomplete", prim)
+    notes[f"it is read from outside of its folder, too: {file}"] = None
     return file
 
 

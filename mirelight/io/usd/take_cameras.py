@@ -25,6 +25,16 @@ def cameras(stage: Stage, request: Request) -> Answer:
     return Answer(cameras=taken, times=keys(stage, found))
 
 
+def remarks(stage: Stage) -> None:
+    """Note what of the cameras is not followed."""
+    from pxr import UsdGeom
+
+    for prim in stage.prims():
+        stop = UsdGeom.Camera(prim).GetFStopAttr().Get(stage.code) if prim.IsA(UsdGeom.Camera) else None
+        if stop:
+            stage.note(f"{prim.GetPath()}: f-stop {stop:g} and its focus, which are not followed; all is sharp")
+
+
 def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> CameraRow:
     """`exact`: its lens in full, of a stage that this package wrote; of one that zooms, at its keys."""
     from pxr import UsdGeom
@@ -37,8 +47,6 @@ def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> Ca
 
     near, far = camera.GetClippingRangeAttr().Get(at)
     stop = number(camera.GetFStopAttr())
-    if stop > 0:
-        stage.note(f"{prim.GetPath()}: f-stop {stop:g} and its focus, which are not followed; all is sharp")
     row = CameraRow(
         name=prim.GetName(),
         prim=str(prim.GetPath()),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.io.usd.piece import Piece, cut, flat, joined
+from mirelight.io.usd.piece import Piece, cut, flat, is_smooth, joined
 from mirelight.io.usd.rows import Answer, Request
 from mirelight.io.usd.stage import RefusedError, Stage
 from mirelight.io.usd.take_materials import Materials
@@ -31,17 +31,7 @@ class _Carrier:
 
 def mesh(stage: Stage, request: Request) -> Answer:
     """Every mesh that is drawn; where some have the purpose proxy, those alone. Guides are left out."""
-    from pxr import UsdGeom
-
-    carriers: list[_Carrier] = []
-    for prim in stage.prims():
-        if prim.IsA(UsdGeom.PointInstancer):
-            carriers += _instances(stage, prim)
-        elif prim.IsA(UsdGeom.Mesh):
-            carriers.append(_Carrier(prim, [stage.world(prim)], prim.GetName(), False))
-        elif str(prim.GetTypeName()) in _NOT_READ:
-            stage.note(f"{prim.GetPath()}: a {prim.GetTypeName()}, which is not read; save it as a mesh")
-    carriers = _of_purpose(carriers)
+    carriers = _carriers(stage)
     if not carriers:
         return Answer()
     _check_size(stage, carriers)
@@ -63,6 +53,28 @@ def mesh(stage: Stage, request: Request) -> Answer:
     if pieces:
         _save(stage, pieces, owners)
     return Answer(materials=materials.rows, nodes=names if pieces else [])
+
+
+def remarks(stage: Stage) -> None:
+    """Note what of the meshes is not followed, without reading their arrays."""
+    materials = Materials(stage, textures=False)
+    for one in _carriers(stage):
+        materials.of(one.prim)
+        is_smooth(stage, one.prim)
+
+
+def _carriers(stage: Stage) -> list[_Carrier]:
+    from pxr import UsdGeom
+
+    carriers: list[_Carrier] = []
+    for prim in stage.prims():
+        if prim.IsA(UsdGeom.PointInstancer):
+            carriers += _instances(stage, prim)
+        elif prim.IsA(UsdGeom.Mesh):
+            carriers.append(_Carrier(prim, [stage.world(prim)], prim.GetName(), False))
+        elif str(prim.GetTypeName()) in _NOT_READ:
+            stage.note(f"{prim.GetPath()}: a {prim.GetTypeName()}, which is not read; save it as a mesh")
+    return _of_purpose(carriers)
 
 
 def _of_purpose(carriers: list[_Carrier]) -> list[_Carrier]:

@@ -146,3 +146,23 @@ def test_a_dome_is_turned_to_our_axes_and_a_screen_shows_its_picture(stage: Path
     assert len(screen) == len(lights.lights) == 2  # black cells are left out
     red = next(x for x in screen if x.color[0] == 1)
     assert red.world_from_light[:2, 3].tolist() == pytest.approx([0.5, 0.5])  # the first pixel is at +X, +Y
+
+
+def test_files_from_elsewhere_are_read_with_a_word_and_count_for_the_digest(tmp_path: Path) -> None:
+    from mirelight.io.job.hashing import digest
+    from mirelight.io.usd.files import notes_of
+
+    shot = tmp_path / "shot"
+    shot.mkdir()
+    quad = f'#usda 1.0\n(\n    defaultPrim = "quad"\n)\ndef Mesh "quad"\n{{{_QUAD}}}\n'
+    (tmp_path / "quad.usda").write_text(quad.replace('"none"', '"catmullClark"'))
+    (shot / "shot.usda").write_text('#usda 1.0\ndef "set" ( references = @../quad.usda@ ) { }\ndef Sphere "ball" { }\n')
+    mesh = read_mesh(shot / "shot.usda")
+    assert len(mesh.faces) == 2
+    said = notes_of(shot / "shot.usda")
+    assert said[0] == f"it is read from outside of its folder, too: {tmp_path / 'quad.usda'}"
+    assert "/set: a subdivision surface, of which the cage is taken" in said
+    assert "/ball: a Sphere, which is not read; save it as a mesh" in said
+    before = digest(shot / "shot.usda")
+    (tmp_path / "quad.usda").write_text(quad.replace("(-1, 0, -1)", "(-2, 0, -1)"))
+    assert digest(shot / "shot.usda") != before

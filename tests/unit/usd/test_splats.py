@@ -73,7 +73,8 @@ def test_what_is_not_given_has_the_schemas_defaults(tmp_path: Path) -> None:
     [
         ('def Xform "a" {}', "no splats in it"),
         ("nonsense", "USD"),
-        ('def "a" (references = @/etc/hostname@) {}', "outside of its folder"),
+        ('def "a" (references = @/etc/hostname@) {}', "outside of its folder and of no kind"),
+        ('def "a" (references = @../none.usda@) {}', "there is no file '../none.usda'"),
         ('def ParticleField3DGaussianSplat "p" {\npoint3f[] positions = [(nan, 0, 0)]\n}', "all 1 splats"),
         (
             'def ParticleField3DGaussianSplat "p" {\nuniform int radiance:sphericalHarmonicsDegree = 9\n'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirelight.cli import main
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import PointLight, ProxyMesh, SplatCloud
@@ -85,15 +87,40 @@ def folder(assets: Path, tmp_path: Path) -> Path:
 def run(tmp_path: Path) -> Run:
     """Runs `mirelight` in the test's folder; no command may end in a traceback."""
 
-    def run(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
-        done: subprocess.CompletedProcess[str] = subprocess.run(  # type: ignore[call-overload]
-            [*COMMAND, *arguments],
-            **{"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 300, "check": False, **options},
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        return done
+    def run(*arguments: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:
+        streams = tmp_path / ".stdout", tmp_path / ".stderr"
+        process = _SERVER.Process(target=_main, args=(arguments, tmp_path, dict(os.environ), *streams))
+        process.start()
+        process.join(timeout)
+        if process.exitcode is None:
+            process.kill()
+            raise subprocess.TimeoutExpired(arguments, timeout)
+        out, err = (x.read_text(encoding="utf-8") for x in streams)
+        for stream in streams:
+            stream.unlink()
+        assert "Traceback" not in err, err
+        return subprocess.CompletedProcess(arguments, process.exitcode, out, err)
 
     return run
+
+
+# Half of what a small command takes is the import of its modules: processes are forked from one that has them.
+_SERVER = multiprocessing.get_context("forkserver")
+_SERVER.set_forkserver_preload(["mirelight.cli.render", "mirelight.pipeline.scene", "mirelight.pipeline.stages"])
+
+
+def _main(arguments: tuple[str, ...], folder: Path, variables: dict[str, str], out: Path, err: Path) -> None:
+    """The command in a process of its own, as `python -m mirelight` runs it."""
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(variables)
+    for number, path, flags in (
+        (0, os.devnull, os.O_RDONLY),
+        (1, out, os.O_CREAT | os.O_WRONLY),
+        (2, err, os.O_CREAT | os.O_WRONLY),
+    ):
+        os.dup2(os.open(path, flags), number)
+    sys.exit(main(arguments))
 
 
 def environment(**extra: str) -> dict[str, str]:

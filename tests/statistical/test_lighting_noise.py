@@ -123,7 +123,7 @@ def test_the_test_of_reweighting_would_see_a_forgotten_light(grouped: list[Light
 @pytest.mark.parametrize("spp", [16, 64])
 def test_every_layers_variance_is_that_of_independent_seeds(spp: int, grouped: list[LightingBuffer]) -> None:
     """Batches of a sequence overstate a little and never understate."""
-    found = grouped if spp == 16 else frames(LIGHTING, 24, first_seed=200, spp=spp)
+    found = grouped if spp == 16 else frames(LIGHTING, 12, first_seed=200, spp=spp)
     for k, layer in enumerate(found[0].layers):
         true = np.stack([x.layers[k].total.astype(np.float64) for x in found]).var(axis=0, ddof=1).mean()
         predicted = np.mean([np.mean(np.asarray(x.layers[k].variance)) for x in found])
@@ -136,8 +136,8 @@ def test_every_layers_variance_is_that_of_independent_seeds(spp: int, grouped: l
 def test_a_noise_target_is_met_and_its_means_are_those_of_even_samples() -> None:
     """Low targets from few first samples are where stopping at a pixel's own estimate would show as darkness."""
     target = 0.028
-    aimed = frames(LIGHTING, 24, first_seed=40, spp=32, noise=target)
-    even = frames(LIGHTING, 24, first_seed=80, spp=64)
+    aimed = frames(LIGHTING, 16, first_seed=40, spp=32, noise=target)
+    even = frames(LIGHTING, 16, first_seed=80, spp=64)
     worst, allowed = worst_and_allowed(beauties(aimed), beauties(even))
     assert worst < allowed
     truth = beauties(even).mean(axis=0)
@@ -165,7 +165,7 @@ def _through_a_hole(spp: int, noise: float | None) -> Array:
     noon = Lighting(lights=(DirectionalLight(name="noon", direction=np.array([0.0, -1, 0]), intensity=3.0),))
     tracer = Tracer(room, RenderSettings(), aovs=False)
     out = []
-    for seed in range(24):
+    for seed in range(12):
         tracer.settings = RenderSettings(spp=spp, noise=noise, max_depth=2, seed=1 + seed + 100 * spp)
         out.append(tracer.trace(noon, camera).beauty.astype(np.float64))
     return np.stack(out)

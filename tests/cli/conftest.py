@@ -84,11 +84,12 @@ def folder(assets: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
+def run(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs `mirelight` in the test's folder; no command may end in a traceback."""
+    aside = tmp_path_factory.mktemp("streams")
 
     def run(*arguments: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:
-        streams = tmp_path / ".stdout", tmp_path / ".stderr"
+        streams = aside / "stdout", aside / "stderr"
         process = _SERVER.Process(target=_main, args=(arguments, tmp_path, dict(os.environ), *streams))
         process.start()
         process.join(timeout)
@@ -96,8 +97,6 @@ def run(tmp_path: Path) -> Run:
             process.kill()
             raise subprocess.TimeoutExpired(arguments, timeout)
         out, err = (x.read_text(encoding="utf-8") for x in streams)
-        for stream in streams:
-            stream.unlink()
         assert "Traceback" not in err, err
         return subprocess.CompletedProcess(arguments, process.exitcode, out, err)
 
@@ -116,8 +115,8 @@ def _main(arguments: tuple[str, ...], folder: Path, variables: dict[str, str], o
     os.environ.update(variables)
     for number, path, flags in (
         (0, os.devnull, os.O_RDONLY),
-        (1, out, os.O_CREAT | os.O_WRONLY),
-        (2, err, os.O_CREAT | os.O_WRONLY),
+        (1, out, os.O_CREAT | os.O_WRONLY | os.O_TRUNC),
+        (2, err, os.O_CREAT | os.O_WRONLY | os.O_TRUNC),
     ):
         os.dup2(os.open(path, flags), number)
     sys.exit(main(arguments))

@@ -240,7 +240,8 @@ def test_a_full_disk_leaves_nothing_half_written(run: Run, folder: Path) -> None
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, size // 2))
 
-    done = run(*arguments, "--out", "full", preexec_fn=limit)
+    command = [*COMMAND, *arguments, "--out", "full"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=limit)
     assert done.returncode == 2, done.stderr
     assert "front.night.exr: cannot be written" in done.stderr
     assert files(folder / "full") == []

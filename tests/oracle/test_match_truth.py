@@ -43,7 +43,7 @@ def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures()
 
 def test_every_intensity_of_the_gels_is_within_a_tenth_in_two_pictures() -> None:
     """Their environment is a fiftieth of the pictures' light."""
-    layers = found("stage", "gels", ["front", "low"], "render.spp=32", keep_colours=True)
+    layers = found("stage", "gels", ["front", "low"], "relight.texture_scale=1", "render.spp=24", keep_colours=True)
     assert [x.name for x in layers if x.seen] == ["magenta", "cyan", "amber", "environment"]
     for layer in layers:
         np.testing.assert_allclose(layer.after, layer.before, rtol=0.1, err_msg=layer.name)

@@ -17,6 +17,7 @@ from mirelight.io.job.lamp_tables import (
     SunTable,
     aimed,
 )
+from mirelight.io.job.moon import MoonTable
 from mirelight.model import Falloff
 from mirelight.model.playcanvas_lights import DEFAULT_RANGE
 
@@ -91,6 +92,7 @@ AnyLight: TypeAlias = Annotated[
     | Annotated[PointTable, Tag("type=point")]
     | Annotated[SpotTable, Tag("type=spot")]
     | Annotated[SunTable, Tag("type=sun")]
+    | Annotated[MoonTable, Tag("type=moon")]
     | Annotated[AreaTable, Tag("type=area")]
     | Annotated[PlayCanvasTable, Tag("type=playcanvas")],
     Discriminator(_light_type),

@@ -25,6 +25,7 @@ from mirelight.io.job.lamp_tables import (
 from mirelight.io.job.light_kinds import AnyLight, PlayCanvasTable
 from mirelight.io.job.light_tables import LightsFromTable, LightUnit, Lit
 from mirelight.io.job.mistakes import MOST, Mistake
+from mirelight.io.job.moon import MoonTable
 from mirelight.io.job.placing import environment_rotation, matrix, placed_light
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import EnvironmentTable
@@ -177,6 +178,15 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
                 intensity=table.intensity,
                 direction=table.way,
                 angular_diameter=table.angular_diameter,
+            )
+        case MoonTable():
+            return SunLight(
+                name=name,
+                group=table.group,
+                color=color,
+                intensity=table.lux,
+                direction=table.way,
+                angular_diameter=table.seen.diameter,
             )
         case PointTable():
             return _point_light(table, name, files)

@@ -207,15 +207,15 @@ Moment: TypeAlias = Annotated[
 ]
 
 
+Latitude: TypeAlias = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
+Longitude: TypeAlias = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
+
+
 class SkyTable(Table):
     """A clear day's sun and sky: by place and time, or by where the sun stands."""
 
-    latitude: Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)] | None = Field(
-        default=None, description="Degrees, north is positive."
-    )
-    longitude: Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)] | None = Field(
-        default=None, description="Degrees, east is positive."
-    )
+    latitude: Latitude | None = Field(default=None, description="Degrees, north is positive.")
+    longitude: Longitude | None = Field(default=None, description="Degrees, east is positive.")
     time: Moment | None = Field(default=None, description="Date and time with its offset from UTC, without quotes.")
     elevation: Annotated[float, Field(gt=0, le=90, allow_inf_nan=False)] | None = Field(
         default=None, description="Degrees of the sun's centre above the horizon; instead of place and time."

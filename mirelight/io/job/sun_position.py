@@ -1,4 +1,4 @@
-"""Where the sun stands, by place and time."""
+"""Where the sun stands, by place and time; and what stands elsewhere among the stars."""
 
 from __future__ import annotations
 
@@ -23,13 +23,28 @@ def sun_position(latitude: float, longitude: float, time: datetime) -> tuple[flo
         time: with its time zone.
     """
     days = (time.astimezone(UTC) - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86400
-    mean_longitude = 280.460 + 0.9856474 * days
-    anomaly = np.radians(357.528 + 0.9856003 * days)
-    ecliptic_longitude = np.radians(mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2 * anomaly))
-    obliquity = np.radians(23.439 - 0.0000004 * days)
-    ascension = np.arctan2(np.cos(obliquity) * np.sin(ecliptic_longitude), np.cos(ecliptic_longitude))
-    declination = np.arcsin(np.sin(obliquity) * np.sin(ecliptic_longitude))
+    along, tilt = sun_longitude(days), obliquity(days)
+    ascension = np.arctan2(np.cos(tilt) * np.sin(along), np.cos(along))
+    return horizontal(latitude, longitude, days, ascension, np.arcsin(np.sin(tilt) * np.sin(along)))
 
+
+def sun_longitude(days: float) -> float:
+    """Ecliptic longitude of the sun in radians; days since noon of 1 January 2000, UTC."""
+    anomaly = np.radians(357.528 + 0.9856003 * days)
+    mean_longitude = 280.460 + 0.9856474 * days
+    return float(np.radians(mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2 * anomaly)))
+
+
+def obliquity(days: float) -> float:
+    """Tilt of the earth's axis against the ecliptic in radians; days as of :func:`sun_longitude`."""
+    return float(np.radians(23.439 - 0.0000004 * days))
+
+
+def horizontal(
+    latitude: float, longitude: float, days: float, ascension: float, declination: float
+) -> tuple[float, float]:
+    """Elevation and azimuth in degrees of a place among the stars, its right ascension and declination in radians;
+    latitude and longitude as of :func:`sun_position`, days as of :func:`sun_longitude`."""
     sidereal = np.radians((280.46061837 + 360.98564736629 * days + longitude) % 360)
     hour_angle, north = sidereal - ascension, np.radians(latitude)
     up = np.sin(north) * np.sin(declination) + np.cos(north) * np.cos(declination) * np.cos(hour_angle)

@@ -28,6 +28,7 @@ SECTIONS = {
     "sky": "SkyTable",
     "lights of type directional": "DirectionalTable",
     "lights of type sun": "SunTable",
+    "lights of type moon": "MoonTable",
     "lights of type point": "PointTable",
     "lights of type spot": "SpotTable",
     "a spot's cone as in KHR": "KhrConeTable",

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from mirelight.apps.inspect.facts import lighting_facts
+from mirelight.base.errors import InputError
 from mirelight.io import job
+from mirelight.io.job.moon import moon
 from mirelight.io.job.sun_position import of_direction, sun_position, to_sun
 from mirelight.model import DirectionalLight, SkyModel, SunLight
 
@@ -102,3 +104,35 @@ def test_inspect_says_where_the_sun_is(write_job: WriteJob) -> None:
     assert facts.environment is None and facts.sky is not None
     assert (facts.sky.elevation, facts.sky.turbidity, facts.sky.intensity) == (30, 4, 2)
     assert facts.sky.to_sun == pytest.approx((0, 0.5, 0.866025), abs=1e-6)
+
+
+def test_the_moon_of_meeus() -> None:
+    """Astronomical Algorithms, examples 47.a and 48.a: 1992 April 12, 0h TD, declination 13.7684, parallax 0.99199,
+    phase angle 69.0756 degrees."""
+    time = datetime(1992, 4, 12, tzinfo=UTC) - timedelta(seconds=59)
+    found = moon(90, 0, time)
+    assert found.elevation == pytest.approx(13.7684 - 0.99199 * np.cos(np.radians(13.7684)), abs=0.3)
+    assert found.phase == pytest.approx(69.0756, abs=0.5)
+    assert found.diameter == pytest.approx(2 * 0.272481 * 0.99199, abs=0.002)
+
+
+def test_moonlight_by_phase_and_height() -> None:
+    """The total eclipse of 2025 September 7, 18:12 UTC, was overhead in the Indian Ocean; the last quarter
+    came on the 14th, 10:33 UTC."""
+    full = moon(-5.4, 86.5, datetime(2025, 9, 7, 18, 12, tzinfo=UTC))
+    assert full.phase < 1.5 and full.elevation > 85
+    assert 0.2 < full.lux < 0.26
+    low = moon(-5.4, 26.5, datetime(2025, 9, 7, 18, 12, tzinfo=UTC))
+    assert 25 < low.elevation < 35 and 0.75 < low.lux / full.lux < 0.9
+    half = moon(25, -68, datetime(2025, 9, 14, 10, 33, tzinfo=UTC))
+    assert 88 < half.phase < 92 and half.elevation > 75 and 0.05 < half.lux / full.lux < 0.13
+
+
+def test_a_moon_in_a_job(write_job: WriteJob) -> None:
+    text = 'lights = [{ type = "moon", latitude = -5.4, longitude = 86.5, time = 2025-09-07T18:12:00Z }]\n'
+    (light,) = job.load(write_job(SCENE + text)).lightings[0].lights
+    assert isinstance(light, SunLight) and light.name == "moon"
+    assert light.direction[1] < -0.99 and 0.2 < light.intensity < 0.26 and light.color[0] > light.color[2]
+    down = write_job(SCENE + text.replace("T18", "T06"))
+    with pytest.raises(InputError, match=r"lights\[0\].time: the moon is .* degrees below the horizon then"):
+        job.load(down)

@@ -119,6 +119,7 @@ def _main(arguments: tuple[str, ...], folder: Path, variables: dict[str, str], o
         (2, err, os.O_CREAT | os.O_WRONLY | os.O_TRUNC),
     ):
         os.dup2(os.open(path, flags), number)
+    sys.path.insert(0, str(folder))
     sys.exit(main(arguments))
 
 

@@ -51,8 +51,8 @@ def capture_views(
     Args:
         splats: world space.
         cameras: of the pictures that the splats were made from.
-        pictures: those, as `Job.capture_pictures` has them; composites stand for what is not there, cannot be read, or
-            shows something else than the splats.
+        pictures: those, (H, W, 3), as `Job.capture_pictures` has them; composites stand for what is not there, cannot
+            be read, or shows something else than the splats.
         variant: where they are composited.
         threads: worker threads, process-wide; None: as they are.
         report: gets a line on pictures that are not used.

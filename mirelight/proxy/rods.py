@@ -50,7 +50,7 @@ class Rods:
     ahead: F64  # (M, 2) either way along the axis from the disc's middle, how far others carry the rod on; 0: none does
 
     def where(self, chosen: NDArray[np.bool_]) -> Rods:
-        """The M rods that are chosen."""
+        """The M rods that are chosen, of a mask (N,)."""
         return Rods(*(getattr(self, x)[chosen] for x in Rods.__slots__))
 
     def beside(self, other: Rods) -> Rods:

@@ -166,7 +166,7 @@ class Assets:
         return found
 
     def pictures(self, found: Sequence[Picture | None]) -> tuple[Deferred[F32] | None, ...]:
-        """What a capture's cameras took; () where nothing of it is known. Of all, the job keeps one digest."""
+        """What a capture's cameras took, (H, W, 3) each; () where nothing is known. The job keeps one digest of all."""
         files = sorted({file for one in found if one is not None for file in one.files})
         if not files:
             return ()

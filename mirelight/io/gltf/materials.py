@@ -134,8 +134,8 @@ def _layered(entry: Fields, made: Material) -> Material:
 
 def _cut(document: Document, entry: Fields, shape: Fields, made: Material) -> Material:
     """With alpha, unless the file says that there is none."""
-    mode = entry.text("alphaMode", "OPAQUE")
-    if mode not in ("MASK", "BLEND"):
+    kind = entry.text("alphaMode", "OPAQUE")
+    if kind not in ("MASK", "BLEND"):
         return made
     names = ("baseColorFactor", "baseColorTexture")
     glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
@@ -145,7 +145,7 @@ def _cut(document: Document, entry: Fields, shape: Fields, made: Material) -> Ma
     if names[1] in shape:
         info = shape.child(names[1])
         texture = _alpha(document, document.entry("textures", info.integer("index"), info, "index"))
-    cutoff = entry.number("alphaCutoff", 0.5) if mode == "MASK" else None
+    cutoff = entry.number("alphaCutoff", 0.5) if kind == "MASK" else None
     alpha = float(np.clip(shape.vector(names[0], 4, (1, 1, 1, 1))[3], 0, 1))
     return replace(made, alpha=alpha, alpha_texture=texture, cutoff=cutoff)
 

@@ -164,7 +164,7 @@ def _with_job_albedo(made: Deferred[ProxyMesh], table: JobTable) -> Deferred[Pro
 
 
 def _of_file(table: JobTable, assets: Assets) -> Deferred[ProxyMesh] | None:
-    return assets.mesh(table.proxy, finish=table.relight.gloss) if table.proxy else None
+    return assets.mesh(table.proxy, finish=table.relight.gloss or table.sweep is not None) if table.proxy else None
 
 
 def _glowing(mesh: Deferred[ProxyMesh], dresses: tuple[Dress, ...], source: Source) -> Deferred[ProxyMesh]:

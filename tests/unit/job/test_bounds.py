@@ -136,6 +136,7 @@ WITHOUT_BOUNDS = {
     "indirect",
     "per",
     "repair",
+    "gloss",
     "sh",
     "variant",
     "denoise",

@@ -20,7 +20,7 @@ from mirelight.proxy.inside import HIDDEN, hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened
 from mirelight.proxy.nets import surface_of
-from mirelight.proxy.openings import looked_through
+from mirelight.proxy.openings import AWAY, opened, windows_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
@@ -130,14 +130,18 @@ def _fused(
     views = [slanted(view, capture.spacing) for view in views]
     report("finding planes", 0.6)
     flats = flats_of(views, capture.spacing, capture.radius)
-    opened = looked_through(views, flats, capture.spacing, capture.radius)
-    if opened is not None:
-        views, flats = opened, flats_of(opened, capture.spacing, capture.radius)
+    windows = windows_of(views, flats, capture.spacing)
+    if windows:
+        views = [opened(view, windows, capture.spacing, AWAY * capture.radius) for view in views]
+        flats = flats_of(views, capture.spacing, capture.radius)
     views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing) for view in views]
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.8, 0.9))
     report("finding the surface", 0.9)
-    return on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
+    soup = on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
+    for window in windows:
+        soup = soup.beside(window.sheet())
+    return soup
 
 
 def _guessed(

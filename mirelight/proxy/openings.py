@@ -1,96 +1,86 @@
 """Windows: where pictures are clipped to white and what shines lies behind the wall around it, light comes in.
 
 Splats of a sky that a picture shows as white lie anywhere behind a window's frame, as nothing tells their distance;
-taken for a surface they would shut the window. A patch of sun on a wall is as bright, but lies on it.
+taken for a surface they would shut the window. A patch of sun on a wall is as bright, but lies on it. To an optimiser
+bars before such a sky are fog and dust as well, but pictures show where they are: all of a window's lie in one plane,
+that in which its pictures agree best (a plane sweep: Collins, 1996), and there they are cut out of a sheet.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F64
+from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap, pixels_of
-from mirelight.proxy.flats import Flat
+from mirelight.proxy.flats import Flat, turned_to
+from mirelight.proxy.planes import Sheet
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import Soup
 from mirelight.proxy.views import rays, turned
 
 Bool = NDArray[np.bool_]
 
 AWAY = 4.0  # of the capture's radius: where a sky is put
+FINE = 0.3  # spacings: side of the cells that bars are cut out in
+DEEPEST = 6.0  # spacings behind the wall's face: where bars may be
+_DEPTH = 0.25  # spacings: step between those that are tried
+_RIM = 2.0  # spacings around what is white, that shut out light, too: frames, and walls behind their face
 _BEFORE = 2.0  # spacings: what lies farther before a plane hides it
 _FAR = 6.0  # spacings: what lies farther off counts as this far
+_BARS = 2  # cells of a plane: what is narrower between panes is a bar
+_SEEN = 3  # views that must show a cell
+_DARK = 0.5  # display value at which a pixel is no sky at all; in between it is so in part
+_WHITE = 0.8  # of a sky, at least
+_EVEN = 0.1  # a sky's cells differ by less, where no bar is among them
 
 
-def looked_through(
-    views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, radius: float
-) -> list[DepthMap] | None:
-    """The views with the sky in windows far away; None: there are no windows.
+@dataclass(frozen=True, slots=True, eq=False)
+class Window:
+    """The plane of a window's bars in small cells."""
+
+    wall: Flat
+    face: Flat  # the plane; its cells `there` are those that the window is seen through, bars and panes
+    bars: Bool  # (I, J) of its cells: which stop light, the rim among them
+    front: float  # 1: it was seen from the side that the plane's normal points to, -1: from the other
+
+    def sheet(self) -> Soup:
+        """Triangles of the bars, fronts to the side that was seen."""
+        face = self.face
+        origin = face.normal * face.offset + np.einsum("k,ki->i", face.low * face.cell, face.axes)
+        made = Sheet(origin, face.axes, face.cell, np.ones_like(self.bars)).rectangles(self.bars)
+        handed = self.front * float(np.dot(np.cross(face.axes[0], face.axes[1]), face.normal))
+        return Soup(made.vertices, made.faces if handed > 0 else made.faces[:, ::-1])
+
+    def opened(self, view: DepthMap, spacing: float) -> Bool:
+        """(H, W) pixels that are seen through the window, or show its bars."""
+        origins, directions = rays(view.camera)
+        slack = _BEFORE * spacing * np.linalg.norm(directions, axis=-1)
+        wall, _ = _met(self.wall, origins, directions)
+        face, facing = _met(self.face, origins, directions)
+        hidden = (view.depth > 0) & (view.depth < wall - slack / np.maximum(facing, 0.1))
+        return np.asarray((face > 0) & ~hidden & self.face.inside(origins + directions * face[..., None]))
+
+
+def windows_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float) -> list[Window]:
+    """The windows in planes.
 
     Args:
         views: maps.
         flats: the planes that they show.
         spacing: of the splats, world units.
-        radius: of the capture.
     """
-    windows = [(flat, window) for flat in flats if (window := _windows(flat, views, spacing)).any()]
-    if not windows:
-        return None
-    return [_opened(view, windows, spacing, AWAY * radius) for view in views]
+    found = (_window(flat, panes, views, spacing) for flat in flats for panes in _panes(flat, views, spacing))
+    return [window for window in found if window is not None]
 
 
-def is_clipped(view: DepthMap) -> Bool:
-    """(H, W) pixels that are white."""
-    return np.asarray(view.color.min(axis=-1) > TUNING.clipped)
-
-
-def _windows(flat: Flat, views: Sequence[DepthMap], spacing: float) -> Bool:
-    """(I, J) cells of a plane that light comes through."""
-    from scipy.ndimage import binary_opening, label
-    from scipy.ndimage import median as median_of
-    from scipy.ndimage import sum as sum_of
-
-    at = flat.middles
-    seen, white, behind = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
-    for view in views:
-        own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
-        pixel = pixels_of(view.camera, own.astype(np.float32))
-        rows = np.flatnonzero((pixel >= 0) & (view.depth.ravel()[np.maximum(pixel, 0)] > 0))
-        pixel = pixel[rows]
-        ray = rays(view.camera)[1].reshape(-1, 3)[pixel]
-        aslant = np.abs((ray * flat.normal).sum(axis=1)) / np.linalg.norm(ray, axis=1)
-        off = (view.depth.ravel()[pixel] + own[rows, 2]) * aslant / spacing
-        there = off > -_BEFORE
-        seen[rows] += there
-        white[rows] += there & is_clipped(view).ravel()[pixel]
-        behind[rows] += there * np.clip(off, -_FAR, _FAR)
-    shape = flat.there.shape
-    part, count = label(binary_opening(((white > 0.5 * seen) & (seen > 2)).reshape(shape)))
-    if not count:
-        return np.zeros(shape, bool)
-    index = np.arange(1, count + 1)
-    depth = np.asarray(median_of((behind / np.maximum(seen, 1)).reshape(shape), part, index))
-    size, inside = np.asarray(sum_of(part > 0, part, index)), np.asarray(sum_of(flat.there, part, index))
-    kept = (depth > TUNING.window_depth) & (size >= TUNING.window_cells) & (inside > 0.5 * size)
-    return np.asarray(np.concatenate([[False], kept])[part])
-
-
-def _opened(view: DepthMap, windows: Sequence[tuple[Flat, Bool]], spacing: float, away: float) -> DepthMap:
-    """The view with white pixels that are seen through windows far away."""
-    from scipy.ndimage import binary_dilation
-
-    origins, directions = rays(view.camera)
-    white, sky = is_clipped(view), np.zeros(view.depth.shape, bool)
-    for flat, window in windows:
-        facing = (directions * flat.normal).sum(axis=-1)
-        facing = np.where(np.abs(facing) > 1e-9, facing, 1e-9)
-        depth: F64 = (flat.offset - (origins * flat.normal).sum(axis=-1)) / facing
-        through = replace(flat, there=binary_dilation(window)).inside(origins + directions * depth[..., None])
-        slack = _BEFORE * spacing * np.linalg.norm(directions, axis=-1) / np.maximum(np.abs(facing), 0.1)
-        sky |= white & through & (depth > 0) & ((view.depth == 0) | (view.depth > depth - slack))
+def opened(view: DepthMap, windows: Sequence[Window], spacing: float, away: float) -> DepthMap:
+    """The view with all that is seen through windows so far away, bars too: those are made apart."""
+    sky = np.any([window.opened(view, spacing) for window in windows], axis=0)
+    _, directions = rays(view.camera)
     facing = -directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     return replace(
         view,
@@ -99,3 +89,108 @@ def _opened(view: DepthMap, windows: Sequence[tuple[Flat, Bool]], spacing: float
         spread=np.where(sky, np.float32(0), view.spread),
         trust=np.where(sky, np.float32(1), view.trust),
     )
+
+
+def _panes(flat: Flat, views: Sequence[DepthMap], spacing: float) -> list[Bool]:
+    """(I, J) each: cells of a plane that light comes through, of one window."""
+    from scipy.ndimage import binary_closing, binary_opening, label
+
+    at = flat.middles
+    seen, white, behind = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
+    for view in views:
+        rows, pixel, off = _looked_at(view, flat, at, spacing)
+        there = (off > -_BEFORE) & (view.depth.ravel()[pixel] > 0)
+        seen[rows] += there
+        white[rows] += there & (view.color.min(axis=-1).ravel()[pixel] > TUNING.clipped)
+        behind[rows] += there * np.clip(off, -_FAR, _FAR)
+    shape = flat.there.shape
+    shines = binary_opening(((white > 0.5 * seen) & (seen > 2)).reshape(shape))
+    deep = (behind / np.maximum(seen, 1)).reshape(shape)
+    part, count = label(binary_closing(np.pad(shines, _BARS), iterations=_BARS)[_BARS:-_BARS, _BARS:-_BARS])
+    parts = [shines & (part == k) for k in range(1, count + 1)]
+    return [
+        x
+        for x in parts
+        if x.sum() >= TUNING.window_cells and np.median(deep[x]) > TUNING.window_depth and flat.there[x].mean() > 0.5
+    ]
+
+
+def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) -> Window | None:
+    """What is white in the plane where the pictures agree best; None where that is the wall's face, as of a patch of
+    sun."""
+    from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, median_filter
+
+    eyes = np.stack([view.camera.position for view in views])
+    front = 1.0 if float(np.median(wall.off(eyes))) > 0 else -1.0
+    cell, margin = FINE * spacing, (DEEPEST + _RIM) * spacing
+    place = turned_to(wall.middles[panes.ravel()], wall.axes)
+    low = np.floor((place.min(axis=0) - margin) / cell).astype(np.int64)
+    size = np.ceil((place.max(axis=0) + margin) / cell).astype(np.int64) - low
+    inner = replace(wall, there=panes)
+    found = []
+    for deep in np.arange(-_DEPTH, DEEPEST, _DEPTH):
+        face = Flat(wall.normal, wall.offset - front * deep * spacing, wall.axes, cell, low, np.ones(tuple(size), bool))
+        seen, mean, spread = _whiteness(face, wall, views, spacing)
+        here = inner.inside(face.middles).reshape(seen.shape) & (seen >= _SEEN)
+        found.append((float(spread[here].mean()) if here.any() else np.inf, deep, face, seen, mean))
+    _, deep, face, seen, mean = min(found, key=lambda x: x[:2])
+    if deep < TUNING.window_bars:
+        return None
+    reach = round(_RIM / FINE)
+    square = np.ones((2 * reach + 1,) * 2, bool)
+    near = replace(wall, there=binary_dilation(panes)).inside(face.middles).reshape(seen.shape)
+    white = median_filter(_is_white(mean) & (seen >= _SEEN), size=3) & binary_dilation(near, square)
+    whole = binary_fill_holes(binary_closing(np.pad(white, reach), square)[reach:-reach, reach:-reach])
+    rim = binary_dilation(whole, square) & (seen >= _SEEN)
+    return Window(wall, replace(face, there=whole), rim & ~white, front)
+
+
+def _is_white(mean: F64) -> Bool:
+    """(I, J) cells nearer to the whitest than to the darkest around them: bars are blurred, thin ones most."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    around = 2 * round(1 / FINE) + 1
+    low, high = minimum_filter(mean, around), maximum_filter(mean, around)
+    return np.asarray((high > _WHITE) & ((mean > (low + high) / 2) | (high - low < _EVEN)))
+
+
+def _whiteness(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> tuple[F64, F64, F64]:
+    """(I, J) how many views see a cell of a plane, how white they show it, and the variance of that."""
+    at = face.middles
+    seen, total, square = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
+    for view in views:
+        rows, pixel, off = _looked_at(view, wall, at, spacing)
+        there = (off > -_BEFORE) | (view.depth.ravel()[pixel] == 0)
+        rows, pixel = rows[there], pixel[there]
+        white: F32 = np.clip((view.color.min(axis=-1).ravel()[pixel] - _DARK) / (1 - _DARK), 0, 1)
+        seen[rows] += 1
+        total[rows] += white
+        square[rows] += white * white
+    mean = total / np.maximum(seen, 1)
+    shape = face.there.shape
+    return seen.reshape(shape), mean.reshape(shape), (square / np.maximum(seen, 1) - mean * mean).reshape(shape)
+
+
+def _looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int64], F64]:
+    """Rows (M,) of points (N, 3) that are in a view's picture, their pixels, and how far behind a plane the surface is
+    there, in spacings."""
+    own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
+    pixel = pixels_of(view.camera, own.astype(np.float32))
+    rows = np.flatnonzero(pixel >= 0)
+    pixel = pixel[rows]
+    origins, directions = rays(view.camera)
+    ray = directions.reshape(-1, 3)[pixel]
+    start = np.broadcast_to(origins, directions.shape).reshape(-1, 3)[pixel]
+    slope = (ray * flat.normal).sum(axis=1)
+    side = np.where((start * flat.normal).sum(axis=1) > flat.offset, 1.0, -1.0)
+    surface = start + ray * view.depth.ravel()[pixel][:, None]
+    off = -side * ((surface * flat.normal).sum(axis=1) - flat.offset) / spacing
+    return rows, pixel, np.where(np.abs(slope) > 0, off, 0.0)
+
+
+def _met(flat: Flat, origins: F64, directions: F64) -> tuple[F64, F64]:
+    """(H, W) depths at which rays meet a plane, and the cosines between both."""
+    slope = (directions * flat.normal).sum(axis=-1)
+    safe = np.where(np.abs(slope) > 1e-9, slope, 1e-9)
+    depth = (flat.offset - (origins * flat.normal).sum(axis=-1)) / safe
+    return depth, np.abs(slope) / np.linalg.norm(directions, axis=-1)

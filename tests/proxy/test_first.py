@@ -8,13 +8,14 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 from mirelight import cli
-from mirelight.apps.first_job import Wish, beside, job_for, up
+from mirelight.apps.first_job import Wish, beside, job_for, up, view
 from mirelight.apps.first_job.lighting import _candela
 from mirelight.apps.inspect.facts import MeshFacts, SplatFacts
 from mirelight.apps.inspect.inspect import inspect, of_job
@@ -28,6 +29,7 @@ from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
 from mirelight.pipeline.scene import prepare
 from mirelight.proxy import make
+from mirelight.proxy.capture import take
 
 from .clouds import ball, box_shell, fog, on_surface, square
 
@@ -85,6 +87,34 @@ def test_a_closed_room_stands_on_the_side_that_things_stand_on(turn: tuple[float
     else:
         assert not found.guessed and found.way @ m[:3, 1] > 0.999
         assert "things stand" in found.why
+
+
+def test_cameras_that_do_not_agree_with_the_floor_are_a_guess(cloud: SplatCloud) -> None:
+    for up_there, doubted in (((0, 1, 0), False), ((1, 0, 0), True)):
+        ways = [np.roll((np.sin(a), 0, np.cos(a)), up_there[0]) for a in range(6)]
+        poses = [conventions.look_at(tuple(5 * way), (0, 0, 0), up_there) for way in ways]
+        found = up.find(cloud, Path("a.ply"), poses)
+        assert found.guessed == doubted and found.way @ up_there == 1
+
+
+def test_a_wall_that_things_stand_on_is_not_sure_to_be_the_floor() -> None:
+    """A cube of equal sides, with things along one wall as along the floor."""
+    room, thing = box_shell(4, 0.1, thin=0.05), box_shell(0.8, 0.1, thin=0.05)
+    beside = replace(thing, means=thing.means - np.array([1.5, 1.5, 0], np.float32))
+    amid = replace(thing, means=thing.means - np.array([0, 1.5, 0], np.float32))
+    for things, guessed in ((amid, False), (beside, True)):
+        parts = (room, things)
+        names = ("means", "quats", "scales", "opacities", "sh")
+        both: dict[str, Any] = {n: np.concatenate([getattr(x, n) for x in parts]) for n in names}
+        found = up.find(replace(room, **both), Path("a.glb"))
+        assert found.guessed == guessed and found.way[1] == 1
+
+
+def test_a_room_with_a_skylight_is_a_room_and_a_yard_is_none() -> None:
+    room = box_shell(4, 0.1, thin=0.05)
+    for wide, is_room in ((1.6, True), (2.0, False)):
+        roofed = (room.means[:, 1] < 1.9) | (np.abs(room.means[:, [0, 2]]) > wide).any(axis=1)
+        assert view.best(take(room, np.flatnonzero(roofed)), "a.ply").room == is_room
 
 
 def test_a_floor_and_nothing_else() -> None:

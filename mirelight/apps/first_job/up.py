@@ -20,6 +20,8 @@ _MOST_BELOW = 0.05  # share of the area that may lie below it
 _ALIKE = 0.5  # of the floor's share: what a ceiling has at the least
 _WALL = 0.2  # cosine between up and what is a wall at the most
 _LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which they are told apart
+_RIVAL = 0.7  # of the floor's share: a wall as large may be the floor (the courtyard's largest has 0.6)
+_AGREE = np.cos(np.radians(20.0))  # cameras and floor that tell ways farther apart do not agree
 _LAYER = 1 / 50  # of the extent: how thick a floor is
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
@@ -34,7 +36,7 @@ class Up:
 
     way: F64  # (3,) unit, in the splats' own axes
     why: str  # in words
-    guessed: bool  # by the format alone
+    guessed: bool  # nothing tells it, or what tells it does not agree
 
     @property
     def euler(self) -> tuple[float, float, float]:
@@ -57,9 +59,11 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
         cameras: (4, 4) world_from_camera of the cameras that took it, in the same axes.
     """
     taken = _of_cameras(cameras)
-    if taken is not None:
-        return Up(_neat(taken), f"from {len(cameras)} cameras of the capture", False)
     floor = _floor(cloud)
+    if taken is not None:
+        doubted = floor is not None and floor.told and float(floor.way @ taken) < _AGREE
+        why = f"from {len(cameras)} cameras of the capture"
+        return Up(_neat(taken), f"a guess {why}: the floor tells another" if doubted else why, doubted)
     upright = path.suffix.lower() in SCENES
     habit = np.array([0.0, 1.0 if upright else -1.0, 0.0])
     usual = "+Y is up in glTF and as stages are read" if upright else "-Y is up in most captures"
@@ -67,7 +71,7 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
         return Up(habit, f"a guess: there is no floor, and {usual}", True)
     if not floor.told:
         way = floor.way if floor.way @ habit >= 0 else -floor.way
-        return Up(_neat(way), f"a guess: floor and ceiling look alike, and {usual}", True)
+        return Up(_neat(way), f"a guess: {floor.doubt}, and {usual}", True)
     why = f"from the floor, in which {floor.share:.0%} of the splats' area lies"
     return Up(_neat(floor.way), why + (", and on which things stand" if floor.ceiling else ""), False)
 
@@ -93,8 +97,13 @@ class Floor:
 
     way: F64  # (3,) unit, up
     share: float  # of the splats' area that lies in it
-    ceiling: bool  # whether there is one like it on the other side
-    told: bool  # which of both is the floor
+    ceiling: bool = False  # whether there is one like it on the other side
+    doubt: str = ""  # why it may be no floor
+
+    @property
+    def told(self) -> bool:
+        """Whether it is sure which side is the floor."""
+        return not self.doubt
 
 
 def _floor(cloud: SplatCloud) -> Floor | None:
@@ -114,26 +123,45 @@ def _floor(cloud: SplatCloud) -> Floor | None:
     turns = conventions.rotation_from_quaternion(cloud.quats[rows])
     normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
     means = cloud.means[rows].astype(np.float64)
-    best: tuple[float, F64, _Layer] | None = None
+    found = []
     for way in _ways(normals):
-        worth = max([1.0, *(by for by, axis in _LIKELY if abs(way @ axis) > 0.8)])
         layer = _lowest(means, normals, area, way)
-        if layer is not None and (best is None or layer.share * worth > best[0]):
-            best = layer.share * worth, way, layer
-    if best is None or best[2].share < LEAST_FLOOR:
+        if layer is not None:
+            found.append((layer.share * max([1.0, *(by for by, axis in _LIKELY if abs(way @ axis) > 0.8)]), way, layer))
+    if not found:
         return None
-    _, way, floor = best
+    _, way, floor = max(found, key=lambda x: x[0])
+    if floor.share < LEAST_FLOOR:
+        return None
+    lean, ceiling = _lean(means, normals, area, floor, way)
+    if ceiling is not None and np.isnan(lean):
+        return Floor(floor.way, floor.share, ceiling=True, doubt="floor and ceiling look alike")
+    walls = [x for x in found if abs(x[1] @ way) < 0.5 and x[2].share > _RIVAL * floor.share]
+    _, across, wall = max(walls, key=lambda x: x[2].share, default=(0.0, way, floor))
+    doubt = ""
+    if wall is not floor and not abs(_lean(means, normals, area, wall, across)[0]) < abs(lean):
+        doubt = "things stand on a wall as they do on the floor"
+    if ceiling is None:
+        return Floor(floor.way, floor.share, doubt=doubt)
+    stood_on = floor if lean > 0 else ceiling
+    return Floor(stood_on.way, stood_on.share, ceiling=True, doubt=doubt)
+
+
+def _lean(means: F64, normals: F64, area: F64, floor: _Layer, way: F64) -> tuple[float, _Layer | None]:
+    """How far towards a layer things lie from the middle, as a share of half the extent, walls along it left out; NaN:
+    there are none. And the layer like it on the other side."""
     ceiling = _lowest(means, normals, area, -way)
-    if ceiling is None or ceiling.share < _ALIKE * floor.share:
-        return Floor(floor.way, floor.share, ceiling=False, told=True)
+    if ceiling is not None and ceiling.share < _ALIKE * floor.share:
+        ceiling = None
     height = means @ way
     low, high = np.quantile(height, [0.005, 0.995])
-    inside = ~floor.on & ~ceiling.on & (np.abs(normals @ way) > _WALL)
+    inside = ~floor.on & (np.abs(normals @ way) > _WALL)
+    if ceiling is not None:
+        inside &= ~ceiling.on
     if area[inside].sum() < _LEAST_INSIDE:
-        return Floor(floor.way, floor.share, ceiling=True, told=False)
-    upright = float(np.average(height[inside], weights=area[inside])) < (low + high) / 2
-    found = floor if upright else ceiling
-    return Floor(found.way, found.share, ceiling=True, told=True)
+        return float("nan"), ceiling
+    mean = float(np.average(height[inside], weights=area[inside]))
+    return ((low + high) / 2 - mean) / ((high - low) / 2), ceiling
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,8 @@ ROOM_YFOV = 60.0
 _WIDTH, _HEIGHT = 160, 90
 _AZIMUTHS = np.arange(0, 360, 30.0)
 _ELEVATIONS = (12.0, 25.0)
-_ENCLOSED = 0.9  # mean alpha all around the middle, above which a capture is a room
+_ENCLOSED = 0.9  # mean alpha around the middle, above which a capture is a room
+_HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
 _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
 _FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
@@ -102,9 +103,11 @@ def _around(middle: F64, radius: float) -> Iterable[Camera]:
 
 
 def _is_room(sides: Sequence[SplatLayer], radius: float) -> bool:
-    alpha = float(np.mean([1 - x.transmittance.mean() for x in sides]))
+    """Whether all sides but one are closed, and none is near."""
+    alpha = np.sort([1 - float(x.transmittance.mean()) for x in sides])
     depths = np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
-    return alpha > _ENCLOSED and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
+    closed = float(alpha[1:].mean()) > _ENCLOSED and float(alpha[0]) > _HALF_OPEN
+    return closed and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
 
 
 def _inside(low: F64, high: F64) -> Iterable[Camera]:

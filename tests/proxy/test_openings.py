@@ -1,0 +1,77 @@
+"""Windows: where their pictures are white, and bars in one plane behind the wall's face."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mirelight.model import Camera
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.flats import Flat
+from mirelight.proxy.openings import opened, windows_of
+from mirelight.proxy.views import rays
+
+DEEP, HALF, BAR = 0.2, 0.5, 0.06  # how far bars stand behind the wall's face, half of the window, half of a bar
+SPACING = 0.06
+F64 = NDArray[np.float64]
+
+
+def plane(z: float, ways: F64, eye: F64) -> F64:
+    """(H, W, 2) where rays meet it."""
+    return np.asarray(eye[:2] + ways[..., :2] * ((z - eye[2]) / ways[..., 2])[..., None])
+
+
+def view(eye: tuple[float, float, float], white: bool = True) -> DepthMap:
+    """A wall across z with a window, and a cross of bars before a sky that is a fog."""
+    camera = Camera.look_at(eye, (0.2 * eye[0], 0, 0), 120, 90, yfov=50)
+    _, ways = rays(camera)
+    at, behind = plane(0.0, ways, np.array(eye)), plane(-DEEP, ways, np.array(eye))
+    window = (np.abs(at) < HALF).all(axis=-1) & (np.abs(behind) < HALF).all(axis=-1)
+    bars = window & (np.abs(behind) < BAR).any(axis=-1)
+    depth = eye[2] + np.where(window, np.random.default_rng(1).uniform(0.15, 0.4, window.shape), 0.0)
+    level = np.where(window & ~bars, 1.0 if white else 0.8, 0.4)
+    depth = depth / -ways[..., 2]
+    ones = np.ones(depth.shape, np.float32)
+    color = np.repeat(level[..., None], 3, axis=2).astype(np.float32)
+    normal = np.tile(np.array([0, 0, 1], np.float32), (*depth.shape, 1))
+    return DepthMap(camera, color, ones, depth.astype(np.float32), normal, 0 * ones, ones)
+
+
+def views(white: bool = True) -> list[DepthMap]:
+    return [view((x, y, 2.5), white) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-0.5, 0.6)]
+
+
+def wall() -> Flat:
+    size = 2 * SPACING
+    there = np.ones((20, 20), bool)
+    return Flat(np.array([0.0, 0, 1]), 0.0, np.eye(3)[:2], size, np.array([-10, -10]), there)
+
+
+def test_bars_are_cut_out_of_the_plane_they_stand_in() -> None:
+    (window,) = windows_of(views(), [wall()], SPACING)
+    sheet = window.sheet()
+    assert sheet.vertices[:, 2] == pytest.approx(-DEEP, abs=0.5 * SPACING)
+    a, b, c = (sheet.vertices[sheet.faces[:, k]] for k in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+    x, y = window.face.middles.reshape(*window.bars.shape, 3)[..., :2].transpose(2, 0, 1)
+    near, far = np.minimum(np.abs(x), np.abs(y)), np.maximum(np.abs(x), np.abs(y))
+    inner = (np.abs(x) < HALF - DEEP) & (np.abs(y) < HALF - 2 * SPACING)  # jambs hide the rest from most views
+    assert window.bars[inner & (near < BAR - 0.03)].all() and not window.bars[inner & (near > BAR + 0.04)].any()
+    rim = (far > HALF + SPACING) & (far < HALF + 1.25 * SPACING)
+    assert window.bars[rim].all()
+
+
+def test_what_is_seen_through_a_window_is_far_away_and_the_wall_stays() -> None:
+    before = view((0.5, 0.6, 2.5))
+    windows = windows_of(views(), [wall()], SPACING)
+    after = opened(before, windows, SPACING, 50.0)
+    _, ways = rays(before.camera)
+    there = (np.abs(plane(-DEEP, ways, before.camera.position)) < HALF - SPACING).all(axis=-1)
+    assert (after.depth[there] == 50).all()
+    apart = (np.abs(plane(0.0, ways, before.camera.position)) > HALF + SPACING).any(axis=-1)
+    np.testing.assert_array_equal(after.depth[apart], before.depth[apart])
+
+
+def test_a_wall_without_white_has_no_window() -> None:
+    assert windows_of(views(white=False), [wall()], SPACING) == []

@@ -128,6 +128,11 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         page.evaluate("studio.then(x => { x.view.resize(160, 120); x.go(x.cameras().at(-1)); })")
         settled(page, page.locator("#view"))
         found["picture"] = page.evaluate("document.getElementById('view').toDataURL()")
+        page.click("#misfit")
+        page.wait_for_selector("#misfit[aria-pressed=true]")
+        settled(page, page.locator("#view"))
+        found["misfit"] = page.evaluate("document.getElementById('view').toDataURL()"), page.inner_text("#near")
+        page.click("#misfit")
         page.evaluate("dispatchEvent(new Event('resize'))")
 
         page.click("#save")
@@ -176,6 +181,15 @@ def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path
     png = io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))
     shown = np.asarray(Image.open(png).convert("RGB"), np.float32) / 255
     assert decibels(shown, displayed(frame, 0)) >= 28
+
+
+def test_the_proxys_fit_is_shown(seen: dict[str, Any]) -> None:
+    """Splats of a proxy that fits are grey."""
+    picture, said = seen["misfit"]
+    shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture.partition(",")[2]))).convert("RGB"), np.float32)
+    lit = shown[shown.max(axis=-1) > 60]
+    assert np.quantile(np.ptp(lit, axis=-1) / lit.max(axis=-1), 0.9) < 0.35
+    assert said.startswith(("100 %", "99 %"))
 
 
 def test_a_frame_has_the_commands_bits(seen: dict[str, Any], folder: Path, tmp_path: Path) -> None:

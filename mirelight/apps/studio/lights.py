@@ -12,11 +12,13 @@ from mirelight.apps.mixer import rgb9e5
 from mirelight.apps.mixer.first_light import SAMPLES, FirstLight
 from mirelight.apps.mixer.layers import MOST_LAYERS, Layering, layering
 from mirelight.base.errors import InputError
+from mirelight.lighting.splat_light import REACH
 from mirelight.model import F32, F64, Lighting
 from mirelight.model.unit_lights import GLOW, LightSet, Term, Unit, terms
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.splat_light import Progress, SplatLight
+from mirelight.relighting import captured_color
 
 STAGES = (SAMPLES, 64, 256)  # samples a splat, one after another; the first is quick whatever it says
 _MOST_KEPT = 64  # unit lights; of 250,000 splats 3 MB each
@@ -58,6 +60,7 @@ class Lights:
         self._made: dict[tuple[str, str], _Made] = {}  # by lighting and layer
         self._layering: tuple[object, Layering] | None = None
         self._version = 0
+        self._used: set[str] = set()  # digests of unit lights that are shown
         self._splats = SplatLight(scene, STAGES[0], progress)
         self._first = FirstLight(self._splats.tracer, self._splats.places)
         self._finer: dict[int, SplatLight] = {}
@@ -77,11 +80,12 @@ class Lights:
     def wanted(self, lighting: Lighting) -> Iterator[tuple[int, Unit]]:
         """What is to be traced for a lighting and the captured light: the stage that a unit light waits for."""
         captured = requirements.compared(self.scene.job)
-        for one in (lighting, captured) if captured is not None else (lighting,):
-            for term in terms(one):
-                stage = self._stage(term.unit) + 1
-                if stage < len(STAGES):
-                    yield stage, term.unit
+        every = [x.unit for one in (lighting, captured) if one is not None for x in terms(one)]
+        self._used = {x.digest for x in every}
+        for unit in every:
+            stage = self._stage(unit) + 1
+            if stage < len(STAGES):
+                yield stage, unit
 
     def trace(self, unit: Unit, stage: int) -> None:
         """Trace a unit light with the samples of a stage."""
@@ -94,8 +98,9 @@ class Lights:
             light = self._finer[spp].unit_light(unit)
         self._kept.pop(unit.digest, None)
         self._kept[unit.digest] = stage, light
-        while len(self._kept) > _MOST_KEPT:
-            del self._kept[next(iter(self._kept))]
+        spare = [x for x in self._kept if x not in self._used]
+        for digest in spare[: max(len(self._kept) - _MOST_KEPT, 0)]:
+            del self._kept[digest]
 
     def layers(self, lighting: Lighting) -> list[Layer] | None:
         """What there is of a lighting; None while the captured light is not known.
@@ -111,11 +116,30 @@ class Lights:
         made = self._layering[1]
         found = list(terms(lighting))
         constant = self._constant(made, key)
-        if len(found) + len(constant) > MOST_LAYERS:
+        if len(found) + len(constant) > MOST_LAYERS - 1:  # one is the misfit's
             raise InputError(
                 lighting.name, f"{len(found)} layers of light", f"the page shows {MOST_LAYERS - 2}: give lights a group"
             )
         return [*(self._layer(lighting.name, x, made, key) for x in found), *constant]
+
+    @property
+    def near(self) -> float:
+        """Share of the splats that lie on the proxy."""
+        return self._splats.near
+
+    def misfit(self) -> tuple[float, bytes]:
+        """How far splats lie off the proxy, as a layer that shows it: scale and values. Grey is on it, red is further
+        off than light is taken from."""
+        scene = self.scene
+        assert scene.splats is not None and scene.proxy is not None
+        away = np.linalg.norm(self._splats.places.points - scene.splats.means, axis=1)
+        far = np.clip(away / (REACH * np.linalg.norm(np.ptp(scene.proxy.vertices, axis=0))), 0, 1)[:, None]
+        color = captured_color(scene.splats)
+        brightness = np.clip(color.mean(axis=1, keepdims=True), 0.05, 1)
+        wanted = brightness * ((1 - far) * (0.7, 0.7, 0.7) + far * (1.6, 0.1, 0.05))
+        factor = np.clip(wanted / np.maximum(color, 1e-3), 0, 64)
+        packed, scales = rgb9e5.pack(factor.astype(np.float32)[None, self._order])
+        return float(scales[0]), packed[0].astype("<u4").tobytes()
 
     def _layer(self, lighting: str, term: Term, made: Layering, old: object) -> Layer:
         stage, light = self._kept.get(term.unit.digest, (-1, None))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
@@ -84,6 +85,9 @@ class _Page(Handler):
         elif name == "live/state":
             after = re.search(r"[?&]after=([0-9]{1,15})$", self.path)
             self.answer(200, _json(_told(session.state(int(after[1]) if after else -1, PATIENCE))), "state.json")
+        elif name == "live/misfit":
+            scale, packed = session.misfit()
+            self._or_gone(packed and struct.pack("<f", scale) + packed, "misfit")
         elif layer is not None:
             self._or_gone(session.packed(int(layer[1])), "layer")
         elif picture is not None:
@@ -168,6 +172,7 @@ def _told(state: State) -> dict[str, Any]:
             {"name": x.name, "weight": x.weight.tolist(), "version": x.version, "samples": x.samples, "scale": x.scale}
             for x in state.layers
         ],
+        "near": state.near,
         "limit": state.limit,
         "tracing": state.tracing,
         "done": round(state.done, 3),

@@ -21,7 +21,7 @@ from mirelight.apps.studio.lights import STAGES, Layer, Lights
 from mirelight.apps.studio.renders import Renders
 from mirelight.apps.studio.worker import Ordered
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.model import Job
+from mirelight.model import Camera, Job, digest
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.relighting.modes import mode_of
@@ -45,6 +45,7 @@ class State:
     shown: str  # the lighting that they are of
     level: float | None  # of the captured light, cd/m²; None: not known yet
     layers: tuple[Layer, ...]
+    near: float | None  # share of the splats that lie on the proxy; None: not known yet
     limit: float | None
     tracing: str
     done: float
@@ -90,6 +91,8 @@ class Session:
         self._version, self._phase, self._line = 0, "proxy", ""
         self._tracing, self._done, self._trouble = "", 0.0, ""
         self._found: Mapping[str, Any] | None = None
+        self._near: float | None = None
+        self._bookmarks: dict[str, dict[str, Any]] = {}  # of cameras that were told, by their digests
         self._file, self._edited = _file_of(document.path), False
         self._helper: Helper | None = None
         self._renders = Renders(self._changed)
@@ -120,12 +123,18 @@ class Session:
     def told(self, job: Job | None = None) -> dict[str, Any]:
         """What a job comes to: its cameras, and the lights of each lighting."""
         job = job or self._job
-        splats = self._scene.splats
-        assert splats is not None
+        cameras = [x for x in job.cameras if x.projection == "perspective"]
         return {
-            "cameras": [bookmark(x, splats) for x in job.cameras if x.projection == "perspective"][:_MOST_CAMERAS],
+            "cameras": [self._bookmark(x) for x in cameras[:_MOST_CAMERAS]],
             "lightings": [{"name": x.name, "lights": [light.name for light in x.lights]} for x in job.lightings],
         }
+
+    def _bookmark(self, camera: Camera) -> dict[str, Any]:
+        assert self._scene.splats is not None
+        key = digest(camera)
+        if key not in self._bookmarks:
+            self._bookmarks[key] = bookmark(camera, self._scene.splats)
+        return self._bookmarks[key]
 
     def save(self) -> str:
         """Write the job; its file's name.
@@ -174,6 +183,10 @@ class Session:
         """The values of a layer; empty where there are newer ones."""
         return next((x.packed for x in self._layers if x.version == version), b"")
 
+    def misfit(self) -> tuple[float, bytes]:
+        """See :meth:`Lights.misfit`; nothing before there is a proxy."""
+        return (1.0, b"") if self._near is None or self._lights is None else self._lights.misfit()
+
     def state(self, after: int = -1, seconds: float = 0.0) -> State:
         """How things stand, once there is something newer than a version, or so many seconds have gone."""
         end = time.monotonic() + seconds
@@ -188,6 +201,7 @@ class Session:
                 self._layered_name,
                 vars(self._scene).get("captured_level"),
                 self._layers,
+                self._near,
                 limit_of(self._scene),
                 self._tracing,
                 self._done,
@@ -314,6 +328,7 @@ class Session:
         scene = prepare(job, self._store.artefacts, like=self._scene)
         if self._lights is None or not self._lights.follow(scene):
             self._lights = Lights(scene, self._order, self._say)
+            self._near = self._lights.near
         self._scene, self._at = scene, job
 
     def _say(self, what: str, done: int, total: int) -> None:

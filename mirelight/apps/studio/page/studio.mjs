@@ -6,14 +6,14 @@ import { createQueue } from './queue.mjs';
 import { aroundRow, lightRow, make } from './rows.mjs';
 import { createView } from './view.mjs';
 
-const SLOTS = 32;  // layers that the view has room for
+const SLOTS = 32;  // layers that the view has room for; the last is the misfit of the proxy
 const AGAIN = 'start mirelight studio again';
 const find = (id) => document.getElementById(id);
 
 function start(view, studio) {
     const first = studio.job, queue = createQueue(find('queue'), { open: openFrame, cancel: (number) => put('live/cancel', { number }) });
     let chosen = 0, state = null, cameras = studio.cameras, lightings = studio.lightings, bookmark = cameras[0] ?? null;
-    let asCaptured = false, comparing = false, still = null, number = 0, adopted = false, level = 1;
+    let asCaptured = false, comparing = false, misfit = false, still = null, number = 0, adopted = false, level = 1;
     const sent = new Map([[0, first]]);  // jobs by number, by which weights are told
     const model = createModel({ ...first, cameras: first.cameras ?? [], lightings: first.lightings ?? [] }, changed);
     const newest = createNewest(say, AGAIN);
@@ -66,6 +66,8 @@ function start(view, studio) {
         if (state.trouble) say(state.trouble);
         if (state.level) level = state.level;
         find('edited').hidden = !state.edited;
+        find('misfit').disabled = find('near').hidden = state.near === null;
+        find('near').textContent = `${Math.floor(100 * state.near)} % of the splats lie on the proxy mesh.`;
         const lines = [state.line && `${state.line}…`, state.tracing && `${state.tracing}: ${Math.floor(100 * state.done)} %`];
         find('news').textContent = lines.filter(Boolean).join(' · ') || (state.phase === 'ready' ? 'The light is as fine as it gets here' : '');
         find('queue-section').hidden = !state.renders.length;
@@ -83,7 +85,7 @@ function start(view, studio) {
         for (const key of [...slots.names.keys()]) if (!keys.includes(key)) slots.names.delete(key);
         for (const [i, { version, scale }] of state.layers.entries()) {
             if (!slots.names.has(keys[i])) {
-                const free = Array.from({ length: SLOTS }, (_, k) => k).find((k) => ![...slots.names.values()].includes(k));
+                const free = Array.from({ length: SLOTS - 1 }, (_, k) => k).find((k) => ![...slots.names.values()].includes(k));
                 slots.names.set(keys[i], free);
                 slots.versions[free] = 0;
             }
@@ -107,8 +109,9 @@ function start(view, studio) {
                 weights[slot] = weight.map((x, c) => x * by[c]);
             }
         }
-        view.limit(state?.limit ?? null);
-        view.show(weights, lit && !asCaptured ? 1 : 0, model.job.display?.exposure ?? 0);
+        if (misfit) weights.forEach((_, k) => { weights[k] = k === SLOTS - 1 ? [1, 1, 1] : [0, 0, 0]; });
+        view.limit(misfit ? null : state?.limit ?? null);
+        view.show(weights, misfit || (lit && !asCaptured) ? 1 : 0, model.job.display?.exposure ?? 0);
         find('compare').disabled = !lit;
     }
 
@@ -243,6 +246,7 @@ function start(view, studio) {
         find('samples').value = model.job.render?.spp ?? 64;
         find('captured').setAttribute('aria-pressed', asCaptured);
         find('compare').setAttribute('aria-pressed', comparing);
+        find('misfit').setAttribute('aria-pressed', misfit);
         find('undo').disabled = !model.canUndo;
         find('redo').disabled = !model.canRedo;
         find('saved').textContent = '';
@@ -380,6 +384,15 @@ function start(view, studio) {
             find('split').hidden = !comparing;
             marks(); paint(); seen();
         },
+        misfit: async () => {
+            const answer = misfit ? null : await fetch('live/misfit');
+            misfit = Boolean(answer?.ok);
+            if (misfit) {
+                const data = await answer.arrayBuffer();
+                view.replace(SLOTS - 1, new Uint32Array(data, 4), new DataView(data).getFloat32(0, true));
+            }
+            closeFrame(); marks(); paint();
+        },
         'render-still': renderStill,
         undo: () => { again(); model.undo(); cameraRows(); },
         redo: () => { again(); model.redo(); cameraRows(); },
@@ -392,7 +405,10 @@ function start(view, studio) {
             if (name) find('saved').textContent = `Saved: ${name}`;
         },
         'keep-view': () => {
-            const name = freeName('view-1', [...cameras.map((x) => x.name), ...model.job.cameras.map((x) => x.name)]);
+            const names = [...cameras, ...model.job.cameras].map((x) => x.name);
+            let count = 1;
+            while (names.includes(`view-${count}`)) count++;
+            const name = `view-${count}`;
             // the view opens where it is narrower than frames are, as it does when it goes to the camera
             const [width, height] = model.job.resolution ?? [1280, 720], eye = view.eye();
             const narrower = Math.max(1, width / height / (eye.width / eye.height));
@@ -445,7 +461,7 @@ function start(view, studio) {
         if (model.canUndo && !confirm('Begin again with another way up? Lights and cameras are set anew.')) return;
         if (await put('live/turn', { up: find('up').value }) !== null || find('error').hidden) location.reload();
     });
-    const keys = { c: 'captured', b: 'compare', p: 'render-still', s: 'save', h: 'fold' };
+    const keys = { c: 'captured', b: 'compare', m: 'misfit', p: 'render-still', s: 'save', h: 'fold' };
     addEventListener('keydown', (event) => {
         const typing = event.target.matches?.('select, textarea, input:not([type=range]):not([type=color])');
         if (typing) return;

@@ -13,6 +13,7 @@ from mirelight.model import F64, AreaLight, PointLight, SpotLight
 HALVES_AGREE = 0.15  # factor less 1 between the irradiances of both halves
 DISC_KNOWN = 3.0  # degrees between the narrowest and the widest disc, above which its width is a guess
 _UNITS = {PointLight: "candela", SpotLight: "candela", AreaLight: "cd/m²"}  # the rest: lux
+SURE_LAMP = 0.01  # of the differences: a lamp that explains less may stand for what the proxy gets wrong
 LITTLE = 0.03  # of the differences explained elsewhere: hardly any
 
 
@@ -33,9 +34,10 @@ def described(found: Estimate) -> Iterator[str]:
         strength, unit = _luminance(light.color * light.intensity), _UNITS.get(type(light), "lux")
         yield f"light        {light.name}: {strength:.3g} {unit}"
     for lamp, gain in zip(found.lamps, c.lamps_gain, strict=True):
+        weak = "" if gain >= SURE_LAMP else "a weak one, perhaps none: "
         yield (
-            f"lamp         at ({_numbers(lamp[:3])}), {_luminance(lamp[3:]):.3g} candela; explains {gain:.3f} of the "
-            "differences in splats that it was not found from"
+            f"lamp         {weak}at ({_numbers(lamp[:3])}), {_luminance(lamp[3:]):.3g} candela; explains {gain:.3f} of "
+            "the differences in splats that it was not found from"
         )
     rows = len(found.radiance)
     weights = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)[:, None, None]

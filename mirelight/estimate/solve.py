@@ -17,7 +17,7 @@ from mirelight.estimate.groups import groups
 from mirelight.estimate.sky import PATCHES, as_map, glow
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
-from mirelight.estimate.types import SUNS_AGREE, Confidence, Estimate
+from mirelight.estimate.types import Confidence, Estimate
 from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 
 LEAST_OPEN = 0.003  # share of the view that must be sky
@@ -26,6 +26,7 @@ MEAN_ALBEDO = 0.35  # where it cannot
 WIDEST_SUN = 9.0  # degrees, of its radius: what is wider is sky
 AGREED = 2  # times that places are asked whether proxy and picture agree: after the first the sun is stronger
 LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
+NO_CHANCE = 10.0  # degrees between the suns of both halves, up to which there is one, though its direction be a guess
 SEARCHED = 1500  # places of each half that the sun is searched with
 MOST_LAMPS = 3
 GROUPED = 0.4  # share of the fit to means in what is found
@@ -166,7 +167,10 @@ def _searched(half: Places, pairs: Pairs, rng: np.random.Generator) -> Sun | Non
     """
     some = half.taken(_thinned(half))
     suns = sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
-    return max(suns, key=lambda one: _agreed(half, pairs, one).gain, default=None)
+    best = max((_agreed(half, pairs, one) for one in suns), key=lambda tried: tried.gain, default=None)
+    if best is None or best.light.sun is None:
+        return None
+    return sun.moved(half, best.pairs, best.light.sun, best.light.light)
 
 
 def _named(found: _Found, places: Places) -> F64:
@@ -304,7 +308,7 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found,
         return _fitted(places, pairs, None), 0.0
     best = max(tried, key=lambda x: x.gain)
     gain = _gain(places, pairs, best.light.sun)
-    if _apart(suns) <= SUNS_AGREE:  # what both halves ask for is no chance
+    if _apart(suns) <= NO_CHANCE:  # what both halves ask for
         gain = max(gain, best.gain)
     if gain < LEAST_GAIN or best.light.sun is None:
         return _fitted(places, pairs, None), gain

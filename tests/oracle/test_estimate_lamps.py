@@ -57,7 +57,9 @@ def test_a_lamp_is_found_where_it_hangs_with_its_strength() -> None:
     assert np.linalg.norm(lamp[:3] - AT) < 0.15  # of a yard of 6 x 6
     assert 0.7 < lamp[3:].mean() / 3.0 < 1.4
     assert len(found().confidence.lamps_gain) == len(found().lamps)
-    assert any(line.startswith("lamp ") for line in described(found()))
+    assert any(line.startswith("lamp         at") for line in described(found()))
+    weak = replace(found(), confidence=replace(found().confidence, lamps_gain=(0.005,) * len(found().lamps)))
+    assert any(line.startswith("lamp         a weak one, perhaps none: at") for line in described(weak))
 
 
 def test_a_lamps_light_falls_with_distance_and_stops_at_walls() -> None:

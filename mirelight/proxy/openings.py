@@ -118,7 +118,7 @@ def _panes(flat: Flat, views: Sequence[DepthMap], spacing: float) -> list[Bool]:
 def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) -> Window | None:
     """What is white in the plane where the pictures agree best; None where that is the wall's face, as of a patch of
     sun."""
-    from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, median_filter
+    from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes
 
     eyes = np.stack([view.camera.position for view in views])
     front = 1.0 if float(np.median(wall.off(eyes))) > 0 else -1.0
@@ -139,19 +139,21 @@ def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) 
     reach = round(_RIM / FINE)
     square = np.ones((2 * reach + 1,) * 2, bool)
     near = replace(wall, there=binary_dilation(panes)).inside(face.middles).reshape(seen.shape)
-    white = median_filter(_is_white(mean) & (seen >= _SEEN), size=3) & binary_dilation(near, square)
+    white = _is_white(mean, seen >= _SEEN) & binary_dilation(near, square)
     whole = binary_fill_holes(binary_closing(np.pad(white, reach), square)[reach:-reach, reach:-reach])
     rim = binary_dilation(whole, square) & (seen >= _SEEN)
-    return Window(wall, replace(face, there=whole), rim & ~white, front)
+    return Window(wall, replace(face, there=whole), (whole | rim) & ~white, front)
 
 
-def _is_white(mean: F64) -> Bool:
-    """(I, J) cells nearer to the whitest than to the darkest around them: bars are blurred, thin ones most."""
+def _is_white(mean: F64, seen: Bool) -> Bool:
+    """(I, J) cells nearer to the whitest than to the darkest around them, as bars are blurred. What no view sees is
+    none: fog hangs before bars."""
     from scipy.ndimage import maximum_filter, minimum_filter
 
     around = 2 * round(1 / FINE) + 1
-    low, high = minimum_filter(mean, around), maximum_filter(mean, around)
-    return np.asarray((high > _WHITE) & ((mean > (low + high) / 2) | (high - low < _EVEN)))
+    high = maximum_filter(mean, around)
+    low = minimum_filter(np.where(seen, mean, high), around)
+    return np.asarray(seen & (high > _WHITE) & ((mean > (low + high) / 2) | (high - low < _EVEN)))
 
 
 def _whiteness(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> tuple[F64, F64, F64]:

@@ -21,6 +21,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("capture", metavar="CAPTURE", help="any splat file")
     parser.add_argument("-o", "--out", metavar="JOB", default="job.toml", help="the job to write (default: job.toml)")
     parser.add_argument("--light", metavar="LIGHT", default="", help="sun, point, or a file: .hdr, .exr, .glb, .gltf")
+    parser.add_argument(
+        "--object",
+        metavar="FILE",
+        action="append",
+        default=[],
+        dest="objects",
+        help="a mesh to put into it; may be given several times",
+    )
     options.add_json(parser)
 
 
@@ -28,11 +36,13 @@ def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.apps.first_job import Wish, job_for
     from mirelight.io.atomic import atomic_path
+    from mirelight.io.safety import existing
 
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
-    found = job_for(_capture(args.capture), out.parent, Wish(light=args.light))
+    objects = tuple(existing(x) for x in args.objects)
+    found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects))
     with atomic_path(out) as temporary:
         temporary.write_text(found.text, encoding="utf-8")
     notes = (found.up, *found.not_taken, found.as_captured)
@@ -56,6 +66,7 @@ COMMAND = Command(
     examples=(
         "new capture.ply",
         "new capture.sog -o evening.toml --light sun",
+        "new capture.ply --object chair.glb",
     ),
     arguments=_arguments,
     call=run_new,

@@ -145,6 +145,27 @@ def test_a_shipped_capture_alone(name: str, tmp_path: Path) -> None:
     assert light["type"] == "point" and light["position"][1] > 0
 
 
+def test_objects_stand_before_the_camera_in_the_captures_own_light(tmp_path: Path) -> None:
+    square = ProxyMesh(
+        vertices=np.array([[-90, 0, -90], [90, 0, -90], [90, 90, 90], [-90, 90, 90]], np.float32),
+        faces=np.array([[0, 2, 1], [0, 3, 2]], np.int32),
+    )
+    write_glb(tmp_path / "large.glb", square)
+    capture = SCENES / "stage" / "splats.compressed.ply"
+    shutil.copy(capture, tmp_path / "capture.compressed.ply")
+    wish = Wish(objects=(tmp_path / "large.glb", tmp_path / "large.glb"))
+    work = job.load_text(job_for(tmp_path / "capture.compressed.ply", tmp_path, wish).text, tmp_path / "job.toml")
+    assert [x.name for x in work.objects] == ["large", "large 2"] and all(x.drop for x in work.objects)
+    assert work.captured is not None and [x.name for x in work.lightings] == ["captured"]
+    (camera,) = work.cameras
+    first, second = ((low + high) / 2 for low, high in (x.mesh.value.bounds for x in work.objects))
+    for middle in (first, second):
+        at = np.linalg.inv(camera.world_from_camera) @ np.append(middle, 1)
+        assert at[2] < 0 and abs(at[0] / at[2]) < 0.4
+    low, high = work.objects[0].mesh.value.bounds
+    assert 0.05 < np.max(high - low) / np.linalg.norm(camera.position) < 0.3 < 90  # scaled to what shows
+
+
 def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Path) -> None:
     write_lights(tmp_path / "none.glb", [PointLight(name="off", position=np.zeros(3), intensity=0)])
     write_exr(tmp_path / "flat.exr", {"": np.ones((2, 6, 3), np.float32)})

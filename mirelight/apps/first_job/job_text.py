@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.apps.first_job import beside, captured, lighting, stage_text, up, view
+from mirelight.apps.first_job import beside, captured, lighting, objects, stage_text, up, view
 from mirelight.apps.first_job.toml_text import Names, position, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
@@ -27,6 +27,12 @@ class Wish:
     light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
     resolution: tuple[int, int] = (960, 540)
     up: tuple[float, float, float] | None = None  # in the splats' own axes; None: it is looked for
+    objects: tuple[Path, ...] = ()  # meshes that are put into the capture; without a light they are lit by its own
+
+    @property
+    def as_captured(self) -> bool:
+        """Whether the capture is seen in its own light."""
+        return bool(self.objects) and not self.light
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +60,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     from mirelight.io import splats
 
     lighting.check(wish.light)  # before the capture is looked at, which takes longer
-    text = None if wish.light else stage_text.of_stage(capture, folder, wish.resolution)
+    text = None if wish.light or wish.objects else stage_text.of_stage(capture, folder, wish.resolution)
     if text is not None:
         return FirstJob(text, stage_text.said(capture), "Its own lights light it as they stand.", ())
     cloud = splats.read(capture)
@@ -84,12 +90,18 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         *(
             _made(cameras, looking, seen.room, misfit, named)
             if proxy is None
-            else _given(proxy, looking, found, known, named)
+            else _given(proxy, looking, found, known, named, colored=bool(wish.objects))
         ),
+        *_for_objects(wish, known),
         *_cameras(cameras, unread, wish, named),
         *_camera(seen, wish),
-        *_captured(seen, proxy, known),
-        *lighting.lightings(world, seen, wish.light, lit, dark, 1.0 if known is None else known.level, named),
+        *_captured(seen, proxy, known, wish),
+        *(
+            ()
+            if wish.as_captured
+            else lighting.lightings(world, seen, wish.light, lit, dark, 1.0 if known is None else known.level, named)
+        ),
+        *objects.objects(wish.objects, seen, named),
         *_rest(),
     ]
     not_taken = tuple(str(x) for x in (misfit, unread, *dark) if x is not None)
@@ -134,18 +146,36 @@ def _placed(found: up.Up) -> str:
 
 
 def _given(
-    proxy: beside.Proxy, cameras: beside.Cameras | None, found: up.Up, known: captured.Known | None, named: Names
+    proxy: beside.Proxy,
+    cameras: beside.Cameras | None,
+    found: up.Up,
+    known: captured.Known | None,
+    named: Names,
+    *,
+    colored: bool,
 ) -> Iterator[str]:
     """A mesh beside the capture, the cameras that colours are looked at from, and the light that is known by it."""
     yield ""
     yield "# The mesh that light falls on, found beside the capture."
     colours = f", cameras = {named(cameras.path)}" if cameras is not None else ""
-    colours += ', albedo = "splats"' if known is not None else ""
+    colours += ', albedo = "splats"' if known is not None or colored else ""
     yield f"proxy = {{ path = {named(proxy.path)}{_placed(found) if proxy.turned else ''}{colours} }}"
     if known is not None:
         yield ""
         yield f"# The capture's own light, estimated: {known.said}."
         yield 'captured = "estimate"'
+
+
+def _for_objects(wish: Wish, known: captured.Known | None) -> Iterator[str]:
+    """The light that is there, by which objects are lit, or which new light is compared with."""
+    if wish.objects and known is None:
+        yield ""
+        yield "# The capture's own light, which is estimated once."
+        yield 'captured = "estimate"'
+    if wish.as_captured:
+        yield ""
+        yield "# Seen in that light: nothing but the objects changes the picture. Or name lightings of your own."
+        yield 'lightings = "captured"'
 
 
 def _made(
@@ -215,10 +245,12 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
     yield f"near = {away / 1000:.3g}"
 
 
-def _captured(seen: view.FirstView, proxy: beside.Proxy | None, known: captured.Known | None) -> Iterator[str]:
+def _captured(
+    seen: view.FirstView, proxy: beside.Proxy | None, known: captured.Known | None, wish: Wish
+) -> Iterator[str]:
     yield ""
     yield f"# {seen.brightness}"
-    if known is not None:
+    if known is not None or wish.objects:
         return
     if seen.room:
         yield "# A room, whose own light is not known: new light multiplies its colours (mode tint)."

@@ -28,6 +28,7 @@ from bench.objects_truth import Thing, bsdf, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
 from mirelight import prepare
+from mirelight.base.backend import mitsuba
 from mirelight.io import job as jobs
 from mirelight.model import F32, Camera, Deferred, Inserted, Job, Lighting, LightingBuffer, Material, ProxyMesh
 from mirelight.pipeline import stages
@@ -115,7 +116,7 @@ class Yard:
         for way, factor in ways.items():
             first, second = (_over(x, factor, new.objects) for x in before)
             error = squared_error((first, second), truth.full)
-            mean, true = (first + second) / 2, (truth.full[0] + truth.full[1]) / 2
+            mean, true = (np.clip(x, 0, 1) for x in ((first + second) / 2, (truth.full[0] + truth.full[1]) / 2))
             label = [lighting.name, way]
             yield (
                 [*label, *(f"{decibels(error[zone]):.1f}" for zone in zones.values())],
@@ -126,6 +127,25 @@ class Yard:
                 side = np.concatenate([shown(mean), shown(true)], axis=1)
                 name = f"{lighting.name} {way}.png".replace(" ", "-")
                 Image.fromarray(np.rint(255 * side).astype(np.uint8)).save(pictures / name)
+
+    def bounced(self, lighting: Lighting) -> Iterator[tuple[str, str, str]]:
+        """Of each object, what share of its light the proxy has reflected; of the ground, how bright its albedo is."""
+        _, new = self.made(lighting, whole=True)
+        assert new.objects is not None
+        zones = self._zones(self.pictures(lighting), new.objects)
+        for one in self.things:
+            inside = zones[one.name]
+            indirect, whole = (
+                sum(float(getattr(x, part)[inside].mean()) for x in new.objects.layers)
+                for part in ("indirect", "total")
+            )
+            yield lighting.name, f"share of light on the {one.name} object that is reflected", f"{indirect / whole:.3f}"
+        mi = mitsuba()
+        aov = mi.load_dict({"type": "aov", "aovs": "a:albedo", "path": mi.load_dict({"type": "path", "max_depth": 2})})
+        true = Truth(self._looks, lighting)._rendered(aov, self.camera, 8, 1)[..., 4:7]
+        ground = (new.coverage > 0.999) & (new.normal[..., 1] > 0.9) & (new.objects.coverage == 0)
+        level = float((new.albedo[ground].mean(0) / true[ground].mean(0)).mean())
+        yield lighting.name, "albedo of the ground, told from splats, truth = 1", f"{level:.3f}"
 
     def _zones(self, truth: Pictures, objects: LightingBuffer) -> dict[str, Bool]:
         """By name (H, W) pixels: of the capture by how far the objects change them, and of each object."""
@@ -194,4 +214,5 @@ def run(chosen: argparse.Namespace) -> list[Table]:
     return [
         table("Objects in a capture", columns, [x for x, _ in found]),
         table("Their level, truth = 1", columns, [x for _, x in found]),
+        table("What their light comes from", ("light", "", ""), yard.bounced(yard.lightings[0])),
     ]

@@ -202,7 +202,8 @@ def is_intact(path: str | Path) -> bool:
 
 def _wanted(frame: Frame, output: OutputSettings) -> Iterator[tuple[str, Plane, F32]]:
     """Name, row of the table and values of everything that is there and asked for, besides the picture."""
-    owners = {"frame": frame, "splats": frame.splats, "lighting": frame.lighting}
+    lit = frame.lighting
+    owners = {"frame": frame, "splats": frame.splats, "lighting": lit, "objects": None if lit is None else lit.objects}
     for plane in PLANES:
         owner = owners[plane.owner]
         values = getattr(owner, plane.field) if owner is not None and output.wants(plane.name) else None

@@ -12,6 +12,8 @@ from mirelight.model import F32, F64, I32, Inserted, Material, ProxyMesh
 
 _FOOT = 0.02  # of an object's height: vertices that low may carry it
 _MOST_FEET = 256  # of those that are looked at
+_LEAST_SPREAD = 1e-3  # of feet across their line
+_STEEPEST = 0.7  # cosine to upright, below which objects stay as they are
 _AT_ONCE = 1 << 22  # pairs of a foot and a triangle
 
 
@@ -31,19 +33,21 @@ def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> Placed:
     Raises:
         InputError: one that is to be dropped where there is no proxy below or above.
     """
-    placed = [_dropped(x, proxy) if x.drop else x.mesh.value for x in objects]
+    set_down = [_dropped(x, proxy) if x.drop else (x.mesh.value, np.eye(3)) for x in objects]
+    placed = [mesh for mesh, _ in set_down]
     counts = [len(proxy.faces), *(len(x.faces) for x in placed)]
     return Placed(
         mesh=joined([_with_own_colors(proxy), *map(_with_own_colors, placed)]),
         first=len(proxy.faces),
         owners=np.repeat(np.arange(-1, len(placed), dtype=np.int32), counts),
-        boxes=np.array([_box(x, mesh) for x, mesh in zip(objects, placed, strict=True)]).reshape(-1, 4, 4),
+        boxes=np.array(
+            [_box(turn @ x.world_from_object[:3, :3], mesh) for x, (mesh, turn) in zip(objects, set_down, strict=True)]
+        ).reshape(-1, 4, 4),
     )
 
 
-def _box(one: Inserted, placed: ProxyMesh) -> F64:
-    """(4, 4) of the least box along the object's axes."""
-    axes = one.world_from_object[:3, :3]
+def _box(axes: F64, placed: ProxyMesh) -> F64:
+    """(4, 4) of the least box along axes (3, 3)."""
     own = placed.vertices.astype(np.float64) @ np.linalg.inv(axes).T
     low, high = own.min(axis=0), own.max(axis=0)
     out = np.eye(4)
@@ -51,8 +55,9 @@ def _box(one: Inserted, placed: ProxyMesh) -> F64:
     return out
 
 
-def _dropped(one: Inserted, ground: ProxyMesh) -> ProxyMesh:
-    """The mesh moved along Y by the least gap between its lowest vertices and the ground under them."""
+def _dropped(one: Inserted, ground: ProxyMesh) -> tuple[ProxyMesh, F64]:
+    """(the mesh moved along Y by the least gap between its lowest vertices and the ground under them, first turned to
+    lie along that ground where that is asked for; the (3, 3) turn)."""
     mesh = one.mesh.value
     low, high = mesh.bounds
     height = float(high[1] - low[1])
@@ -62,8 +67,32 @@ def _dropped(one: Inserted, ground: ProxyMesh) -> ProxyMesh:
     if not np.isfinite(heights).any():
         remedy = "move it over the ground, or leave drop out"
         raise InputError(one.source, f"nothing of the proxy lies under {one.name!r} to drop it on", remedy)
-    down = float((feet[:, 1] - heights)[np.isfinite(heights)].min())
-    return replace(mesh, vertices=(mesh.vertices - np.array([0, down, 0])).astype(np.float32))
+    turn = _along(feet, heights) if one.drop == "tilt" else np.eye(3)
+    middle = feet.mean(axis=0)
+    feet, vertices = ((x - middle) @ turn.T + middle for x in (feet, mesh.vertices.astype(np.float64)))
+    if one.drop == "tilt":
+        heights = ground_below(ground, feet, reach=float(high[1]))
+    gaps = (feet[:, 1] - heights)[np.isfinite(heights)]
+    down = float(gaps.min()) if len(gaps) else 0.0
+    normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
+    vertices = vertices - np.array([0, down, 0])
+    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals), turn
+
+
+def _along(feet: F64, heights: F64) -> F64:
+    """(3, 3) the turn from upright to the plane through the ground under feet (N, 3); none where that is too steep, or
+    the feet stand in a line."""
+    known = np.isfinite(heights)
+    flat = feet[known][:, [0, 2]] - feet[known][:, [0, 2]].mean(axis=0) if known.any() else np.zeros((0, 2))
+    if len(flat) < 3 or np.linalg.svd(flat, compute_uv=False)[1] < _LEAST_SPREAD * np.abs(flat).max():
+        return np.eye(3)
+    (a, b, _), *_ = np.linalg.lstsq(np.column_stack([flat, np.ones(len(flat))]), heights[known], rcond=None)
+    up = np.array([-a, 1.0, -b]) / np.sqrt(1 + a * a + b * b)
+    if up[1] < _STEEPEST:
+        return np.eye(3)
+    axis = np.array([up[2], 0.0, -up[0]])  # of the least turn from +Y to there
+    cross = np.array([[0, -axis[2], 0], [axis[2], 0, -axis[0]], [0, axis[0], 0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + up[1]))
 
 
 def ground_below(mesh: ProxyMesh, points: F64, reach: float) -> F64:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -17,7 +18,7 @@ class Inserted:
 
     name: str
     mesh: Deferred[ProxyMesh]  # in world space, with its own materials, where the job places it
-    drop: bool = False  # it is moved down, or up, until it stands on the proxy
+    drop: bool | Literal["tilt"] = False  # it is moved down, or up, until it stands on the proxy; "tilt": along it
     source: str = ""  # the file that messages name
     category: str = ""  # what kind of thing it is, for detectors; "": that of its name
     world_from_object: F64 = field(default_factory=lambda: np.eye(4))  # (4, 4): along its axes boxes are laid round it

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-Owner: TypeAlias = Literal["frame", "splats", "lighting", "layer"]
+Owner: TypeAlias = Literal["frame", "splats", "lighting", "objects", "layer"]
 Upsampling: TypeAlias = Literal["none", "bilinear", "covered", "unit", "variance"]
 
 
@@ -18,7 +18,7 @@ class Plane:
 
     name: str  # in files and in `output.aovs`; NAME stands for the light
     channels: Literal["RGBA", "RGB", "XYZ", "Z", "Y"]
-    owner: Owner  # Frame, SplatLayer, LightingBuffer or LightLayer
+    owner: Owner  # Frame, SplatLayer, LightingBuffer, that of inserted objects, or LightLayer
     field: str  # the owner's attribute: (H, W, channels), or (H, W) for Z and Y
     meaning: str  # as docs/reference/outputs.md says it, with the unit
     upsampling: Upsampling = "none"  # from a smaller lighting to the frame's pixels, see relight.upsample
@@ -197,6 +197,47 @@ PLANES: tuple[Plane, ...] = (
         meaning="light samples that went into the pixel",
         upsampling="bilinear",
         exact=True,
+    ),
+    Plane(
+        name="object_coverage",
+        channels="Y",
+        owner="objects",
+        field="coverage",
+        meaning="share of the pixel that inserted objects cover, whatever splats in front let through; absent, as all "
+        "of these, without objects",
+    ),
+    Plane(
+        name="object_depth",
+        channels="Z",
+        owner="objects",
+        field="depth",
+        meaning="depth of inserted objects along the view axis, world units; 0 where there are none",
+    ),
+    Plane(
+        name="object_normal",
+        channels="XYZ",
+        owner="objects",
+        field="normal",
+        meaning="their shading normal in world axes, turned to the viewer",
+        exact=True,
+    ),
+    Plane(
+        name="object_albedo",
+        channels="RGB",
+        owner="objects",
+        field="albedo",
+        meaning="their base colour as rendered, linear",
+        half=True,
+        color=True,
+    ),
+    Plane(
+        name="object_light",
+        channels="RGBA",
+        owner="objects",
+        field="rgba",
+        meaning="what they send out, linear radiance, premultiplied; A = `object_coverage`",
+        half=True,
+        color=True,
     ),
 )
 LIGHT_PLANES: tuple[Plane, ...] = (

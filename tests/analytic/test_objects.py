@@ -223,6 +223,21 @@ def test_dropped_objects_stand_on_the_proxy_by_their_lowest_vertices() -> None:
         inserted([high], replace(FLOOR, vertices=aside))
 
 
+def test_tilted_objects_lie_along_the_ground_under_them() -> None:
+    slope = replace(FLOOR, vertices=FLOOR.vertices + FLOOR.vertices[:, :1] * np.array([0, 0.25, 0], np.float32))
+    with_normals = replace(plate(y=7.0).mesh.value, normals=np.tile(np.array([[0, 1, 0]], np.float32), (4, 1)))
+    one = Inserted(name="plate", mesh=Deferred("tilted", lambda: with_normals), drop="tilt")
+    placed = inserted([one], slope)
+    corners = placed.mesh.vertices[placed.mesh.faces[placed.first :]]
+    np.testing.assert_allclose(corners[..., 1], 0.25 * corners[..., 0], atol=1e-5)
+    assert placed.mesh.normals is not None
+    up = np.array([-0.25, 1, 0]) / np.hypot(0.25, 1)
+    np.testing.assert_allclose(placed.mesh.normals[-4:], np.tile(up, (4, 1)), atol=1e-6)
+    np.testing.assert_allclose(placed.boxes[0][:3, 0], [6 * up[1], 6 * 0.25 * up[1], 0], atol=1e-5)
+    upright = inserted([replace(one, drop=True)], slope)  # by its highest contact
+    assert np.ptp(upright.mesh.vertices[-4:, 1]) == 0 and upright.mesh.vertices[-1, 1] == 0.75
+
+
 def test_an_object_on_a_flat_proxy_keeps_its_own_normals_and_colours(tmp_path: Path) -> None:
     one = plate().mesh.value
     smooth = replace(one, normals=np.tile(np.array([[0, 1, 0]], np.float32), (4, 1)))

@@ -48,7 +48,9 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     glow = Material(name="glow", base_color=np.full(3, 0.5), emissive=np.array([0.2, 0.1, 0.05]))
     write_glb(folder / "cube.glb", ProxyMesh(vertices=corners, faces=np.array(faces, np.int32), materials=(glow,)))
     text = JOB.replace("[24, 16]", "[60, 40]")
-    return render(folder, text + "\n[output]\naovs = ['cryptomatte_object']\n" + OBJECTS)
+    return render(
+        folder, text + "\n[output]\naovs = ['cryptomatte_object', 'object_coverage', 'object_depth']\n" + OBJECTS
+    )
 
 
 def test_mixed_frames_with_objects_are_those_that_render_writes(out: Path) -> None:
@@ -62,6 +64,10 @@ def test_shares_are_those_of_the_files_cryptomatte(out: Path) -> None:
     file = read_exr(out / "front.day.exr")
     total = sum(file.layer(f"CryptoAsset0{k}")[..., 1::2].sum(-1) for k in range(3))
     np.testing.assert_allclose(shares.sum(0), total, atol=1e-6)
+    coverage, depth = file.channels["object_coverage.Y"], file.channels["object_depth.Z"]
+    assert np.abs(coverage - shares.sum(0)).mean() < 0.02  # samples of their own, and splats in front
+    np.testing.assert_array_equal(depth > 0, coverage > 0)
+    assert 2 < depth[depth > 0].min() < depth.max() < 6
 
 
 def test_a_coco_loader_finds_the_objects(out: Path) -> None:

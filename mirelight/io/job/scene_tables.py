@@ -173,8 +173,10 @@ class ObjectTable(Table):
     name: Name | None = Field(default=None, description="What messages call it. Default: the file's name.")
     category: Name | None = Field(default=None, description="What kind of thing it is in data sets. Default: its name.")
     transform: Transform = Field(default=Transform(), description="Places it in the world.")
-    drop: bool = Field(
-        default=False, description="Whether it is moved along Y until its lowest vertices stand on the proxy."
+    drop: bool | Literal["tilt"] = Field(
+        default=False,
+        description="Whether it is moved along Y until its lowest vertices stand on the proxy; "
+        '"tilt" turns it along the ground under them first.',
     )
     base_color: Annotated[ColorOrGray, AfterValidator(_reflectance)] | None = Field(
         default=None, description="In place of the file's colours: a number or linear [r, g, b]."

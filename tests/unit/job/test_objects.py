@@ -12,7 +12,9 @@ from mirelight.base.errors import InputError
 from mirelight.io import job as jobs
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Job, Material, ProxyMesh
+from mirelight.pipeline import requirements
 from mirelight.pipeline.keys import Keys
+from mirelight.pipeline.plan import plan, warnings
 
 from .conftest import WriteJob
 
@@ -93,7 +95,6 @@ def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJ
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        ('[render]\nindirect = "surface"', 'render.indirect = "surface"; set it to "traced"'),
         ("[render]\nnoise = 0.05", "a noise target"),
         ('[relight]\nmode = "tint"', "a mode that does not compare with the captured light"),
         ('[relight]\nper = "splat"', "light that is found for splats"),
@@ -103,6 +104,13 @@ def test_what_objects_are_not_made_for_is_a_line(write_job: WriteJob, thing: Pat
     with pytest.raises(InputError) as refused:
         mirelight.prepare(loaded(write_job, f"{HEAD}{OBJECT}\n{more}\n"))
     assert says in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_light_beside_objects_is_traced_whatever_the_job_says(write_job: WriteJob, thing: Path) -> None:
+    job = loaded(write_job, HEAD + OBJECT + '\n[render]\nindirect = "surface"\n')
+    mirelight.prepare(job)
+    assert not requirements.reads_surface(job)
+    assert "render.indirect: light beside inserted objects is traced, not read from the surface" in warnings(plan(job))
 
 
 @pytest.mark.parametrize(

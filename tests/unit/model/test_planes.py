@@ -23,7 +23,7 @@ ELSEWHERE |= {("layer", name) for name in ("half", "quarter", "other_quarter")} 
 DERIVED = {"rgba", "noisy_beauty"}  # rows of sums
 
 
-@pytest.mark.parametrize("owner", get_args(Owner))
+@pytest.mark.parametrize("owner", [x for x in get_args(Owner) if x != "objects"])  # some of what a lighting has
 def test_every_picture_of_the_result_types_has_a_row(owner: Owner) -> None:
     hints = get_type_hints(TYPES[owner])
     pictures = {f.name for f in fields(TYPES[owner]) if hints[f.name] in (F32, F32 | None)}

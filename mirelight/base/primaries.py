@@ -39,6 +39,7 @@ INTEROP_IDS: Mapping[ColorSpace, str] = MappingProxyType(
 REC709 = PRIMARIES["lin_rec709"]
 
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])  # Lam 1985
+_FOOT = np.float32(0.0078125)  # light below which ACEScct is a line
 _SAME = 1e-5  # chromaticities that differ by less are one: files hold them as float32
 _LEAST_AREA = 1e-4  # of the triangle of primaries, twice; Rec.709's has 0.22
 
@@ -89,6 +90,21 @@ def converted(rgb: F32, source: Sequence[float], target: Sequence[float]) -> F32
     matrix = conversion(source, target).astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):  # a file may hold infinities, which its reader judges
         return np.asarray(rgb @ matrix.T, dtype=np.float32)
+
+
+def acescct_encoded(light: F32) -> F32:
+    """Linear Rec.709 (..., 3) as ACEScct (S-2016-001): a logarithm of light in AP1, with a line at its foot."""
+    ap1 = converted(light, REC709, PRIMARIES["ACEScg"])
+    foot, log = np.float32(10.5402377416545) * ap1 + np.float32(0.0729055341958355), np.log2(np.maximum(ap1, _FOOT))
+    return np.asarray(np.where(ap1 <= _FOOT, foot, (log + np.float32(9.72)) / np.float32(17.52)), np.float32)
+
+
+def acescct_decoded(values: F32) -> F32:
+    """ACEScct (..., 3) as linear Rec.709, the inverse of :func:`acescct_encoded`; at most what a half float holds."""
+    foot = (values - np.float32(0.0729055341958355)) / np.float32(10.5402377416545)
+    log = np.exp2(np.minimum(values, np.float32(1.468)) * np.float32(17.52) - np.float32(9.72))
+    ap1 = np.where(values <= np.float32(0.155251141552511), foot, log).astype(np.float32)
+    return converted(ap1, PRIMARIES["ACEScg"], REC709)
 
 
 def _xyz_from(space: Sequence[float]) -> F64:

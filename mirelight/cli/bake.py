@@ -72,7 +72,8 @@ def run_bake(args: argparse.Namespace) -> int:
     if len(table.splats or []) > 1:
         notes.append("several splat files are written as one, in world space")
     if work.compositor.holds_light and out.suffix.lower() not in _WORLD:
-        notes.append(f"{out.name} cannot say that its colours are linear light; viewers take them for display values")
+        space = work.compositor.color_space
+        notes.append(f"{out.name} cannot say that its colours are {space}; viewers take them for display values")
     if args.json:
         from mirelight.cli.report import print_json
 

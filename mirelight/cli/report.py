@@ -121,7 +121,7 @@ def _splats(facts: SplatFacts) -> Rows:
     yield "splats", f"{facts.splats:,}{_dropped(facts)}"
     yield "SH degree", f"{facts.sh_degree}"
     if facts.color_space != "srgb_rec709_display":
-        yield "colours", f"{facts.color_space} (splats blend in linear light)"
+        yield "colours", f"{facts.color_space} (what splats blend in)"
     if facts.antialiased:
         yield "trained", "antialiased (opacity compensation)"
     if facts.levels:

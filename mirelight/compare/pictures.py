@@ -138,7 +138,7 @@ def blended_in_light(settings: Mapping[str, Any]) -> bool:
     if not isinstance(compositor, dict):
         return False
     if compositor.get("profile") == "physical":
-        return compositor.get("color_space") == "lin_rec709_display"
+        return compositor.get("color_space") in ("lin_rec709_display", "ACEScct")
     return compositor.get("linear") is True
 
 

@@ -28,7 +28,7 @@ from mirelight.compositor.memory import allowance, check_indices, check_pixels, 
 from mirelight.compositor.order import depth_order
 from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
-from mirelight.compositor.resolve import Blended, empty_frame, layer_of, new_frame, values_of
+from mirelight.compositor.resolve import Blended, decoded, empty_frame, layer_of, new_frame, values_of
 from mirelight.compositor.source import MOST_COLOR, factors_of
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
@@ -79,7 +79,7 @@ class Compositor:
         """
         if diffuse:
             layer, values = self.composite_with(camera, self.plain_colors, depth=depth)
-            return replace(layer, diffuse=values)
+            return replace(layer, diffuse=decoded(values, layer.transmittance, self.settings))
         return layer_of(self._blend(camera, None, depth=depth, drawing=drawing), camera, self.settings)
 
     def composite_with(self, camera: Camera, values: F32, *, depth: bool = True) -> tuple[SplatLayer, F32]:
@@ -106,6 +106,11 @@ class Compositor:
         ]
         images = [values_of(frame, camera) for frame in frames]
         return layer_of(frames[0], camera, self.settings), np.concatenate(images, axis=2)
+
+    def composite_colors(self, camera: Camera, colors: F32) -> F32:
+        """(H, W, 3) the composite of other colours (N, 3) of the splats, in their space; see :meth:`composite_with`."""
+        layer, values = self.composite_with(camera, colors, depth=False)
+        return decoded(values, layer.transmittance, self.settings)
 
     def in_front(self, camera: Camera, depth: F32) -> SplatLayer:
         """The splats whose far sides, one standard deviation behind their centres, lie in front of something.

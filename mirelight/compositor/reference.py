@@ -13,6 +13,7 @@ from numpy.polynomial import Legendre
 from numpy.typing import NDArray
 
 from mirelight.compositor.kernel import E4, SplatKernel, slope_limits, splat_kernel
+from mirelight.compositor.resolve import decoded
 from mirelight.compositor.source import colors_of, factors_of, shape_of
 from mirelight.model import F32, F64, Camera, CompositorSettings, SplatCloud, SplatLayer
 
@@ -42,7 +43,7 @@ def composite(splats: SplatCloud, camera: Camera, settings: CompositorSettings =
         )
     return SplatLayer(
         camera=camera,
-        color=color.astype(np.float32),
+        color=decoded(color.astype(np.float32), transmittance.astype(np.float32), settings),
         transmittance=transmittance.astype(np.float32),
         depth=depth.astype(np.float32),
         median_depth=median.astype(np.float32),

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirelight.base import primaries
 from mirelight.compositor.bin import Band, TileLists
 from mirelight.compositor.device import Array, Device
 from mirelight.compositor.queue import row_of
-from mirelight.model import F32, Camera, CompositorSettings, SplatLayer
+from mirelight.model import F32, Camera, CompositorSettings, SplatLayer, rules_of
+from mirelight.model.scene import is_log
 
 NOTHING = 2.0**-80
 """Smaller values leave the blend as 0.
@@ -120,13 +122,22 @@ def layer_of(frame: Blended, camera: Camera, settings: CompositorSettings) -> Sp
         median = _cropped(frame.median.numpy().reshape(size), camera)
     return SplatLayer(
         camera=camera,
-        color=_cropped(frame.color.numpy().reshape(*size, 3), camera),
+        color=decoded(_cropped(frame.color.numpy().reshape(*size, 3), camera), transmittance, settings),
         transmittance=transmittance,
         depth=mean,
         median_depth=median,
         profile=settings.profile,
         linear=settings.holds_light,
     )
+
+
+def decoded(color: F32, transmittance: F32, settings: CompositorSettings) -> F32:
+    """Blended colours (H, W, 3), premultiplied, as layers hold them: of log values light, else what they are."""
+    if not is_log(settings.color_space) or rules_of(settings.profile).splats.pipelines:
+        return color
+    alpha = 1 - transmittance[..., None]
+    straight = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)
+    return np.asarray(np.maximum(primaries.acescct_decoded(straight), 0) * alpha, np.float32)
 
 
 def values_of(frame: Blended, camera: Camera) -> F32:

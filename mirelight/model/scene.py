@@ -8,13 +8,14 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mirelight.base import colour
+from mirelight.base import colour, primaries
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, I32, ArrayHolder, freeze
 
 _COARSEST = 1e-4  # of a capture's size: the step between its numbers (at 2e-4 frames still agree to 70 dB, at 2e-2 40)
 _SAMPLE = 20_000  # splats that are looked at
-SplatColorSpace: TypeAlias = Literal["srgb_rec709_display", "lin_rec709_display"]  # as KHR_gaussian_splatting has them
+# As KHR_gaussian_splatting has them, and the log encoding of ACES, for which no format of splats has a word.
+SplatColorSpace: TypeAlias = Literal["srgb_rec709_display", "lin_rec709_display", "ACEScct"]
 SOLID = 0.02  # opacity below which a splat shows too little to be part of a surface
 
 
@@ -55,10 +56,14 @@ class SplatCloud(ArrayHolder):
 
     def light(self, shown: F32) -> F32:
         """(..., 3) linear light of colours (..., 3) in the splats' space."""
+        if is_log(self.color_space):
+            return np.maximum(primaries.acescct_decoded(shown), np.float32(0))
         return shown if holds_light(self.color_space) else colour.srgb_decode(shown)
 
     def colors_of(self, light: F32) -> F32:
         """(..., 3) colours in the splats' space of linear light (..., 3), the inverse of :meth:`light`."""
+        if is_log(self.color_space):
+            return primaries.acescct_encoded(light)
         return light if holds_light(self.color_space) else colour.srgb_encode(light)
 
     @property
@@ -179,8 +184,13 @@ class ProxyMesh(ArrayHolder):
 
 
 def holds_light(space: SplatColorSpace) -> bool:
-    """Whether colours in a space are linear light."""
-    return space == "lin_rec709_display"
+    """Whether composites of splats in a space are linear light, as they blend in it or are decoded then."""
+    return space != "srgb_rec709_display"
+
+
+def is_log(space: SplatColorSpace) -> bool:
+    """Whether colours in a space are logarithms of light, which blend as they are and are decoded then."""
+    return space == "ACEScct"
 
 
 def _too_far(low: F64, high: F64) -> str:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from mirelight import relighting
 from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, RelightSettings, SplatLayer
 from mirelight.model.planes import OBJECT_MATTE
+from mirelight.model.scene import is_log
 from mirelight.pipeline import provenance, requirements
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.view_light import Progress, ViewStopped
@@ -230,9 +231,12 @@ def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSet
     if settings.blend == 0:
         return splats.color
     compositor, camera = scene.compositor, splats.camera
-    colors = compositor.colors(camera)
-    new = relighting.relit_colors(splats, colors, compositor.plain_colors, factor, settings)
-    return compositor.composite_with(camera, new, depth=False)[1]
+    cloud, seen, plain = compositor.splats, compositor.colors(camera), compositor.plain_colors
+    if is_log(cloud.color_space):
+        new = cloud.colors_of(relighting.relit_colors(splats, cloud.light(seen), cloud.light(plain), factor, settings))
+    else:
+        new = relighting.relit_colors(splats, seen, plain, factor, settings)
+    return compositor.composite_colors(camera, new)
 
 
 def frame(scene: Scene, camera: Camera, lighting: Lighting | None) -> Frame:

@@ -9,6 +9,7 @@ import pytest
 
 from mirelight import relighting
 from mirelight.apps import bake
+from mirelight.base.primaries import acescct_decoded, acescct_encoded
 from mirelight.base.sh import C0
 from mirelight.compositor import Compositor, composite, reference
 from mirelight.model import Camera, CompositorSettings
@@ -101,6 +102,26 @@ def test_splats_of_linear_light_blend_in_it() -> None:
     assert np.allclose(0.5 + C0 * half.sh[:, 0], 0.5 * (0.5 + C0 * light.sh[:, 0]), atol=1e-6)
     dimmed = composite(half, front(), PHYSICAL)
     assert np.allclose(dimmed.color, new.color / 2, atol=2e-6)
+
+
+def test_splats_of_log_values_blend_in_them_and_are_light_then() -> None:
+    """ACEScct as OpenColorIO has it; what is relit splat by splat, and what is baked, is light times the factor."""
+    display = stacked(one(rgb=(0.5, 0.3, 0.4)), one(mean=(0, 0, -1), rgb=(0.2, 0.6, 0.3)))
+    log = replace(display, color_space="ACEScct")
+    plain, shown = (composite(x, front(), PHYSICAL) for x in (display, log))
+    assert shown.linear and np.allclose(shown.color, reference.composite(log, front(), PHYSICAL).color, atol=1e-5)
+    alpha = 1 - plain.transmittance[..., None]
+    seen = (alpha > 0.01)[..., 0]
+    straight = plain.color[seen] / alpha[seen]
+    assert np.allclose(shown.color[seen], np.maximum(acescct_decoded(straight), 0) * alpha[seen], rtol=1e-4, atol=1e-6)
+    assert np.allclose(acescct_encoded(acescct_decoded(straight)), straight, atol=1e-5)
+    grey = np.array([0.18, 0.18, 0.18], np.float32)
+    assert np.allclose(acescct_encoded(grey), 0.4135884, atol=1e-5)  # of the standard, S-2016-001
+    one_of = replace(one(rgb=(0.5, 0.3, 0.4)), color_space="ACEScct")
+    half = bake.relit(one_of, np.full((1, 3), 0.5, np.float32))
+    assert np.allclose(
+        one_of.light(half.sh[:, 0] * C0 + 0.5), 0.5 * one_of.light(one_of.sh[:, 0] * C0 + 0.5), rtol=1e-4
+    )
 
 
 @PROFILES

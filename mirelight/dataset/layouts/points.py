@@ -23,7 +23,7 @@ def points_of(splats: SplatCloud, most: int = _MOST) -> Points:
     """
     chosen = slice(None, None, max(1, -(-len(splats) // most)))
     shown = 0.5 + _SH0 * splats.sh[chosen, 0]
-    colors = np.clip(colour.srgb_encode(shown) if holds_light(splats.color_space) else shown, 0, 1)
+    colors = np.clip(colour.srgb_encode(splats.light(shown)) if holds_light(splats.color_space) else shown, 0, 1)
     return Points(splats.means[chosen].astype(np.float64), np.rint(255 * colors).astype(np.uint8))
 
 

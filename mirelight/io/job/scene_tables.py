@@ -78,7 +78,7 @@ class SplatsTable(Table):
 
     color_space: SplatColorSpace | None = Field(
         default=None,
-        description="That the splats were trained in, and blend in: display-encoded, or linear light. "
+        description="That the splats were trained in, and blend in: display-encoded, linear light, or log (ACEScct). "
         "Default: what the file says, else srgb_rec709_display.",
     )
 

@@ -98,6 +98,8 @@ def write(cloud: SplatCloud, path: Path) -> None:
     """
     if not len(cloud):
         raise ValueError("no splats; a glTF file holds at least one")
+    if cloud.color_space not in _SPACES:
+        raise OutputError(f"{path}: glTF has no word for splats in {cloud.color_space}; nothing was written")
     builder = GlbBuilder(path)
     builder.used.add(_NAME)
     shown = cloud.light(np.clip(values.rgb_from_dc(cloud.sh[:, 0]), 0, 1))  # COLOR_0 is linear

@@ -24,6 +24,7 @@ _LIGHT = ("lin_rec709_scene", "lin_rec709_display", "lin_rec709", "lin_srgb")
 _SPACES: Mapping[str, SplatColorSpace] = {
     **dict.fromkeys(_DISPLAY, "srgb_rec709_display"),
     **dict.fromkeys(_LIGHT, "lin_rec709_display"),
+    "acescct_ap1_scene": "ACEScct",
 }
 _SORTS: Mapping[str, Sort] = {"zDepth": "depth", "cameraDistance": "radial"}
 

@@ -6,8 +6,9 @@ The suffix decides: .usda is text, .usd and .usdc are binary, .usdz is a package
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,16 @@ from mirelight.io.environment import write_environment
 from mirelight.io.suffixes import USD
 from mirelight.io.usd.names import PrimNames
 from mirelight.io.usd.take_splats import CAPTURED
-from mirelight.model import F32, SplatCloud
-from mirelight.model.scene import holds_light
+from mirelight.model import F32, SplatCloud, SplatColorSpace
 
-SPLAT_SPACE = "srgb_rec709_scene"  # of the coefficients: display-encoded colours
-LIGHT_SPACE = "lin_rec709_scene"  # the same of splats that hold linear light
+# Of the coefficients, in the words of OpenUSD; it has none for the last.
+_SPACES: Mapping[SplatColorSpace, str] = MappingProxyType(
+    {
+        "srgb_rec709_display": "srgb_rec709_scene",
+        "lin_rec709_display": "lin_rec709_scene",
+        "ACEScct": "acescct_ap1_scene",
+    }
+)
 _ROOT = "/World"
 
 
@@ -102,7 +108,7 @@ class StageWriter:
         prim.GetAttribute("radiance:sphericalHarmonicsDegree").Set(cloud.sh_degree)
         harmonics = prim.GetAttribute("radiance:sphericalHarmonicsCoefficients")
         harmonics.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(cloud.sh.reshape(-1, 3))))
-        harmonics.SetColorSpace(LIGHT_SPACE if holds_light(cloud.color_space) else SPLAT_SPACE)
+        harmonics.SetColorSpace(_SPACES[cloud.color_space])
         if cloud.antialiased:
             prim.SetCustomDataByKey("mirelight:antialiased", True)
         reach = 3 * cloud.scales.max(axis=1, keepdims=True)

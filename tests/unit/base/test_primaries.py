@@ -6,7 +6,16 @@ import numpy as np
 import PyOpenColorIO
 import pytest
 
-from mirelight.base.primaries import PRIMARIES, REC709, ColorSpace, are_usable, conversion, name_of
+from mirelight.base.primaries import (
+    PRIMARIES,
+    REC709,
+    ColorSpace,
+    acescct_decoded,
+    acescct_encoded,
+    are_usable,
+    conversion,
+    name_of,
+)
 
 NAMES: dict[ColorSpace, str] = {
     "lin_rec709": "Linear Rec.709 (sRGB)",
@@ -24,6 +33,17 @@ def test_matrices_are_those_of_opencolorio(space: ColorSpace) -> None:
     assert np.allclose(conversion(PRIMARIES[space], REC709), theirs, rtol=0, atol=2e-7)
     assert np.allclose(conversion(PRIMARIES[space], REC709) @ np.ones(3), 1, rtol=0, atol=1e-12)
     assert name_of(np.asarray(PRIMARIES[space], np.float32).tolist()) == space
+
+
+def test_the_log_encoding_is_that_of_opencolorio() -> None:
+    config = PyOpenColorIO.Config.CreateFromBuiltinConfig("studio-config-latest")
+    processor = config.getProcessor("ACEScct", NAMES["lin_rec709"]).getDefaultCPUProcessor()
+    values = np.random.default_rng(0).uniform(0, 1, (200, 3)).astype(np.float32)
+    theirs = np.array([processor.applyRGB(x) for x in values.tolist()])
+    assert np.allclose(
+        acescct_decoded(values), theirs, rtol=2e-4, atol=1e-4 * np.abs(theirs).max(axis=1, keepdims=True)
+    )
+    assert np.allclose(acescct_encoded(acescct_decoded(values)), values, rtol=0, atol=1e-4)
 
 
 def test_what_cannot_be_primaries() -> None:

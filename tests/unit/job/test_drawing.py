@@ -55,7 +55,7 @@ def test_a_job_says_that_splats_hold_light(tmp_path: Path) -> None:
             f'profile = "playcanvas"\nsplats = {{ path = "{PLY}", color_space = "lin_rec709_display" }}',
             "which the real-time engine does not know",
         ),
-        (f'splats = {{ path = "{PLY}", color_space = "log" }}', "color_space"),
+        (f'splats = {{ path = "{PLY}", color_space = "logarithm" }}', "color_space"),
     ],
 )
 def test_what_cannot_be_drawn(tmp_path: Path, text: str, said: str) -> None:

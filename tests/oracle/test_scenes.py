@@ -100,7 +100,7 @@ def tracer(name: str, proxy: Proxy) -> Tracer:
     else:
         mesh = prepare(scene(name) if proxy == "colored" else job.load(SCENES / name / "job.toml", OWN)).proxy
     assert mesh is not None
-    return Tracer(mesh, RenderSettings(spp=32, max_depth=6, seed=1))
+    return Tracer(mesh, RenderSettings(spp=16, max_depth=6, seed=1))
 
 
 @cache

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -107,3 +109,14 @@ def test_without_objects_there_is_nothing_to_find(tmp_path: Path, capsys: pytest
     (tmp_path / "job.toml").write_text(JOB + '\n[dataset]\nlayouts = ["coco"]\n', encoding="utf-8")
     assert cli.main(["render", str(tmp_path / "job.toml"), "-q"]) == 2
     assert "no inserted objects to find in pictures" in capsys.readouterr().err
+
+
+def test_the_page_s_code_loads_it(
+    out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = out / "dataset" / "coco"
+    (code,) = re.findall(r"```python\n(.*?)```", (folder / "README.md").read_text(), flags=re.DOTALL)
+    monkeypatch.chdir(folder)
+    exec(code, {})
+    found = json.loads((folder / "annotations" / "instances_train.json").read_text())
+    assert capsys.readouterr().out.split()[-1] == str(len(found["annotations"]))

@@ -43,6 +43,7 @@ def seen(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, An
     """What a person does on the page, one after another, while this thread traces."""
     page = tmp_path_factory.mktemp("page")
     desk = Desk(str(folder / "corner.ply"), page)
+    desk.turn("+Y")  # of a floor and one wall a guess may be wrong
     found: dict[str, Any] = {}
 
     def visit(address: str) -> None:

@@ -140,7 +140,7 @@ def _fused(
     report("finding the surface", 0.9)
     soup = on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
     for window in windows:
-        soup = soup.beside(window.sheet())
+        soup = soup.beside(window.solid())
     return soup
 
 

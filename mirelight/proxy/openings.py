@@ -47,13 +47,31 @@ class Window:
     bars: Bool  # (I, J) of its cells: which stop light, the rim among them
     front: float  # 1: it was seen from the side that the plane's normal points to, -1: from the other
 
-    def sheet(self) -> Soup:
-        """Triangles of the bars, fronts to the side that was seen."""
+    def solid(self) -> Soup:
+        """Triangles of the bars, fronts outwards: as deep as most of them are wide."""
+        from scipy.ndimage import distance_transform_edt, maximum_filter
+
         face = self.face
+        inside = distance_transform_edt(self.bars & face.there)
+        amid = (inside > 0) & (inside == maximum_filter(inside, 5))
+        wide = 2 * float(np.median(inside[amid])) if amid.any() else 1.0
         origin = face.normal * face.offset + np.einsum("k,ki->i", face.low * face.cell, face.axes)
+        steps, back = face.axes * face.cell, -self.front * wide * face.cell * face.normal
         made = Sheet(origin, face.axes, face.cell, np.ones_like(self.bars)).rectangles(self.bars)
         handed = self.front * float(np.dot(np.cross(face.axes[0], face.axes[1]), face.normal))
-        return Soup(made.vertices, made.faces if handed > 0 else made.faces[:, ::-1])
+        out = made.beside(Soup(made.vertices + back, made.faces[:, ::-1]))
+        padded = np.pad(self.bars, 1).astype(np.int8)
+        for axis, edge in enumerate((np.diff(padded, axis=0)[:, 1:-1], np.diff(padded, axis=1)[1:-1])):
+            i, j = np.nonzero(edge)
+            first = origin + i[:, None] * steps[0] + j[:, None] * steps[1]
+            ring = np.stack([first, first + steps[1 - axis], first + steps[1 - axis] + back, first + back], axis=1)
+            turned_over = (edge[i, j] > 0) == (axis == 0)
+            ring = np.where(turned_over[:, None, None], ring, ring[:, ::-1])
+            corner = 4 * np.arange(len(ring))[:, None]
+            out = out.beside(
+                Soup(ring.reshape(-1, 3), np.concatenate([corner + np.array(k) for k in ((0, 1, 2), (0, 2, 3))]))
+            )
+        return Soup(out.vertices, out.faces if handed > 0 else out.faces[:, ::-1])
 
     def opened(self, view: DepthMap, spacing: float) -> Bool:
         """(H, W) pixels that are seen through the window, or show its bars."""

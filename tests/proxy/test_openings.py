@@ -50,10 +50,12 @@ def wall() -> Flat:
 
 def test_bars_are_cut_out_of_the_plane_they_stand_in() -> None:
     (window,) = windows_of(views(), [wall()], SPACING)
-    sheet = window.sheet()
-    assert sheet.vertices[:, 2] == pytest.approx(-DEEP, abs=0.5 * SPACING)
-    a, b, c = (sheet.vertices[sheet.faces[:, k]] for k in range(3))
-    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+    solid = window.solid()
+    assert solid.vertices[:, 2].max() == pytest.approx(-DEEP, abs=0.5 * SPACING)
+    assert solid.vertices[:, 2].max() - solid.vertices[:, 2].min() == pytest.approx(2 * BAR, abs=0.5 * SPACING)
+    a, b, c = (solid.vertices[solid.faces[:, k]] for k in range(3))
+    volume = np.einsum("ni,ni->n", a, np.cross(b, c)).sum() / 6  # closed, with fronts outwards
+    assert volume == pytest.approx(window.bars.sum() * window.face.cell**2 * np.ptp(solid.vertices[:, 2]))
     x, y = window.face.middles.reshape(*window.bars.shape, 3)[..., :2].transpose(2, 0, 1)
     near, far = np.minimum(np.abs(x), np.abs(y)), np.maximum(np.abs(x), np.abs(y))
     inner = (np.abs(x) < HALF - DEEP) & (np.abs(y) < HALF - 2 * SPACING)  # jambs hide the rest from most views

@@ -22,6 +22,7 @@ _WALL = 0.2  # cosine between up and what is a wall at the most
 _LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which they are told apart
 _RIVAL = 0.7  # of the floor's share: a wall as large may be the floor (the courtyard's largest has 0.6)
 _AGREE = np.cos(np.radians(20.0))  # cameras and floor that tell ways farther apart do not agree
+_BOTH_ALIKE = "floor and ceiling look alike"
 _LAYER = 1 / 50  # of the extent: how thick a floor is
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
@@ -70,6 +71,8 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
     if floor is None:
         return Up(habit, f"a guess: there is no floor, and {usual}", True)
     if not floor.told:
+        if floor.doubt != _BOTH_ALIKE:  # nothing lies below it, whether it is a floor or a wall
+            return Up(_neat(floor.way), f"a guess: {floor.doubt}", True)
         way = floor.way if floor.way @ habit >= 0 else -floor.way
         return Up(_neat(way), f"a guess: {floor.doubt}, and {usual}", True)
     why = f"from the floor, in which {floor.share:.0%} of the splats' area lies"
@@ -135,7 +138,7 @@ def _floor(cloud: SplatCloud) -> Floor | None:
         return None
     lean, ceiling = _lean(means, normals, area, floor, way)
     if ceiling is not None and np.isnan(lean):
-        return Floor(floor.way, floor.share, ceiling=True, doubt="floor and ceiling look alike")
+        return Floor(floor.way, floor.share, ceiling=True, doubt=_BOTH_ALIKE)
     walls = [x for x in found if abs(x[1] @ way) < 0.5 and x[2].share > _RIVAL * floor.share]
     _, across, wall = max(walls, key=lambda x: x[2].share, default=(0.0, way, floor))
     doubt = ""

@@ -343,10 +343,36 @@ def jpeg(pixels: Pixels) -> bytes:
 
 
 def clip(work: Work) -> Path:
-    """The film of README and the first page: every lighting of the job, in order."""
-    work.render()
-    work.run("film", str(work.folder), "-o", str(CLIP), "--order", "lightings", "--fps", "8")
+    """The film of README and the first page: what each camera of the path sees under the lighting of its number.
+
+    A line that wanders through the first pictures has the capture on its left.
+    """
+    from PIL import Image
+
+    from mirelight.io.job import load
+    from mirelight.io.job.overrides import parse
+
+    job = load(work.job, [parse(x) for x in work.settings])
+    shots = []
+    for k, (camera, lighting) in enumerate(zip(job.cameras, job.lightings, strict=False)):
+        work.render("--camera", camera.name, "--lighting", lighting.name)
+        path = work.folder / f"{camera.name}.{lighting.name}.png"
+        shots.append(Image.fromarray(wiped(unlit(path), picture(path), 1.2 - k / 10)))
+    times = [100] * (len(shots) - 1) + [1500]
+    with atomic_path(CLIP) as fresh:
+        shots[0].save(
+            fresh, "WEBP", save_all=True, append_images=shots[1:], duration=times, loop=0, quality=60, method=6
+        )
     return CLIP
+
+
+def wiped(before: Pixels, after: Pixels, share: float) -> Pixels:
+    """Two pictures (H, W, 3) side by side: so much of the width shows the first, then comes a white line."""
+    column = round(np.clip(share, 0, 1) * before.shape[1])
+    out = np.concatenate([before[:, :column], after[:, column:]], axis=1)
+    if 0 < column < out.shape[1]:
+        out[:, max(column - 2, 0) : column + 2] = 255
+    return out
 
 
 def main() -> int:

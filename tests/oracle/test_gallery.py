@@ -70,11 +70,17 @@ def test_the_clip_is_a_film_of_its_cameras_and_lightings(
     gallery: ModuleType, clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gallery, "CLIP", tmp_path / "clip.webp")
-    few = [f"sweep.axes[{i}].steps=3" for i in range(5)]
+    few = [f"sweep.axes[{i}].steps=13" for i in range(5)]
     job = clone / "docs" / "gallery" / "clip.toml"
-    work = gallery.Work(job, tmp_path / "frames", ("resolution=[24, 16]", *few, *TOY))
+    work = gallery.Work(job, tmp_path / "frames", ("resolution_scale=0.02", *few, *TOY))
     with Image.open(gallery.clip(work)) as film:
-        assert film.n_frames == 3  # type: ignore[attr-defined]
+        shown = []
+        for k in (0, film.n_frames - 1):  # type: ignore[attr-defined]
+            film.seek(k)
+            shown.append(np.asarray(film.convert("RGB"), np.float32))
+    first, last = (path for _, path in (work.frames()[0], work.frames()[-1]))
+    assert np.abs(shown[0] - gallery.unlit(first)).mean() < 8  # the capture, as far as WebP keeps it
+    assert np.abs(shown[1] - gallery.picture(last)).mean() < 8 < np.abs(shown[1] - gallery.unlit(last)).mean()
 
 
 @pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "glaze", "clipped"])

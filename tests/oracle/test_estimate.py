@@ -378,9 +378,9 @@ def test_the_proxy_is_made_ready_for_rays_once(monkeypatch: pytest.MonkeyPatch) 
     made = []
 
     class Counted(kernel.DeviceProxy):
-        def __init__(self, mesh: ProxyMesh, *rest: Any) -> None:
+        def __init__(self, mesh: ProxyMesh, *rest: Any, **more: Any) -> None:
             made.append(len(mesh.faces))
-            super().__init__(mesh, *rest)
+            super().__init__(mesh, *rest, **more)
 
     monkeypatch.setattr(kernel, "DeviceProxy", Counted)
     assert len(transport.places_of(splats, mesh, SETTINGS)) > 200

@@ -130,7 +130,7 @@ def test_only_lights_that_changed_are_filled(monkeypatch: pytest.MonkeyPatch) ->
     assert again.lights.keys() == shelf.lights.keys()
     for key, (light,) in again.lights.items():
         (other,) = shelf.lights[key]
-        for name in ("direct", "met", "indirect"):
+        for name in ("direct", "first_bounce", "indirect"):
             mine, theirs = getattr(light, name), getattr(other, name)
             assert mine is theirs or np.array_equal(mine, theirs)
 

@@ -14,7 +14,7 @@ from fuzzing.cases import cases
 from mirelight.cli import make_parser
 
 QUICK = "inspect", "schema", "submit", "export", "status", "verify", "sheet", "film"
-WITHOUT = {"doctor", "studio", "watch"}  # one takes nothing, the others end when they are told to
+WITHOUT = {"doctor", "watch"}  # one takes nothing, the other ends when it is told to
 
 
 def test_hostile_input_is_read_or_refused() -> None:

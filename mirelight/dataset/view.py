@@ -189,16 +189,18 @@ class DataSet:
 
     def background(self, camera: int, lighting: int, alpha: F32) -> F32 | None:
         """(H, W, 3) linear light behind a frame of that alpha (H, W), as its job shows it; None: a plain colour."""
-        how, seen = self._index.display.backdrop, self._views[camera].camera
-        if how is None:
+        view, how = self._views[camera], self._index.display.backdrop
+        if how is None or self._behind is None:
             return None
-        if how.picture is not None:
-            return backdrop.fitted(read_environment(how.picture), seen, how.exposure)
-        around = self.surroundings(lighting)
-        if around is None:
-            return None
-        behind = backdrop.seen(seen, backdrop.prepared(around, how, seen.fx), how)
-        return behind if self._views[camera].composite is None else backdrop.without_leaks(behind, alpha)
+        behind = self._behind.of(view.camera, self._index.lightings[lighting], lambda: self.surroundings(lighting))
+        if behind is None or how.picture is not None or view.composite is None:
+            return behind
+        return backdrop.without_leaks(behind, alpha)
+
+    @cached_property
+    def _behind(self) -> backdrop.Behind | None:
+        how = self._index.display.backdrop
+        return None if how is None else backdrop.Behind(how, read_environment)
 
     def suns(self, around: Around) -> tuple[Sun, ...] | None:
         """The suns that light from far away was kept as; None where it is a map. Raises InputError."""

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.io.environment import read_environment
-from mirelight.model import F32, Backdrop, Camera, Job, Lighting, SkyModel
+from mirelight.model import F32, Camera, Job, Lighting, SkyModel
 from mirelight.pipeline import requirements
 from mirelight.relighting import backdrop
-from mirelight.relighting.surroundings import Surroundings, surroundings_of
+from mirelight.relighting.surroundings import surroundings_of
 
 
 class Backdrops:
-    """Makes them; surroundings that were blurred or shrunk for the last lighting are kept.
+    """Makes what stands behind the frames of a job.
 
     Args:
         job: whose `display.backdrop` is followed.
@@ -24,8 +24,8 @@ class Backdrops:
 
     def __init__(self, job: Job, resolved: Callable[[Lighting], Lighting]) -> None:
         self._job, self._resolved = job, resolved
-        self._last: tuple[Lighting, float, Surroundings | None] | None = None
-        self._picture: F32 | None = None
+        how = job.display.backdrop
+        self._behind = None if how is None else backdrop.Behind(how, read_environment)
 
     def of(self, camera: Camera, lighting: Lighting | None) -> F32 | None:
         """(H, W, 3) linear light behind a frame; None where there is none and a plain colour stands in.
@@ -37,23 +37,12 @@ class Backdrops:
         Raises:
             InputError: the picture cannot be used.
         """
-        how = self._job.display.backdrop
-        if how is None or not requirements.wants_backdrop(self._job):
+        if self._behind is None or not requirements.wants_backdrop(self._job):
             return None
-        if how.picture is not None:
-            if self._picture is None:
-                self._picture = read_environment(how.picture)
-            return backdrop.fitted(self._picture, camera, how.exposure)
-        lighting = requirements.shown_around(self._job, lighting)
-        around = None if lighting is None else self._around(lighting, how, camera.fx)
-        return None if around is None else backdrop.seen(camera, around, how)
-
-    def _around(self, lighting: Lighting, how: Backdrop, fx: float) -> Surroundings | None:
-        last = self._last
-        if last is None or last[0] is not lighting or last[1] != fx:
-            found = surroundings_of(self._with_ground(lighting))
-            self._last = last = lighting, fx, None if found is None else backdrop.prepared(found, how, fx)
-        return last[2]
+        shown = requirements.shown_around(self._job, lighting)
+        return self._behind.of(
+            camera, shown, lambda: None if shown is None else surroundings_of(self._with_ground(shown))
+        )
 
     def _with_ground(self, lighting: Lighting) -> Lighting:
         """The lighting resolved; the ground that a sky model counts on lies below its horizon, which has no light."""

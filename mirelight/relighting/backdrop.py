@@ -5,6 +5,7 @@ It is light, as the frame's own colours are: a viewer sees ``rgba + (1 - alpha) 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,39 @@ from mirelight.relighting.surroundings import MOST_ROWS, Map, Sun, Surroundings,
 _FINEST = 2  # pixels of a blurred map to a standard deviation
 _LEAK = 0.1  # what splats let through that is less than this is no view past them
 _REACH = 4.5  # standard deviations that a blur looks
+
+
+class Behind:
+    """Makes what stands behind views; a picture, and the last lighting's surroundings made ready, are kept.
+
+    Args:
+        how: it is shown.
+        read: gives the picture of a file (h, w, 3), linear.
+    """
+
+    def __init__(self, how: Backdrop, read: Callable[[str], F32]) -> None:
+        self._how, self._read = how, read
+        self._picture: F32 | None = None
+        self._last: tuple[object, float, Surroundings | None] | None = None
+
+    def of(self, camera: Camera, lighting: object, around: Callable[[], Surroundings | None]) -> F32 | None:
+        """(H, W, 3) linear light at the pixels of a camera; None where there is none.
+
+        Args:
+            camera: of the frame.
+            lighting: that `around` is asked for anew when another one comes.
+            around: gives its surroundings.
+        """
+        how = self._how
+        if how.picture is not None:
+            if self._picture is None:
+                self._picture = self._read(how.picture)
+            return fitted(self._picture, camera, how.exposure)
+        if self._last is None or self._last[0] is not lighting or self._last[1] != camera.fx:
+            found = around()
+            self._last = lighting, camera.fx, None if found is None else prepared(found, how, camera.fx)
+        ready = self._last[2]
+        return None if ready is None else seen(camera, ready, how)
 
 
 def prepared(around: Surroundings, how: Backdrop, fx: float) -> Surroundings:

@@ -15,7 +15,8 @@ import numpy as np
 from bench.common import Table, table, timed
 from mirelight.apps import mixer as mixing
 from mirelight.apps.mixer import rgb9e5
-from mirelight.apps.mixer.session import STAGES, Session
+from mirelight.apps.mixer.first_light import STAGES
+from mirelight.apps.mixer.session import Session
 from mirelight.io import job as jobs
 from mirelight.model import F32
 from mirelight.model.lights import position_of

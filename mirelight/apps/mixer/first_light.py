@@ -14,10 +14,14 @@ import numpy as np
 from mirelight.lighting import Tracer
 from mirelight.lighting.splat_light import Places
 from mirelight.model import F32, F64, I32, Lighting
+from mirelight.model.unit_lights import LightSet, Unit
+from mirelight.pipeline.prepared import Prepared
+from mirelight.pipeline.splat_light import Progress, SplatLight
 
 SAMPLES = 8  # of direct light on each splat
 FEW = 1 << 14  # splats that indirect light is traced from
 FEW_SAMPLES = 16  # from each of them
+STAGES = (SAMPLES, 64, 256)  # samples a splat, one after another; the first is quick whatever it says
 NEAR = 4  # of those that a splat takes its indirect light from
 _TURNED = 0.1  # of the bounds' diagonal: how far away a splat counts whose normal differs by 1
 
@@ -62,3 +66,32 @@ class FirstLight:
         weight = 1 / (distance.reshape(-1, k) + 1e-6 * size)
         weight /= weight.sum(axis=1, keepdims=True)
         return np.asarray(index, np.int32).reshape(-1, k), np.asarray(weight, np.float32)
+
+
+class StagedLight:
+    """The light of unit lights on splats, by more and more samples.
+
+    Args:
+        scene: whose splats are lit.
+        stages: samples a splat; the first stage is :class:`FirstLight`.
+        progress: hears what is traced; what it raises ends the trace.
+    """
+
+    def __init__(self, scene: Prepared, stages: tuple[int, ...], progress: Progress) -> None:
+        self.scene, self.splats, self._stages = scene, SplatLight(scene, stages[0], progress), stages
+        self._first = FirstLight(self.splats.tracer, self.splats.places)
+        self._finer: dict[int, SplatLight] = {}
+
+    def follow(self, scene: Prepared) -> None:
+        """Take another job's lights, whose proxy and splats' places are the same."""
+        self.scene, self.splats = scene, self.splats.of_scene(scene)
+        self._finer = {spp: one.of_scene(scene) for spp, one in self._finer.items()}
+
+    def light(self, unit: Unit, stage: int) -> F32:
+        """(N, 3) irradiance / pi of a unit light, as a stage has it."""
+        if stage == 0:
+            return self._first.light(self.scene.lighting_of(LightSet((unit,))))
+        spp = self._stages[stage]
+        if spp not in self._finer:
+            self._finer[spp] = self.splats.with_samples(spp)
+        return self._finer[spp].unit_light(unit)

@@ -33,6 +33,12 @@ def decode(packed: NDArray[np.uint32]) -> F32:
     return np.asarray(mantissas * scale[..., None], dtype=np.float32)
 
 
+def packed_layer(values: F32) -> tuple[float, bytes]:
+    """One layer (N, 3) as a page takes it: its scale, and (N,) RGB9E5 over that, little-endian."""
+    packed, scales = pack(values[None])
+    return float(scales[0]), packed[0].astype("<u4").tobytes()
+
+
 def pack(values: F32) -> tuple[NDArray[np.uint32], F64]:
     """(L, N, 3) layers -> (L, N) RGB9E5 of each over its scale, a power of two; (L,) the scales."""
     top = values.max(axis=(1, 2), initial=0.0).astype(np.float64)

@@ -18,13 +18,12 @@ from mirelight.apps.mixer.saved import MOST_BYTES, NAME, Saved
 from mirelight.apps.mixer.session import Session, State
 from mirelight.apps.mixer.stills import View
 from mirelight.apps.realtime import engine
-from mirelight.apps.realtime.server import Handler, answering
+from mirelight.apps.realtime.server import PATIENCE, Handler, answering
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.fields import LARGEST
 from mirelight.model import LayerFactor
 from mirelight.store.claims import Claims
 
-PATIENCE = 20.0  # seconds that a page waits for news before it asks again
 _LIMITS = {"live/light": 1 << 12, "live/still": 1 << 18, NAME: MOST_BYTES}
 _FILES = {*PAGE, *SPLATS, LAYERS, DESCRIPTION, *(f"engine/{name}" for name in engine.FILES.values())}
 _LAYER = re.compile(r"live/layer/([0-9]{1,4})/([0-9]{1,15})")
@@ -88,21 +87,14 @@ class _Page(Handler):
         if name in _FILES:
             super().give(name)
         elif name == "live/state":
-            after = re.search(r"[?&]after=([0-9]{1,15})$", self.path)
-            state = self._session.state(int(after[1]) if after else -1, PATIENCE)
+            state = self._session.state(self.newer_than, PATIENCE)
             self.answer(200, json.dumps(_told(state)).encode(), "state.json")
         elif layer is not None:
             made = self._session.state().layers.get(int(layer[1]))
-            self._or_gone(made.packed if made is not None and made.version == int(layer[2]) else b"", "layer")
+            self.answer_or_gone(made.packed if made is not None and made.version == int(layer[2]) else b"", "layer")
         elif still is not None:
             shown = self._session.state().still
-            self._or_gone(shown.png if shown is not None and shown.version == int(still[1]) else b"", "still.png")
-        else:
-            self.send_error(404)
-
-    def _or_gone(self, body: bytes, name: str) -> None:
-        if body:
-            self.answer(200, body, name)
+            self.answer_or_gone(shown.png if shown is not None and shown.version == int(still[1]) else b"", "still.png")
         else:
             self.send_error(404)
 
@@ -123,7 +115,7 @@ class _Page(Handler):
                 self._still(table(body))
                 self.answer()
         except MirelightError as error:
-            self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
+            self.answer_error(error)
 
     def _move(self, asked: Mapping[str, Any]) -> int:
         layer, light = (whole(asked, key, 0, 1 << 20) for key in ("layer", "light"))

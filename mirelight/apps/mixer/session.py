@@ -16,17 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.apps.mixer import rgb9e5
-from mirelight.apps.mixer.first_light import SAMPLES, FirstLight
+from mirelight.apps.mixer.first_light import STAGES, StagedLight
 from mirelight.apps.mixer.layers import MixLayers
 from mirelight.apps.mixer.stills import Still, Stills, View
 from mirelight.base.errors import MirelightError
 from mirelight.model import F64, Job
 from mirelight.model.lights import moved_to
-from mirelight.model.unit_lights import LightSet, Unit
+from mirelight.model.unit_lights import Unit
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.splat_light import SplatLight
-
-STAGES = (SAMPLES, 64, 256)  # samples a splat, one after another
 
 Place: TypeAlias = tuple[int, int]  # a layer, and a light in it
 
@@ -90,9 +87,7 @@ class Session:
         self._working: tuple[float, int, int | None] = (np.inf, 0, None)  # urgency, number of the request, layer
         self._numbers: dict[int, int] = {}  # layer -> number of its newest request
         self._tracing, self._done, self._trouble = "", 0.0, ""
-        self._splats = SplatLight(scene, stages[0], self._heard)
-        self._first = FirstLight(self._splats.tracer, self._splats.places)
-        self._finer: dict[int, SplatLight] = {}
+        self._splats = StagedLight(scene, stages, self._heard)
         self._stills: Stills | None = None
 
     # --- asked by any thread ---
@@ -213,19 +208,13 @@ class Session:
             self._tracing, self._done = self._layers.names[layer], 0.0
             self._changed()
         spp = self._stages[stage]
-        if stage == 0:
-            light = self._first.light(self._scene.lighting_of(LightSet((unit,))))
-        else:
-            if spp not in self._finer:
-                self._finer[spp] = self._splats.with_samples(spp)
-            light = self._finer[spp].unit_light(unit)
-        packed, scales = rgb9e5.pack(self._layers.layer_of(light)[None, self._order])
+        light = self._splats.light(unit, stage)
+        scale, made = rgb9e5.packed_layer(self._layers.layer_of(light)[self._order])
         with self._news:
             if self._numbers[layer] != number and stage > 0:
                 return
             self._version += 1
-            made = packed[0].astype("<u4").tobytes()
-            self._traced[layer] = Traced(self._version, spp, float(scales[0]), made)
+            self._traced[layer] = Traced(self._version, spp, scale, made)
             if self._numbers[layer] == number:  # else it is asked for anew; what there is shows where it was
                 if stage + 1 < len(self._stages):
                     self._wanted[layer] = stage + 1

@@ -21,7 +21,7 @@ from shutil import copyfileobj
 from typing import Any
 from urllib.parse import unquote
 
-from mirelight.base.errors import InputError
+from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.safety import open_binary
 
 Inbox = queue.Queue[tuple[str, bytes]]
@@ -39,6 +39,8 @@ _TYPES = {
 }
 _LENGTH = re.compile(r"[0-9]{1,12}")
 _SILENCE = 60.0  # seconds after which a connection that says nothing is closed
+PATIENCE = 20.0  # seconds that a page waits for news before it asks again
+_NEWER = re.compile(r"[?&]after=([0-9]{1,15})$")
 _POLL = 0.02  # seconds between two looks whether the block has ended
 
 
@@ -170,6 +172,23 @@ class Handler(BaseHTTPRequestHandler):
         else:
             self.send_response(code)
             self.end_headers()
+
+    def answer_or_gone(self, body: bytes, name: str) -> None:
+        """What was asked for; where that is empty, it is not there."""
+        if body:
+            self.answer(200, body, name)
+        else:
+            self.send_error(404)
+
+    def answer_error(self, error: MirelightError) -> None:
+        """The line of what was sent and cannot be used."""
+        self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
+
+    @property
+    def newer_than(self) -> int:
+        """The version that a page has, which asks for news; -1: none."""
+        after = _NEWER.search(self.path)
+        return int(after[1]) if after else -1
 
     def log_message(self, format: str, *args: Any) -> None:
         """Quiet: a missing file shows as the page's own error."""

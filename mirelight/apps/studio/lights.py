@@ -9,18 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.apps.mixer import rgb9e5
-from mirelight.apps.mixer.first_light import SAMPLES, FirstLight
+from mirelight.apps.mixer.first_light import STAGES, StagedLight
 from mirelight.apps.mixer.layers import MOST_LAYERS, Layering, layering
 from mirelight.base.errors import InputError
 from mirelight.lighting.splat_light import REACH
 from mirelight.model import F32, F64, Lighting
-from mirelight.model.unit_lights import GLOW, LightSet, Term, Unit, terms
+from mirelight.model.unit_lights import GLOW, Term, Unit, terms
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.splat_light import Progress, SplatLight
+from mirelight.pipeline.splat_light import Progress
 from mirelight.relighting import captured_color
 
-STAGES = (SAMPLES, 64, 256)  # samples a splat, one after another; the first is quick whatever it says
 _MOST_KEPT = 64  # unit lights; of 250,000 splats 3 MB each
 
 
@@ -61,9 +60,7 @@ class Lights:
         self._layering: tuple[object, Layering] | None = None
         self._version = 0
         self._used: set[str] = set()  # digests of unit lights that are shown
-        self._splats = SplatLight(scene, STAGES[0], progress)
-        self._first = FirstLight(self._splats.tracer, self._splats.places)
-        self._finer: dict[int, SplatLight] = {}
+        self._staged = StagedLight(scene, STAGES, progress)
         self.scene = scene
 
     def follow(self, scene: Scene) -> bool:
@@ -73,8 +70,8 @@ class Lights:
             return False
         if replace(old.job.render, spp=1, noise=None) != replace(new.job.render, spp=1, noise=None):
             return False
-        self._splats, self.scene = self._splats.of_scene(scene), scene
-        self._finer = {spp: one.of_scene(scene) for spp, one in self._finer.items()}
+        self._staged.follow(scene)
+        self.scene = scene
         return True
 
     def wanted(self, lighting: Lighting) -> Iterator[tuple[int, Unit]]:
@@ -89,13 +86,7 @@ class Lights:
 
     def trace(self, unit: Unit, stage: int) -> None:
         """Trace a unit light with the samples of a stage."""
-        if stage == 0:
-            light = self._first.light(self.scene.lighting_of(LightSet((unit,))))
-        else:
-            spp = STAGES[stage]
-            if spp not in self._finer:
-                self._finer[spp] = self._splats.with_samples(spp)
-            light = self._finer[spp].unit_light(unit)
+        light = self._staged.light(unit, stage)
         self._kept.pop(unit.digest, None)
         self._kept[unit.digest] = stage, light
         spare = [x for x in self._kept if x not in self._used]
@@ -112,7 +103,7 @@ class Lights:
         if key is None:
             return None
         if self._layering is None or self._layering[0] != key:
-            self._layering = key, layering(self.scene, self._splats, old)
+            self._layering = key, layering(self.scene, self._staged.splats, old)
         made = self._layering[1]
         found = list(terms(lighting))
         constant = self._constant(made, key)
@@ -125,21 +116,20 @@ class Lights:
     @property
     def near(self) -> float:
         """Share of the splats that lie on the proxy."""
-        return self._splats.near
+        return self._staged.splats.near
 
     def misfit(self) -> tuple[float, bytes]:
         """How far splats lie off the proxy, as a layer that shows it: scale and values. Grey is on it, red is further
         off than light is taken from."""
         scene = self.scene
         assert scene.splats is not None and scene.proxy is not None
-        away = np.linalg.norm(self._splats.places.points - scene.splats.means, axis=1)
+        away = np.linalg.norm(self._staged.splats.places.points - scene.splats.means, axis=1)
         far = np.clip(away / (REACH * np.linalg.norm(np.ptp(scene.proxy.vertices, axis=0))), 0, 1)[:, None]
         color = captured_color(scene.splats)
         brightness = np.clip(color.mean(axis=1, keepdims=True), 0.05, 1)
         wanted = brightness * ((1 - far) * (0.7, 0.7, 0.7) + far * (1.6, 0.1, 0.05))
         factor = np.clip(wanted / np.maximum(color, 1e-3), 0, 64)
-        packed, scales = rgb9e5.pack(factor.astype(np.float32)[None, self._order])
-        return float(scales[0]), packed[0].astype("<u4").tobytes()
+        return rgb9e5.packed_layer(factor.astype(np.float32)[self._order])
 
     def _layer(self, lighting: str, term: Term, made: Layering, old: object) -> Layer:
         stage, light = self._kept.get(term.unit.digest, (-1, None))
@@ -162,9 +152,8 @@ class Lights:
     def _pack(self, place: tuple[str, str], key: object, samples: int, values: Callable[[], F32]) -> None:
         known = self._made.get(place)
         if known is None or known.key != key:
-            packed, scales = rgb9e5.pack(values()[None, self._order])
             self._version += 1
-            self._made[place] = _Made(key, self._version, samples, float(scales[0]), packed[0].astype("<u4").tobytes())
+            self._made[place] = _Made(key, self._version, samples, *rgb9e5.packed_layer(values()[self._order]))
 
     def _old(self) -> tuple[object, F32 | None]:
         """What tells the captured light by, and it as (N, 3) irradiance / pi; no key while a part of it is missing."""
@@ -187,7 +176,7 @@ class Lights:
         return key, old.astype(np.float32)
 
     def _glow(self) -> F32:
-        return np.asarray(self._splats.with_samples(STAGES[1]).light(GLOW, "surfaces that glow")[0])
+        return np.asarray(self._staged.splats.with_samples(STAGES[1]).light(GLOW, "surfaces that glow")[0])
 
     def _stage(self, unit: Unit) -> int:
         return self._kept[unit.digest][0] if unit.digest in self._kept else -1

@@ -16,7 +16,7 @@ from typing import Any
 from mirelight.apps.mixer import bundle
 from mirelight.apps.mixer.asked import table, whole
 from mirelight.apps.realtime import engine
-from mirelight.apps.realtime.server import Handler, answering
+from mirelight.apps.realtime.server import PATIENCE, Handler, answering
 from mirelight.apps.studio import uploads
 from mirelight.apps.studio.desk import Desk
 from mirelight.apps.studio.document import MOST_BYTES, edits_of
@@ -24,7 +24,6 @@ from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
 
-PATIENCE = 20.0  # seconds that a page waits for news before it asks again
 _OWN = ("index.html", "style.css", "studio.mjs", "model.mjs", "rows.mjs", "queue.mjs")
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
 _UPLOAD, _OPEN = "live/upload/", "live/open/"
@@ -83,25 +82,18 @@ class _Page(Handler):
         elif session is None:
             self.send_error(404)
         elif name == "live/state":
-            after = re.search(r"[?&]after=([0-9]{1,15})$", self.path)
-            self.answer(200, _json(_told(session.state(int(after[1]) if after else -1, PATIENCE))), "state.json")
+            self.answer(200, _json(_told(session.state(self.newer_than, PATIENCE))), "state.json")
         elif name == "live/misfit":
             scale, packed = session.misfit()
-            self._or_gone(packed and struct.pack("<f", scale) + packed, "misfit")
+            self.answer_or_gone(packed and struct.pack("<f", scale) + packed, "misfit")
         elif layer is not None:
-            self._or_gone(session.packed(int(layer[1])), "layer")
+            self.answer_or_gone(session.packed(int(layer[1])), "layer")
         elif picture is not None:
             path = session.picture(int(picture[1]))
             try:
-                self._or_gone(b"" if path is None else path.read_bytes(), "picture.png")
+                self.answer_or_gone(b"" if path is None else path.read_bytes(), "picture.png")
             except OSError:  # its place was taken by the finished one
                 self.send_error(404)
-        else:
-            self.send_error(404)
-
-    def _or_gone(self, body: bytes, name: str) -> None:
-        if body:
-            self.answer(200, body, name)
         else:
             self.send_error(404)
 
@@ -116,7 +108,7 @@ class _Page(Handler):
         try:
             self.answer(200, _json(self._taken(name, body)), "answer.json")
         except MirelightError as error:
-            self.answer(422, printable(str(error).splitlines()[0]).encode(), "error.txt")
+            self.answer_error(error)
 
     def _taken(self, name: str, body: bytes) -> Any:
         if name.startswith(_OPEN):

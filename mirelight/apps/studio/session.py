@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from mirelight.apps.mixer.bundle import bookmark, write_splats
+from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import limit_of
 from mirelight.apps.studio.document import EDITED, Document
 from mirelight.apps.studio.helper import Helper
-from mirelight.apps.studio.lights import STAGES, Layer, Lights
+from mirelight.apps.studio.lights import Layer, Lights
 from mirelight.apps.studio.renders import Renders
 from mirelight.apps.studio.worker import Ordered
 from mirelight.base.errors import InputError, MirelightError

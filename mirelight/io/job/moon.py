@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Literal, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from mirelight.base.conventions import Matrix
 from mirelight.io.job.fields import NotNegative, wrong
 from mirelight.io.job.lamp_tables import ColouredTable
 from mirelight.io.job.scene_tables import Latitude, Longitude, Moment
-from mirelight.io.job.sun_position import horizontal, obliquity, sun_longitude, to_sun
+from mirelight.io.job.sun_position import days_of, horizontal, obliquity, sun_longitude, to_sun
 from mirelight.model import F64
 
 KELVIN = 4100.0  # of moonlight
@@ -46,7 +46,7 @@ def moon(latitude: float, longitude: float, time: datetime) -> Moon:
         longitude: degrees, east is positive.
         time: with its time zone.
     """
-    days = (time.astimezone(UTC) - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86400
+    days = days_of(time)
     t = days / 36525
 
     def turned(start: float, rate: float) -> float:

@@ -22,21 +22,26 @@ def sun_position(latitude: float, longitude: float, time: datetime) -> tuple[flo
         longitude: degrees, east is positive.
         time: with its time zone.
     """
-    days = (time.astimezone(UTC) - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86400
+    days = days_of(time)
     along, tilt = sun_longitude(days), obliquity(days)
     ascension = np.arctan2(np.cos(tilt) * np.sin(along), np.cos(along))
     return horizontal(latitude, longitude, days, ascension, np.arcsin(np.sin(tilt) * np.sin(along)))
 
 
+def days_of(time: datetime) -> float:
+    """Days since noon of 1 January 2000, UTC; the time has its time zone."""
+    return (time.astimezone(UTC) - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86400
+
+
 def sun_longitude(days: float) -> float:
-    """Ecliptic longitude of the sun in radians; days since noon of 1 January 2000, UTC."""
+    """Ecliptic longitude of the sun in radians; days as of :func:`days_of`."""
     anomaly = np.radians(357.528 + 0.9856003 * days)
     mean_longitude = 280.460 + 0.9856474 * days
     return float(np.radians(mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2 * anomaly)))
 
 
 def obliquity(days: float) -> float:
-    """Tilt of the earth's axis against the ecliptic in radians; days as of :func:`sun_longitude`."""
+    """Tilt of the earth's axis against the ecliptic in radians; days as of :func:`days_of`."""
     return float(np.radians(23.439 - 0.0000004 * days))
 
 
@@ -44,7 +49,7 @@ def horizontal(
     latitude: float, longitude: float, days: float, ascension: float, declination: float
 ) -> tuple[float, float]:
     """Elevation and azimuth in degrees of a place among the stars, its right ascension and declination in radians;
-    latitude and longitude as of :func:`sun_position`, days as of :func:`sun_longitude`."""
+    latitude and longitude as of :func:`sun_position`, days as of :func:`days_of`."""
     sidereal = np.radians((280.46061837 + 360.98564736629 * days + longitude) % 360)
     hour_angle, north = sidereal - ascension, np.radians(latitude)
     up = np.sin(north) * np.sin(declination) + np.cos(north) * np.cos(declination) * np.cos(hour_angle)

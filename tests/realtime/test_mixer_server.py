@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from mirelight.apps.mixer.asked import camera_of
+from mirelight.apps.mixer.news import News
 from mirelight.apps.mixer.saved import Saved
 from mirelight.apps.mixer.server import claimed, serving
 from mirelight.apps.mixer.session import Session, State, Traced
@@ -350,8 +351,8 @@ def test_a_folder_is_served_once(tmp_path: Path) -> None:
 
 def test_a_page_waits_for_news() -> None:
     session = Session.__new__(Session)  # nothing is traced
-    session._news = threading.Condition()
-    session._version, session._traced, session._moved = 5, {}, {}
+    session._news = News()
+    session._news.version, session._traced, session._moved = 5, {}, {}
     session._tracing, session._done, session._shown, session._trouble = "", 0.0, None, ""
     assert session.state(after=4, seconds=60).version == 5
     threading.Timer(0.2, session.drop_still).start()

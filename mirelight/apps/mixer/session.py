@@ -6,8 +6,6 @@ urgent ends what is being traced: first light of a moved lamp, then a still, the
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 from mirelight.apps.mixer import rgb9e5
 from mirelight.apps.mixer.first_light import STAGES, StagedLight
 from mirelight.apps.mixer.layers import MixLayers
+from mirelight.apps.mixer.news import News
 from mirelight.apps.mixer.stills import Still, Stills, View
 from mirelight.base.errors import MirelightError
 from mirelight.model import F64, Job
@@ -76,14 +75,14 @@ class Session:
     ) -> None:
         self._scene, self._layers, self._stages, self._tell = scene, layers, stages, tell
         self._order = np.arange(layers.values.shape[1]) if order is None else order
-        self._news = threading.Condition()
+        self._news = News()
         self._units = list(layers.units)
         self._moved: dict[Place, tuple[float, ...]] = {}
         self._wanted: dict[int, int] = {}  # layer -> the stage that it waits for; the newest last
         self._asked: View | None = None
         self._shown: Still | None = None
         self._traced: dict[int, Traced] = {}
-        self._version, self._number = 0, 0
+        self._number = 0
         self._working: tuple[float, int, int | None] = (np.inf, 0, None)  # urgency, number of the request, layer
         self._numbers: dict[int, int] = {}  # layer -> number of its newest request
         self._tracing, self._done, self._trouble = "", 0.0, ""
@@ -105,30 +104,28 @@ class Session:
             self._wanted[layer] = 0
             self._number += 1
             self._numbers[layer] = self._number
-            self._changed()
-            return self._version
+            self._news.changed()
+            return self._news.version
 
     def ask_still(self, view: View) -> None:
         """A still of a view, in place of any other that was asked for."""
         with self._news:
             self._asked = view
             self._shown = Still(view.number, 0.0, "waiting")
-            self._changed()
+            self._news.changed()
 
     def drop_still(self) -> None:
         """Nobody looks at the still any more."""
         with self._news:
             self._asked, self._shown = None, None
-            self._changed()
+            self._news.changed()
 
     def state(self, after: int = -1, seconds: float = 0.0) -> State:
         """How things stand, once there is something newer than a version, or so many seconds have gone."""
-        end = time.monotonic() + seconds
         with self._news:
-            while self._version <= after and (left := end - time.monotonic()) > 0:
-                self._news.wait(left)
+            self._news.await_newer(after, seconds)
             return State(
-                self._version,
+                self._news.version,
                 dict(self._traced),
                 dict(self._moved),
                 self._tracing,
@@ -165,7 +162,7 @@ class Session:
             finally:
                 with self._news:
                     self._working, self._tracing = (np.inf, 0, None), ""
-                    self._changed()
+                    self._news.changed()
             with self._news:
                 self._trouble = trouble
 
@@ -189,7 +186,7 @@ class Session:
                 self._done = share
                 if layer is None and self._shown is not None:
                     self._shown = replace(self._shown, done=share)
-                self._changed()
+                self._news.changed()
 
     def _is_over(self, urgency: float, number: int, layer: int | None) -> bool:
         """Whether a request was replaced, or another one comes before it."""
@@ -206,26 +203,26 @@ class Session:
         with self._news:
             stage, unit, number = self._wanted[layer], self._units[layer], self._numbers[layer]
             self._tracing, self._done = self._layers.names[layer], 0.0
-            self._changed()
+            self._news.changed()
         spp = self._stages[stage]
         light = self._splats.light(unit, stage)
         scale, made = rgb9e5.packed_layer(self._layers.layer_of(light)[self._order])
         with self._news:
             if self._numbers[layer] != number and stage > 0:
                 return
-            self._version += 1
-            self._traced[layer] = Traced(self._version, spp, scale, made)
+            self._news.version += 1
+            self._traced[layer] = Traced(self._news.version, spp, scale, made)
             if self._numbers[layer] == number:  # else it is asked for anew; what there is shows where it was
                 if stage + 1 < len(self._stages):
                     self._wanted[layer] = stage + 1
                 else:
                     del self._wanted[layer]
-            self._changed()
+            self._news.changed()
 
     def _make_still(self, view: View) -> None:
         with self._news:
             self._tracing, self._done = "still", 0.0
-            self._changed()
+            self._news.changed()
 
         def show(png: bytes, whole: bool) -> None:
             with self._news:
@@ -233,11 +230,11 @@ class Session:
                     return
                 if whole:
                     self._asked = None
-                self._version += 1
+                self._news.version += 1
                 self._shown = Still(
-                    view.number, 1.0 if whole else self._done, "done" if whole else "tracing", png, self._version
+                    view.number, 1.0 if whole else self._done, "done" if whole else "tracing", png, self._news.version
                 )
-                self._changed()
+                self._news.changed()
 
         if self._stills is None:
             self._stills = Stills(self._scene, self._moved_job)
@@ -271,7 +268,3 @@ class Session:
             lights = tuple(moved_to(x, moved[places[x.name]]) if places.get(x.name) in moved else x for x in one.lights)
             lightings.append(replace(one, lights=lights))
         return replace(job, lightings=tuple(lightings))
-
-    def _changed(self) -> None:
-        self._version += 1
-        self._news.notify_all()

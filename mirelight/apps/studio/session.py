@@ -6,8 +6,6 @@ splats is traced on the thread that calls :meth:`Session.run`, the shown lightin
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import Any
 from mirelight.apps.mixer.bundle import bookmark, write_splats
 from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import limit_of
+from mirelight.apps.mixer.news import News
 from mirelight.apps.studio.document import EDITED, Document
 from mirelight.apps.studio.helper import Helper
 from mirelight.apps.studio.lights import Layer, Lights
@@ -72,7 +71,7 @@ class Session:
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.document, self._tell = document, tell
-        self._news = threading.Condition()
+        self._news = News()
         self.edits = {key: document.data[key] for key in EDITED if key in document.data}
         self._text = document.text(self.edits)
         self._job = document.job(self._text)
@@ -89,14 +88,14 @@ class Session:
         self._lights: Lights | None = None
         self._layers: tuple[Layer, ...] = ()
         self._layered, self._layered_name = -1, ""  # the edit and the lighting that they are of
-        self._version, self._phase, self._line = 0, "proxy", ""
+        self._phase, self._line = "proxy", ""
         self._tracing, self._done, self._trouble = "", 0.0, ""
         self._found: Mapping[str, Any] | None = None
         self._near: float | None = None
         self._bookmarks: dict[str, dict[str, Any]] = {}  # of cameras that were told, by their digests
         self._file, self._edited = _file_of(document.path), False
         self._helper: Helper | None = None
-        self._renders = Renders(self._changed)
+        self._renders = Renders(self._news.changed)
 
     # --- asked by any thread ---
 
@@ -118,7 +117,7 @@ class Session:
             if number >= self._number:
                 self.edits, self._text, self._job, self._number, self._shown = dict(edits), text, job, number, shown
                 self._trouble, self._stuck = "", None
-                self._changed()
+                self._news.changed()
         return self.told(job)
 
     def told(self, job: Job | None = None) -> dict[str, Any]:
@@ -146,7 +145,7 @@ class Session:
         with self._news:
             self.document.save(self._text)
             self._file, self._edited = _file_of(self.document.path), False
-            self._changed()
+            self._news.changed()
         return self.document.path.name
 
     def render(self, camera: str, lighting: str) -> int:
@@ -190,12 +189,10 @@ class Session:
 
     def state(self, after: int = -1, seconds: float = 0.0) -> State:
         """How things stand, once there is something newer than a version, or so many seconds have gone."""
-        end = time.monotonic() + seconds
         with self._news:
-            while self._version <= after and (left := end - time.monotonic()) > 0:
-                self._news.wait(left)
+            self._news.await_newer(after, seconds)
             return State(
-                self._version,
+                self._news.version,
                 self._phase,
                 self._line,
                 self._layered,
@@ -243,7 +240,7 @@ class Session:
                         self._news.wait(0.2)
                         if not self._edited and self._file is not None and _file_of(self.document.path) != self._file:
                             self._edited = True
-                            self._changed()
+                            self._news.changed()
         finally:
             if self._helper is not None:
                 self._helper.end()
@@ -282,7 +279,7 @@ class Session:
                 self._tell(self._trouble)
             if "ended" in message:
                 self._line = ""
-            self._changed()
+            self._news.changed()
 
     def _step(self) -> bool:
         """Trace one thing, or take what was edited; False: there is nothing to do."""
@@ -322,7 +319,7 @@ class Session:
         with self._news:
             if layers is not None:
                 self._layers, self._layered, self._layered_name = tuple(layers), number, lighting.name
-            self._changed()
+            self._news.changed()
         return True
 
     def _take(self, job: Job) -> None:
@@ -340,12 +337,7 @@ class Session:
             share = done / max(total, 1)
             if abs(share - self._done) > 0.02 or not self._tracing:
                 self._tracing, self._done = what, share
-                self._changed()
-
-    def _changed(self) -> None:
-        with self._news:
-            self._version += 1
-            self._news.notify_all()
+                self._news.changed()
 
 
 def _file_of(path: Path) -> tuple[int, int] | None:

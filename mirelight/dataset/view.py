@@ -163,8 +163,13 @@ class DataSet:
         found = self.surroundings(lighting)
         return None if found is None else found.picture(rows)
 
-    def surroundings(self, lighting: int | str) -> Surroundings | None:
+    def surroundings(self, lighting: int | str, with_ground: bool = False) -> Surroundings | None:
         """The maps and suns of a lighting; None where it has none.
+
+        Args:
+            lighting: index or name.
+            with_ground: the ground that sky models count on lies below their horizon, as backgrounds show it; it
+                sends no light into the scene.
 
         Raises:
             InputError: a map was not kept.
@@ -182,9 +187,15 @@ class DataSet:
                 of_sky = self.suns(around)
                 if of_sky is None:
                     strength = factor * around.intensity * np.asarray(around.color)
-                    maps.append(Map(self._kept_array(around.key), around.rotation, strength))
-                else:
-                    suns += [replace(sun, lux=factor * sun.lux) for sun in of_sky]
+                    sky = self._kept_array(around.key)
+                    if with_ground and around.ground is not None:
+                        sky = backdrop.with_lit_ground(sky, np.zeros(3), np.asarray(around.ground))
+                    maps.append(Map(sky, around.rotation, strength))
+                    continue
+                of_sky = tuple(replace(sun, lux=factor * sun.lux) for sun in of_sky)
+                suns += of_sky
+                if with_ground and around.ground is not None:
+                    maps.append(backdrop.ground_under(of_sky, np.asarray(around.ground)))
         return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
 
     def background(self, camera: int, lighting: int, alpha: F32) -> F32 | None:
@@ -192,8 +203,10 @@ class DataSet:
         view, how = self._views[camera], self._index.display.backdrop
         if how is None or self._behind is None:
             return None
-        behind = self._behind.of(view.camera, self._index.lightings[lighting], lambda: self.surroundings(lighting))
-        if behind is None or how.picture is not None or view.composite is None:
+        behind = self._behind.of(
+            view.camera, self._index.lightings[lighting], lambda: self.surroundings(lighting, True)
+        )
+        if behind is None or view.composite is None:
             return behind
         return backdrop.without_leaks(behind, alpha)
 

@@ -18,6 +18,7 @@ from mirelight.relighting.surroundings import MOST_ROWS, Map, Sun, Surroundings,
 _FINEST = 2  # pixels of a blurred map to a standard deviation
 _LEAK = 0.1  # what splats let through that is less than this is no view past them
 _REACH = 4.5  # standard deviations that a blur looks
+_GROUND_ROWS = 512  # of a map of nothing but ground; as many as a computed sky has, so that both share a horizon
 
 
 class Behind:
@@ -158,6 +159,12 @@ def _disc(sun: Sun, way: F64, pixel: float) -> F64:
 def _radiance(sun: Sun) -> F64:
     """(3,) of the disc: its illuminance over its projected solid angle."""
     return np.asarray(sun.lux / (np.pi * np.sin(np.radians(sun.diameter / 2)) ** 2))
+
+
+def ground_under(suns: tuple[Sun, ...], albedo: F64) -> Map:
+    """A map that holds nothing but a matt ground of that albedo (3,) under suns."""
+    lux = sum((x.lux * max(0.0, -float(x.direction[1])) for x in suns), np.zeros(3))
+    return Map(with_lit_ground(np.zeros((_GROUND_ROWS, 2 * _GROUND_ROWS, 3), np.float32), lux, albedo), 0.0, np.ones(3))
 
 
 def with_lit_ground(sky: F32, irradiance: F64, albedo: F64) -> F32:

@@ -46,6 +46,7 @@ class Around:
     rotation: float = 0.0  # degrees, of a map
     intensity: float = 1.0  # multiplies it
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # linear, multiplies it, too: of what is traced as it is
+    ground: tuple[float, float, float] | None = None  # albedo of the ground that a sky model counts on; None: no model
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +263,16 @@ def _unit(data: dict[str, Any]) -> UnitLight:
 def _around(data: dict[str, Any]) -> Around:
     red, green, blue = data.get("color", (1.0, 1.0, 1.0))
     color = float(red), float(green), float(blue)
-    return Around(_key(data["key"]), float(data["rotation"]), float(data["intensity"]), color)
+    return Around(
+        _key(data["key"]), float(data["rotation"]), float(data["intensity"]), color, _albedo(data.get("ground"))
+    )
+
+
+def _albedo(value: Any) -> tuple[float, float, float] | None:
+    if value is None:
+        return None
+    red, green, blue = value
+    return float(red), float(green), float(blue)
 
 
 def _light(data: dict[str, Any]) -> Light:

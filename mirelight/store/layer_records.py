@@ -164,7 +164,12 @@ def _around(of: Unit | Lighting, made: keys.Keys) -> list[tuple[Around, _Source]
         out.append((own, around))
     if of.sky is not None:
         parts = (of.part,) if isinstance(of, Unit) else (SUN, SKY)
-        out += [(Around(made.sky_of(of.sky, part), color=color(part)), (of.sky, part)) for part in parts]
+        ground = None
+        if isinstance(of.sky, SkyModel):
+            red, green, blue = (float(x) for x in of.sky.albedo)
+            ground = red, green, blue
+        kept = ((Around(made.sky_of(of.sky, x), color=color(x), ground=ground), (of.sky, x)) for x in parts)
+        out += kept
     return out
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import mirelight
 from mirelight import cli, dataset
@@ -20,7 +21,7 @@ from mirelight.batch.checks import Finding
 from mirelight.batch.verify import verify
 from mirelight.dataset.draws import Draws, split
 from mirelight.dataset.view import DataSet
-from mirelight.io import splats
+from mirelight.io import image, splats
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Material, ProxyMesh, SplatCloud
@@ -132,6 +133,19 @@ def test_in_other_modes_too(tmp_path: Path, changed: tuple[str, ...]) -> None:
     make_scene(tmp_path, glow=0.2 if "glow" in changed else 0.0)
     out = render(tmp_path, JOB, *(x for c in changed if c != "glow" for x in ("--set", c)))
     assert_equal_to_files(dataset.open(out), out)
+
+
+@pytest.mark.parametrize("behind", ["environment", "plate.png"])
+def test_the_same_stands_behind(tmp_path: Path, behind: str) -> None:
+    """A computed sky with its ground, and a picture, behind mixed frames as behind rendered ones."""
+    make_scene(tmp_path)
+    Image.new("RGB", (8, 6), (200, 40, 90)).save(tmp_path / "plate.png")
+    sky = "lightings[0].environment={sky={elevation=30}}"
+    out = render(tmp_path, JOB, "--set", sky, "--set", f"display.background={behind}")
+    view, written = dataset.open(out), image.read(out / "front.day.exr")
+    mixed = view.background(0, 0, written.rgba[..., 3])
+    assert mixed is not None and written.background is not None
+    np.testing.assert_allclose(mixed, written.background, atol=2e-3 * float(written.background.max()))
 
 
 SWEPT = """

@@ -10,7 +10,7 @@ import pytest
 
 from mirelight.cli import main
 from mirelight.io.exr import read_exr
-from tests.unit.usd.checking import faults
+from tests.unit.io.usd.checking import faults
 
 sys.path.append(str(Path(__file__).parents[2] / "scripts"))
 pytest.importorskip("pxr")

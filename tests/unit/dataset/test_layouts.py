@@ -31,7 +31,7 @@ from mirelight.io.exr import read_exr
 from mirelight.io.png import encode_display, encode_straight
 from mirelight.model import Camera, DisplaySettings, SplatCloud
 
-from ..cameras.views import pixels_of
+from ..io.cameras.views import pixels_of
 
 NAMES = ["orbit.0001", "orbit.0002", "orbit_0001", "living room", "ü"]
 POINTS = np.random.default_rng(0).uniform(-1, 1, (20, 3))

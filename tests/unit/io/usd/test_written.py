@@ -31,8 +31,8 @@ from mirelight.model import (
     SunLight,
     digest,
 )
-from tests.unit.splats import truth
-from tests.unit.usd.checking import faults
+from tests.unit.io.splats import truth
+from tests.unit.io.usd.checking import faults
 
 pytest.importorskip("pxr")
 

@@ -33,7 +33,7 @@ from mirelight.model import (
 from mirelight.model.ies import AROUND, DOWN
 
 RNG = np.random.default_rng(11)
-KHRONOS = Path(__file__).parents[2] / "data" / "khronos"
+KHRONOS = Path(__file__).parents[3] / "data" / "khronos"
 
 
 def mesh() -> ProxyMesh:

@@ -10,7 +10,7 @@ import pytest
 
 from mirelight.base.errors import InputError
 from mirelight.io import splats
-from tests.unit.splats import truth
+from tests.unit.io.splats import truth
 
 pytest.importorskip("pxr")
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mirelight.model import SplatCloud
 
-DATA = Path(__file__).parents[2] / "data" / "splats"
+DATA = Path(__file__).parents[3] / "data" / "splats"
 C0 = 0.28209479177387814  # written out: the tests must not lean on the code that they check
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from mirelight.io.job.tables import json_schema
 
-DOCS = Path(__file__).resolve().parents[3] / "docs"
+DOCS = Path(__file__).resolve().parents[4] / "docs"
 PAGE = (DOCS / "reference" / "job-file.md").read_text(encoding="utf-8")
 
 # The heading of each table in the page, and its definition in the schema ("": the top).

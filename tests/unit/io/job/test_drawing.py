@@ -10,7 +10,7 @@ from mirelight.base.errors import InputError
 from mirelight.io import job, splats
 from mirelight.model import Job
 
-DATA = Path(__file__).resolve().parents[2] / "data" / "splats"
+DATA = Path(__file__).resolve().parents[3] / "data" / "splats"
 GLB, PLY = DATA / "small.glb", DATA / "small_from_splat.ply"
 CAMERA = """
 [[cameras]]

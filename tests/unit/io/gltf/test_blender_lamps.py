@@ -13,7 +13,7 @@ import pytest
 import mirelight
 from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, cones
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 MESH = DATA / "realtime" / "assets" / "stage.glb"
 MEASURED = json.loads((DATA / "blender" / "lights.json").read_text())
 PARTS = 8  # of a pixel along each axis

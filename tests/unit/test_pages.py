@@ -54,6 +54,17 @@ def test_there_are_commands_to_be_found() -> None:
     assert sum(len(list(commands(page.read_text(encoding="utf-8")))) for page in PAGES) >= 40
 
 
+def test_figures_of_quality_stand_in_the_benchmarks_alone() -> None:
+    """There a script writes them; a figure typed into another page is true of the day on which it was typed."""
+    typed = [
+        f"{page.relative_to(ROOT)}: {found}"
+        for page in PAGES
+        if page.parent.name != "benchmarks"
+        for found in re.findall(r".*\d ?dB\b.*", page.read_text(encoding="utf-8"))
+    ]
+    assert not typed
+
+
 def pages_with(language: str) -> list[Path]:
     """Those that hold a block of a language: on others there would be nothing to test."""
     return [page for page in PAGES if any(blocks(page.read_text(encoding="utf-8"), language))]

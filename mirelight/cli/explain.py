@@ -32,8 +32,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_explain(args: argparse.Namespace) -> int:
     """The command. The table goes to stdout, progress and what could not be done to stderr."""
-    from mirelight.apps.explain.engine import EngineRun, run_engine
     from mirelight.apps.explain.ladder import explain, require
+    from mirelight.apps.explain.recipe import EngineRun, run_engine
     from mirelight.apps.explain.report import write_ladder
     from mirelight.apps.explain.types import as_json, summary
     from mirelight.cli.report import print_json

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.apps.explain.engine import EngineRun, physical_display, physical_settings
 from mirelight.apps.explain.ladder import explain
 from mirelight.apps.explain.light import LitSurface, shadows
+from mirelight.apps.explain.recipe import EngineRun, physical_display, physical_settings
 from mirelight.apps.explain.report import write_ladder
 from mirelight.apps.explain.types import CAUSES, Ladder, Rung, summary
 from mirelight.apps.realtime import EngineFrames

@@ -332,12 +332,15 @@ def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
     }
     far = min(camera.far, 1e30)
     if camera.projection == "perspective" and camera.fx == camera.fy:
+        lens = camera.exposure
+        thin = {} if lens is None else {x: getattr(lens, x) for x in ("aperture_radius", "focus_distance")}
+        offset = {"x": 0.5 - camera.cx / camera.width, "y": 0.5 - camera.cy / camera.height}  # thinlens has none
         return {
-            "type": "perspective",
+            "type": "thinlens" if thin else "perspective",
+            **thin,
             "fov_axis": "x",
             "fov": float(np.degrees(2 * np.arctan(camera.width / 2 / camera.fx))),
-            "principal_point_offset_x": 0.5 - camera.cx / camera.width,
-            "principal_point_offset_y": 0.5 - camera.cy / camera.height,
+            **({} if thin else {f"principal_point_offset_{x}": v for x, v in offset.items()}),
             "near_clip": camera.near,
             "far_clip": min(far, 1e6),
             "to_world": _transform(mi, camera.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0])),

@@ -19,7 +19,7 @@ import numpy as np
 from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
 from mirelight.model.unit_lights import terms
-from mirelight.pipeline import frame_diagnostics, stages
+from mirelight.pipeline import frame_diagnostics, frames, stages
 from mirelight.pipeline.artefact_cache import WAIT
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
@@ -272,9 +272,13 @@ def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, 
 
 
 def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None) -> Frame:
-    scene, splats = view.scene, view.splats
+    scene = view.scene
     began = time.monotonic()
     report: Callable[[int, int], None] = partial(progress.samples, task)
+    if task.camera.exposure is not None:
+        made = frames.frame(scene, task.camera, task.lighting, progress=report)
+        return _shown_and_kept(made, task, store, preview, began)
+    splats = view.splats
 
     def show(lit: Callable[[], stages.Lit]) -> None:
         assert preview is not None
@@ -287,7 +291,10 @@ def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progres
         if stopped.lit is not None:
             store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
         raise
-    frame = stages.relight(scene, splats, lit)
+    return _shown_and_kept(stages.relight(scene, splats, lit), task, store, preview, began)
+
+
+def _shown_and_kept(frame: Frame, task: FrameTask, store: Store, preview: Preview | None, began: float) -> Frame:
     if preview is not None:
         preview.made(task, frame)
     store.put(task, frame, seconds=time.monotonic() - began)

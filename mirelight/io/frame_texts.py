@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError
 from mirelight.io.exr import Metadata
-from mirelight.model import PROFILES, Camera, Frame, LightingBuffer, Profile, Provenance
+from mirelight.model import PROFILES, Camera, Exposure, Frame, LightingBuffer, Profile, Provenance
 
 FINGERPRINT = "mirelight/fingerprint"
 PROVENANCE = "mirelight/provenance"
@@ -120,7 +120,12 @@ def _sampling_values(lighting: LightingBuffer, noise: bool) -> dict[str, Any]:
 
 def _camera_values(camera: Camera) -> dict[str, Any]:
     values = {name: getattr(camera, name) for name in _CAMERA_FIELDS}
-    return values | {"far": camera.far, "world_from_camera": camera.world_from_camera.tolist()}
+    values |= {"far": camera.far, "world_from_camera": camera.world_from_camera.tolist()}
+    lens = camera.exposure
+    if lens is not None:
+        values["exposure"] = {x.name: getattr(lens, x.name) for x in fields(lens) if x.name != "poses"}
+        values["exposure"]["poses"] = None if lens.poses is None else lens.poses.tolist()
+    return values
 
 
 def _provenance_values(made_by: Provenance) -> dict[str, Any]:
@@ -172,7 +177,9 @@ def camera_of(path: Path, texts: Mapping[str, Any]) -> Camera:
         raise InputError(path, "not a frame that mirelight wrote", "give the EXR file of a frame")
     try:
         far = float("inf") if values["far"] is None else values["far"]
+        lens = values.get("exposure")
         return Camera(
+            exposure=None if lens is None else Exposure(**lens),
             **{name: values[name] for name in _CAMERA_FIELDS},
             far=far,
             world_from_camera=np.asarray(values["world_from_camera"], np.float64),

@@ -9,9 +9,21 @@ from typing import TypeAlias
 import numpy as np
 
 from mirelight.lighting.frame import PASS, FrameInProgress
-from mirelight.model import RenderSettings
+from mirelight.model import Camera, RenderSettings
 
 Progress: TypeAlias = Callable[[int, int], None]
+
+_PINHOLE = 0x9E3779B1  # between the seeds of pinholes that share a picture
+
+
+def for_camera(settings: RenderSettings, camera: Camera) -> RenderSettings:
+    """The settings of one of several pinholes whose mean is a picture: its share of the samples, drawn anew."""
+    if camera.share is None:
+        return settings
+    number, count = camera.share
+    noise = None if settings.noise is None else settings.noise * count**0.5
+    seed = (settings.seed + _PINHOLE * (number + 1)) & 0xFFFFFFFF
+    return replace(settings, spp=-(-settings.spp // count), noise=noise, seed=seed)
 
 
 def with_pilot(settings: RenderSettings) -> RenderSettings:

@@ -13,7 +13,7 @@ from mirelight.lighting.develop import dark, refuse_if_too_large
 from mirelight.lighting.frame import FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
-from mirelight.lighting.sampling import Progress, sample_all, with_pilot
+from mirelight.lighting.sampling import Progress, for_camera, sample_all, with_pilot
 from mirelight.lighting.sight import Sight
 from mirelight.lighting.sunsky import plain
 from mirelight.model import (
@@ -134,7 +134,8 @@ class Tracer:
         refuse_if_too_large(camera, layers, parts=self.settings.denoise, objects=objects, most=self.settings.max_memory)
         if not len(self._proxy.faces):
             return dark(camera, layers, self.settings.spp)
-        settings, lit = with_pilot(self.settings), self._lit(lighting, layers, emission, cache)
+        own = for_camera(self.settings, camera)
+        settings, lit = with_pilot(own), self._lit(lighting, layers, emission, cache)
         frame = FrameInProgress(lit, camera, layers, settings, aovs=self._aovs)
         read = cache is not None and lit.cells is not None
         rays = min((x.rays for x in cache.lights), default=0) if cache is not None and read else 0

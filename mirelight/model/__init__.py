@@ -12,6 +12,7 @@ from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.digests import digest
+from mirelight.model.exposure import Exposure
 from mirelight.model.ies import IesProfile
 from mirelight.model.inserted import Inserted
 from mirelight.model.lights import (
@@ -72,6 +73,7 @@ __all__ = [
     "EngineSettings",
     "Environment",
     "EstimatedSky",
+    "Exposure",
     "Falloff",
     "Frame",
     "Ground",

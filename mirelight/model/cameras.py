@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from mirelight.base import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F64, ArrayHolder, freeze
+from mirelight.model.exposure import Exposure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,6 +31,8 @@ class Camera(ArrayHolder):
     near: float = 0.01  # world units along the view axis; nearer splats and surfaces are not seen
     far: float = float("inf")  # world units
     time: float | None = None  # s, of the animation that it was taken from; not part of what it sees
+    exposure: Exposure | None = None  # its lens and shutter; None: a pinhole, which all is sharp to
+    share: tuple[int, int] | None = None  # (number, count) among the pinholes whose mean is one picture
 
     def __post_init__(self) -> None:
         freeze(self, "world_from_camera", (4, 4), np.float64)
@@ -40,6 +43,8 @@ class Camera(ArrayHolder):
             raise ValueError(f"image of {self.width} x {self.height} pixels")
         if not (self.fx > 0 and self.fy > 0 and 0 < self.near < self.far):
             raise ValueError("fx and fy must be positive, and 0 < near < far")
+        if self.exposure is not None and self.exposure.aperture_radius > 0 and self.projection != "perspective":
+            raise ValueError("a lens needs a perspective camera")
 
     def __repr__(self) -> str:
         unit = "px" if self.projection == "perspective" else "px a unit"
@@ -60,6 +65,28 @@ class Camera(ArrayHolder):
     def position(self) -> F64:
         """(3,) eye position, world units."""
         return self.world_from_camera[:3, 3]
+
+    @property
+    def pinhole(self) -> Camera:
+        """The camera through the middle of its lens, where it stands at its own moment."""
+        return self if self.exposure is None else replace(self, exposure=None)
+
+    def pinholes(self, count: int) -> tuple[Camera, ...]:
+        """So many whose mean is its picture, each with its share of the samples; itself where it is one.
+
+        A point of the lens looks through a picture that is shifted, so that what lies in focus stays in its pixel.
+        """
+        exposure, plain = self.exposure, self.pinhole
+        if exposure is None:
+            return (self,)
+        out = []
+        for k, (right, up) in enumerate(exposure.points(count)):
+            pose = self.world_from_camera.copy()
+            pose[:3, 3] += right * pose[:3, 0] + up * pose[:3, 1]
+            shift = right / exposure.focus_distance, up / exposure.focus_distance
+            cx, cy = self.cx + self.fx * shift[0], self.cy - self.fy * shift[1]
+            out.append(replace(plain, world_from_camera=pose, cx=cx, cy=cy, share=(k, count)))
+        return tuple(out)
 
     def rays(self) -> tuple[F64, F64]:
         """(H, W, 3) where the pixels' centres look from, or (3,) if from one point, and (H, W, 3) directions, one deep

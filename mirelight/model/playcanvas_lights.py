@@ -277,6 +277,8 @@ def camera_warnings(camera: Camera) -> tuple[str, ...]:
         out.append(f"{camera.name}: fx {camera.fx:g} is not fy {camera.fy:g}; the engine's pixels are square")
     if abs(camera.cx - camera.width / 2) > 0.01 or abs(camera.cy - camera.height / 2) > 0.01:
         out.append(f"{camera.name}: the principal point is off the centre, the only place the engine knows")
+    if camera.exposure is not None:
+        out.append(f"{camera.name}: the engine has no lens and no shutter; all is sharp there")
     return tuple(out)
 
 

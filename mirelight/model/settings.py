@@ -44,6 +44,7 @@ class RenderSettings:
     denoise: bool = False
     threads: int | None = None  # None: every core
     max_memory: int | None = None  # bytes of a film, and of light on the surface; None: what the machine has free
+    lens_samples: int = 32  # pinholes whose mean is a frame through a lens or an open shutter; they share `spp`
     ao_distance: float | None = None  # world units that ambient occlusion looks; None: a tenth of the proxy's diagonal
 
 

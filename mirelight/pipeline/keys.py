@@ -275,6 +275,8 @@ class Keys:
         """Key of a frame's linear pixels."""
         job = self.job
         composite = self.composite(camera)
+        if camera.exposure is not None:
+            composite = _joined("exposure", composite, str(job.render.lens_samples))
         if lighting is None:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]

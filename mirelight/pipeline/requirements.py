@@ -72,8 +72,10 @@ def check_lit_splats(job: Job) -> None:
 
 
 def lighting_cameras(job: Job) -> list[Camera]:
-    """Every camera of the job as light is traced for it."""
-    return [relighting.lighting_camera(x, job.relight) for x in job.cameras]
+    """Every camera of the job as light is traced for it, and of one that is more than a pinhole all its own."""
+    count = job.render.lens_samples
+    every = (x for camera in job.cameras for x in dict.fromkeys((camera.pinhole, *camera.pinholes(count))))
+    return [relighting.lighting_camera(x, job.relight) for x in every]
 
 
 def reads_surface(job: Job) -> bool:

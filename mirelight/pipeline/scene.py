@@ -20,7 +20,7 @@ from mirelight.model import (
 )
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.pipeline import keys, requirements
-from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
+from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache
 from mirelight.pipeline.backdrops import Backdrops
 from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
@@ -113,6 +113,15 @@ class Scene(Prepared):
             vars(self)["tracer"] = tracer
         elif isinstance(tracer, Tracer) and not requirements.follows_engine(job):
             vars(self)["tracer"] = tracer.tuned(job.render, layers=apart, aovs=aovs)
+
+    @cached_property
+    def for_pinholes(self) -> Scene:
+        """The same for the pinholes of a lens or an open shutter: what each sees is kept in memory alone."""
+        job = self.job
+        ready = [*(["compositor"] if job.splats is not None else []), *(["tracer"] if job.lightings else [])]
+        for name in (*ready, "captured_level"):
+            getattr(self, name)
+        return prepare(job, MemoryCache(self.kept), self._report, like=self)
 
     def read(self) -> None:
         """Read the splats, and read or make the proxy where light falls on it. Otherwise that comes when it is needed.

@@ -1,6 +1,7 @@
 """The stages of a frame, pure functions of a prepared scene: composite, light, relight, write.
 
-These are mirelight's public calls, and the body of every render::
+A camera with a lens or an open shutter is taken for the pinhole in its middle; `mirelight.pipeline.frames` puts the
+pinholes of one together. These are mirelight's public calls, and the body of every render::
 
     job    = mirelight.load("room.toml")
     scene  = mirelight.prepare(job)
@@ -66,7 +67,7 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
     if scene.job.splats is None:
         return None
     return scene.compositor.composite(
-        camera, depth=requirements.wants_depth(scene.job), diffuse=requirements.wants_diffuse(scene.job)
+        camera.pinhole, depth=requirements.wants_depth(scene.job), diffuse=requirements.wants_diffuse(scene.job)
     )
 
 
@@ -91,7 +92,8 @@ def light(
         RenderError: the film does not fit in memory.
     """
     _require("light", scene=(scene, Scene), camera=(camera, Camera), lighting=(lighting, Lighting))
-    job, seen = scene.job, relighting.lighting_camera(camera, scene.job.relight)
+    camera, job = camera.pinhole, scene.job
+    seen = relighting.lighting_camera(camera, job.relight)
     compared = requirements.compared_in(job, lighting)
     view, new = scene.view_light(seen), scene.new_light(seen)
     if new is view:
@@ -239,10 +241,10 @@ def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSet
     return compositor.composite_colors(camera, new)
 
 
-def frame(scene: Scene, camera: Camera, lighting: Lighting | None) -> Frame:
-    """The stages one after the other: one whole frame, as `mirelight render` makes it."""
+def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: Progress | None = None) -> Frame:
+    """The stages one after the other: one whole frame of a pinhole, as `mirelight render` makes it."""
     splats = composite(scene, camera)
-    return relight(scene, splats, None if lighting is None else light(scene, camera, lighting))
+    return relight(scene, splats, None if lighting is None else light(scene, camera, lighting, progress=progress))
 
 
 # --- types -----------------------------------------------------------------------------------------------------------

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mirelight.io.job.fields import (
     GltfPath,
+    NotNegative,
     Positive,
     Resolution,
     Table,
@@ -17,8 +19,10 @@ from mirelight.io.job.fields import (
     wrong,
 )
 from mirelight.io.job.scene_tables import Transform, is_similarity
+from mirelight.model import Camera, Exposure
 
 MOST_CAMERAS = 100_000  # of one table
+SENSOR_WIDTH = 36.0  # mm, where a job says none
 
 
 def _table_or_word(value: Any) -> str:
@@ -31,7 +35,55 @@ Placing: TypeAlias = Annotated[
 ]
 
 
-class CamerasFromTable(Table):
+class ApertureTable(Table):
+    """Keys of a lens that is no pinhole."""
+
+    f_stop: Positive | None = Field(
+        default=None,
+        description="Focal length over the width of the aperture, for scenes in metres: what is out of focus is "
+        "blurred. Default: a pinhole, which all is sharp to.",
+    )
+    aperture_radius: NotNegative | None = Field(
+        default=None, description="Radius of the aperture in world units, whatever they are; instead of f_stop."
+    )
+    focus_distance: Positive | None = Field(
+        default=None,
+        description="World units along the view axis to what is sharp. Default: as far as target.",
+    )
+
+    @model_validator(mode="after")
+    def _check_aperture(self) -> ApertureTable:
+        one_way(self, ("f_stop",), ("aperture_radius",))
+        if self.focus_distance is not None and self.f_stop is None and self.aperture_radius is None:
+            raise wrong("no f_stop and no aperture_radius", "give one of them, too", at="focus_distance")
+        return self
+
+    def require_focus(self) -> None:
+        """Raises what says that a distance is needed, where nothing else gives one."""
+        if (self.f_stop or self.aperture_radius) and self.focus_distance is None:
+            raise wrong(
+                "no focus_distance", "give it too, in world units", at="f_stop" if self.f_stop else "aperture_radius"
+            )
+
+    def exposed(self, camera: Camera, distance: float | None, sensor_width: float = SENSOR_WIDTH) -> Camera:
+        """A camera with this lens; itself where the table says nothing of one.
+
+        Args:
+            camera: of any lens.
+            distance: world units to what is sharp, where the table says nothing of it.
+            sensor_width: mm.
+        """
+        radius = self.aperture_radius
+        if self.f_stop is not None:
+            radius = camera.fx / camera.width * sensor_width / 1000 / (2 * self.f_stop)
+        if radius is None:
+            return camera
+        away = self.focus_distance or distance
+        lens = Exposure(aperture_radius=radius, focus_distance=away) if radius > 0 and away is not None else None
+        return replace(camera, exposure=lens)
+
+
+class CamerasFromTable(ApertureTable):
     """Cameras of a file or folder: glTF, still or animated, or of a capture."""
 
     path: GltfPath = Field(
@@ -79,6 +131,7 @@ class CamerasFromTable(Table):
     @model_validator(mode="after")
     def _check(self) -> CamerasFromTable:
         one_way(self, ("fps",), ("frames",))
+        self.require_focus()
         placed = self.transform
         if isinstance(placed, Transform) and placed.matrix and not is_similarity(placed.matrix):
             raise wrong(

@@ -96,7 +96,7 @@ def cameras_from(
         found = _of_scene(table, at, resolution, splats, files, wrong)
     else:
         found = _captured(table, at, resolution, splats, files, wrong)
-    return [scaled(camera, table.resolution_scale) for camera in found]
+    return [scaled(table.exposed(camera, None), table.resolution_scale) for camera in found]
 
 
 def scaled(camera: Camera, factor: float) -> Camera:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from mirelight.io.job.camera_file_tables import MOST_CAMERAS, Capture
+from mirelight.io.job.camera_file_tables import MOST_CAMERAS, SENSOR_WIDTH, ApertureTable, Capture
 from mirelight.io.job.fields import (
     Bounds,
     Degrees,
@@ -29,7 +29,6 @@ from mirelight.io.job.fields import (
 from mirelight.io.job.scene_tables import is_similarity
 
 YFOV = 45.0  # degrees
-_SENSOR_WIDTH = 36.0  # mm
 _TARGET = "[x, y, z], the point looked at. Default: the scene's middle."
 _RADIUS = "Distance from target, in world units. Default: the whole scene is in view."
 
@@ -78,7 +77,7 @@ class PosedCamera(CameraTable):
         return self
 
 
-class LensTable(CameraTable):
+class LensTable(CameraTable, ApertureTable):
     """A lens by its field of view, or by its focal length as photographers write it. Pixels are square."""
 
     yfov: FieldOfView | None = Field(default=None, description="Vertical field of view in degrees. Default: 45.")
@@ -97,7 +96,7 @@ class LensTable(CameraTable):
     def focal(self, width: int, height: int, yfov: float = YFOV) -> float:
         """Focal length in pixels on a picture; `yfov` in degrees where the table says nothing."""
         if self.focal_length is not None:
-            return self.focal_length / (self.sensor_width or _SENSOR_WIDTH) * width
+            return self.focal_length / (self.sensor_width or SENSOR_WIDTH) * width
         return height / (2 * math.tan(math.radians(self.yfov or yfov) / 2))
 
 
@@ -119,6 +118,8 @@ class PerspectiveTable(PosedCamera, LensTable):
         one_way(self, ("yfov",), ("focal_length",), ("fx",))
         if self.fy is not None and self.fx is None:
             raise wrong("no fx", "give fx too, or yfov alone", at="fy")
+        if self.matrix is not None:
+            self.require_focus()
         return self
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.job import sampling
+from mirelight.io.job.camera_file_tables import SENSOR_WIDTH
 from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name, scaled
 from mirelight.io.job.camera_tables import (
     YFOV,
@@ -169,7 +170,7 @@ def _camera(table: PerspectiveTable | OrthographicTable, name: str, size: tuple[
         fy = table.fy or fx
         cx = cx if table.cx is None else table.cx
         cy = cy if table.cy is None else table.cy
-    return Camera(
+    camera = Camera(
         name=name,
         world_from_camera=_pose(table),
         width=width,
@@ -182,6 +183,10 @@ def _camera(table: PerspectiveTable | OrthographicTable, name: str, size: tuple[
         near=table.near,
         far=_far(table),
     )
+    if isinstance(table, OrthographicTable):
+        return camera
+    away = None if table.target is None else math.dist(table.position or (), table.target)
+    return table.exposed(camera, away, table.sensor_width or SENSOR_WIDTH)
 
 
 def _pose(table: PosedCamera) -> Matrix:
@@ -249,20 +254,20 @@ def _standing(
     out = []
     for number, stand in enumerate(stands, start=first):
         f = table.focal(*size, *([stand.yfov] if stand.yfov else []))
-        out.append(
-            Camera(
-                name=frame_name(name, number),
-                world_from_camera=conventions.look_at(stand.position, stand.target),
-                width=size[0],
-                height=size[1],
-                fx=f,
-                fy=f,
-                cx=size[0] / 2,
-                cy=size[1] / 2,
-                near=table.near,
-                far=_far(table),
-            )
+        camera = Camera(
+            name=frame_name(name, number),
+            world_from_camera=conventions.look_at(stand.position, stand.target),
+            width=size[0],
+            height=size[1],
+            fx=f,
+            fy=f,
+            cx=size[0] / 2,
+            cy=size[1] / 2,
+            near=table.near,
+            far=_far(table),
         )
+        away = float(np.linalg.norm(stand.target - stand.position))
+        out.append(table.exposed(camera, away, table.sensor_width or SENSOR_WIDTH))
     return out
 
 

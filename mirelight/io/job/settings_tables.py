@@ -71,6 +71,12 @@ class RenderTable(Table):
         description="Bytes that a picture's film may take, and light on the surface. "
         "Default: what the machine has free.",
     )
+    lens_samples: int = Field(
+        default=_RENDER.lens_samples,
+        ge=1,
+        le=4096,
+        description="Of cameras with a lens or a shutter: pinholes whose mean is the frame. They share spp.",
+    )
     ao_distance: Positive | None = Field(
         default=_RENDER.ao_distance,
         description="How far ambient occlusion looks, in world units. Default: a tenth of the proxy's diagonal.",

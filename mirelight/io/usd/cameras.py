@@ -13,7 +13,7 @@ from mirelight.base.errors import InputError
 from mirelight.io.gltf.names import unique_names
 from mirelight.io.usd.process import ask
 from mirelight.io.usd.rows import CameraRow, Request
-from mirelight.model import Camera
+from mirelight.model import Camera, Exposure
 
 _MOST_MOMENTS = 100_000
 
@@ -43,9 +43,12 @@ class UsdCamera:
         row = self.row
         scale = height / row.apertures[1]  # px a tenth of a unit on the film
         focal = scale / row.unit if row.orthographic else scale * row.focal
+        placed = self.world if world is None else world
+        size = np.cbrt(abs(np.linalg.det(placed[:3, :3]) / np.linalg.det(self.world[:3, :3])))
+        lens = row.aperture_radius * size, row.focus_distance * size
         return Camera(
             name=self.name,
-            world_from_camera=_rigid(self.world if world is None else world),
+            world_from_camera=_rigid(placed),
             width=width,
             height=height,
             fx=focal,
@@ -55,6 +58,7 @@ class UsdCamera:
             projection="orthographic" if row.orthographic else "perspective",
             near=max(row.clipping[0], 1e-6),
             far=row.clipping[1],
+            exposure=Exposure(aperture_radius=lens[0], focus_distance=lens[1]) if lens[0] > 0 else None,
         )
 
 
@@ -119,7 +123,7 @@ def _cameras(path: Path, rows: list[CameraRow]) -> tuple[UsdCamera, ...]:
 
 
 def _camera(path: Path, row: CameraRow, name: str) -> UsdCamera:
-    numbers = [*row.apertures, *row.offsets, row.focal, *row.clipping]
+    numbers = [*row.apertures, *row.offsets, row.focal, row.aperture_radius, row.focus_distance, *row.clipping]
     if not np.isfinite(numbers[:-1]).all() or min(row.apertures) <= 0 or (row.focal <= 0 and not row.orthographic):
         found = f"a lens of focal length {row.focal:g} and apertures {row.apertures[0]:g}, {row.apertures[1]:g}"
         raise InputError(path, found, "give positive lengths", field=row.prim)

@@ -55,11 +55,10 @@ def _answer(request: Request, folder: Path) -> Answer:
 
 
 def _files(stage: Stage, _: Request) -> Answer:
-    from mirelight.io.usd import take_cameras, take_meshes
+    from mirelight.io.usd import take_meshes
 
     with suppress(RefusedError):  # it may be used for something else
         take_meshes.remarks(stage)
-    take_cameras.remarks(stage)
     return Answer(files=sorted(str(x) for x in stage.files))
 
 

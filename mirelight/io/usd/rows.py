@@ -64,7 +64,8 @@ class CameraRow:
     clipping: list[float]  # metres
     unit: float  # metres of a tenth of a unit: of orthographic apertures
     moves: bool  # something is animated
-    f_stop: float
+    aperture_radius: float = 0.0  # metres; 0: a pinhole
+    focus_distance: float = 0.0  # metres
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

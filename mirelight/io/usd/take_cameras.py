@@ -11,7 +11,7 @@ from mirelight.io.usd.rows import Answer, CameraRow, Request
 from mirelight.io.usd.stage import Stage, rows
 
 _SAME = 1e-6  # time codes
-_LENS = ("focalLength", "horizontalAperture", "verticalAperture")
+_LENS = ("focalLength", "horizontalAperture", "verticalAperture", "fStop", "focusDistance")
 
 
 def cameras(stage: Stage, request: Request) -> Answer:
@@ -25,16 +25,6 @@ def cameras(stage: Stage, request: Request) -> Answer:
     return Answer(cameras=taken, times=keys(stage, found))
 
 
-def remarks(stage: Stage) -> None:
-    """Note what of the cameras is not followed."""
-    from pxr import UsdGeom
-
-    for prim in stage.prims():
-        stop = UsdGeom.Camera(prim).GetFStopAttr().Get(stage.code) if prim.IsA(UsdGeom.Camera) else None
-        if stop:
-            stage.note(f"{prim.GetPath()}: f-stop {stop:g} and its focus, which are not followed; all is sharp")
-
-
 def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> CameraRow:
     """`exact`: its lens in full, of a stage that this package wrote; of one that zooms, at its keys."""
     from pxr import UsdGeom
@@ -46,7 +36,6 @@ def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> Ca
         return float(attribute.Get(at) or 0.0)
 
     near, far = camera.GetClippingRangeAttr().Get(at)
-    stop = number(camera.GetFStopAttr())
     row = CameraRow(
         name=prim.GetName(),
         prim=str(prim.GetPath()),
@@ -58,13 +47,22 @@ def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> Ca
         clipping=[float(near) * stage.unit, float(far) * stage.unit],
         unit=stage.unit / 10,
         moves=len(_samples(prim, _LENS)) > 1,
-        f_stop=stop,
+        **_lens_of(camera, at, stage.unit),
     )
     lens = dict(exact or {})
     if row.moves or code is not None:
-        near_by = [focal for key, focal in lens.pop("keys", ()) if abs(key - at.GetValue()) < _SAME]
-        lens = lens | {"focal": near_by[0]} if near_by else {}
+        near_by = [values for key, values in lens.pop("keys", ()) if abs(key - at.GetValue()) < _SAME]
+        lens = lens | near_by[0] if near_by else {}
     return replace(row, **lens)
+
+
+def _lens_of(camera: Any, at: Any, unit: float) -> dict[str, float]:
+    """Aperture and focus in metres, where both are there; focal lengths are tenths of a unit."""
+    stop, focus = (float(x.Get(at) or 0.0) for x in (camera.GetFStopAttr(), camera.GetFocusDistanceAttr()))
+    focal = float(camera.GetFocalLengthAttr().Get(at) or 0.0)
+    if not (stop > 0 and focus > 0 and camera.GetProjectionAttr().Get(at) == "perspective"):
+        return {}
+    return {"aperture_radius": focal * unit / 10 / (2 * stop), "focus_distance": focus * unit}
 
 
 def keys(stage: Stage, prims: Iterable[Any]) -> list[float]:

@@ -102,6 +102,7 @@ def add_camera(writer: StageWriter, cameras: Sequence[Camera], frames: Mapping[s
     camera.CreateVerticalApertureOffsetAttr((first.cy - first.height / 2) * pixel)
     camera.CreateClippingRangeAttr((first.near, first.far if math.isfinite(first.far) else 1e9))
     focal = camera.CreateFocalLengthAttr(50.0 if flat else first.fy * pixel)
+    _add_lens(camera, cameras, codes)
     if moves and not flat:
         for code, one in zip(codes, cameras, strict=True):
             focal.Set(one.fy / one.height * _FILM, code)
@@ -112,13 +113,36 @@ def add_camera(writer: StageWriter, cameras: Sequence[Camera], frames: Mapping[s
     if not flat and len({(x.width, x.height, x.cx, x.cy, x.near, x.far, x.fx == x.fy) for x in cameras}) == 1:
         lens = {"focal": first.fy, "apertures": [first.width, first.height], "clipping": [first.near, first.far]}
         lens |= {"offsets": [first.width / 2 - first.cx, first.cy - first.height / 2], "unit": 1.0}
+        lens |= _exposure_values(first)
         if moves:
-            lens["keys"] = [[code, one.fy] for code, one in zip(codes, cameras, strict=True)]
+            lens["keys"] = [
+                [code, {"focal": one.fy, **_exposure_values(one)}] for code, one in zip(codes, cameras, strict=True)
+            ]
         if first.fx == first.fy:
             keep(prim, lens)
     there = [i for i, one in enumerate(cameras) if one.name in frames]
     if there:
         _add_frames(writer, prim, first, [(codes[i] if moves else None, frames[cameras[i].name]) for i in there])
+
+
+def _add_lens(camera: Any, cameras: Sequence[Camera], codes: Sequence[float]) -> None:
+    """Aperture and focus of a camera, or at each of several moments; nothing of a pinhole."""
+    lenses = [x.exposure for x in cameras]
+    if not any(x is not None and x.aperture_radius > 0 for x in lenses):
+        return
+    stop, focus = camera.CreateFStopAttr(), camera.CreateFocusDistanceAttr()
+    for k, (one, lens) in enumerate(zip(cameras, lenses, strict=True)):
+        at = (codes[k],) if codes else ()
+        radius = 0.0 if lens is None else lens.aperture_radius
+        stop.Set(one.fy * _FILM / one.height / 10 / (2 * radius) if radius > 0 else 0.0, *at)
+        focus.Set(0.0 if lens is None else lens.focus_distance, *at)
+
+
+def _exposure_values(camera: Camera) -> dict[str, float]:
+    lens = camera.exposure
+    if lens is None or lens.aperture_radius == 0:
+        return {}
+    return {"aperture_radius": lens.aperture_radius, "focus_distance": lens.focus_distance}
 
 
 def _add_frames(writer: StageWriter, camera: Any, size: Camera, frames: Sequence[tuple[float | None, str]]) -> None:

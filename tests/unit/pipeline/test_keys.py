@@ -24,6 +24,7 @@ from mirelight.model import (
     EngineSettings,
     Environment,
     EstimatedSky,
+    Exposure,
     Job,
     LayerFactor,
     Lighting,
@@ -134,6 +135,9 @@ def in_place(job: Job, where: str) -> Job:
     """The job as it must be for the setting to count."""
     if where == "tint":
         return replace(job, relight=replace(job.relight, mode="tint"))
+    if where == "lens":
+        lens = Exposure(aperture_radius=0.1, focus_distance=2.0)
+        return replace(job, cameras=tuple(replace(x, exposure=lens) for x in job.cameras))
     if where == "playcanvas":
         return replace(job, compositor=replace(job.compositor, profile="playcanvas"))
     return job
@@ -296,6 +300,7 @@ DECIDES: dict[str, set[str]] = {
     "render.denoise": TRACED,
     "render.threads": set(),
     "render.max_memory": set(),
+    "render.lens_samples": set(),  # of pinholes
     "render.ao_distance": TRACED,
     "compositor.profile": UNLIT | FILES,
     "compositor.sort": UNLIT | FILES,

@@ -54,6 +54,21 @@ def test_cameras_of_a_capture_follow_its_splats(write_job: WriteJob, tmp_path: P
             np.testing.assert_allclose(pixels_of(camera, points), view.pixels(), rtol=0, atol=1e-6)
 
 
+def test_a_lens_by_its_f_stop_and_what_it_looks_at(write_job: WriteJob, tmp_path: Path) -> None:
+    """As photographers reckon: 50 mm at f/2 on a full frame is an aperture 25 mm wide."""
+    pose = "position = [0, 1, 4]\ntarget = [0, 1, 1]\n"
+    lens = cameras(write_job(SCENE + f"[[cameras]]\n{pose}focal_length = 50\nf_stop = 2\n"))[0].exposure
+    assert lens is not None and (lens.aperture_radius, lens.focus_distance) == pytest.approx((0.0125, 3))
+    orbit = '[[cameras]]\ntype = "orbit"\nframes = 2\nradius = 5\naperture_radius = 0.3\n'
+    for camera in cameras(write_job(SCENE + orbit)):
+        assert camera.exposure is not None and camera.exposure.focus_distance == pytest.approx(5)
+    colmap_text(tmp_path / "sparse", views())
+    more = 'path = "sparse", aperture_radius = 0.02, focus_distance = 7'
+    found = cameras(write_job(SCENE + f"cameras_from = {{ {more} }}\n"))
+    assert all(x.exposure is not None and x.exposure.focus_distance == 7 for x in found)
+    assert all(x.exposure is None for x in cameras(write_job(SCENE + 'cameras_from = "sparse"\n')))
+
+
 def test_only_what_is_read_counts_as_input(write_job: WriteJob, tmp_path: Path) -> None:
     """Neither the capture's pictures nor its points decide whether a frame is made again."""
     colmap_text(tmp_path / "cap" / "sparse" / "0", views())

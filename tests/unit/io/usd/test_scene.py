@@ -79,6 +79,8 @@ def Camera "shot"
     float horizontalAperture = 36
     float verticalAperture = 24
     float horizontalApertureOffset = 3.6
+    float fStop = 2.5
+    float focusDistance.timeSamples = {{ 0: 5, 48: 9 }}
     float2 clippingRange = (0.1, 100)
     double3 xformOp:translate.timeSamples = {{ 0: (0, 0, 5), 48: (0, 0, 9) }}
     uniform token[] xformOpOrder = ["xformOp:translate"]
@@ -135,6 +137,11 @@ def test_a_camera_moves_and_zooms_with_its_apertures(stage: Path) -> None:
     assert [time for time, _ in moments] == [0, 1, 2]
     assert [one.world[2, 3] for _, one in moments] == pytest.approx([5, 7, 9])
     assert [one.to_camera(360, 240).fx for _, one in moments] == pytest.approx([500, 750, 1000])
+    lenses = [one.to_camera(360, 240).exposure for _, one in moments]
+    assert [x.focus_distance for x in lenses if x] == pytest.approx([5, 7, 9])
+    assert [x.aperture_radius for x in lenses if x] == pytest.approx([1, 1.5, 2])  # 50 tenths of a metre over 2 x 2.5
+    twice = moments[0][1].to_camera(360, 240, np.diag([2.0, 2, 2, 1]) @ moments[0][1].world).exposure
+    assert twice is not None and (twice.aperture_radius, twice.focus_distance) == pytest.approx((2, 10))
     assert len(sample_cameras(stage, "shot", fps=12)) == 25
 
 

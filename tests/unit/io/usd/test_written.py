@@ -21,6 +21,7 @@ from mirelight.model import (
     Deferred,
     DirectionalLight,
     Environment,
+    Exposure,
     Job,
     Light,
     Lighting,
@@ -76,6 +77,7 @@ def test_a_stage_is_sound_and_comes_back_in_every_bit(tmp_path: Path, suffix: st
         fy=299.7,
         cx=150.3,
         cy=121.9,
+        exposure=Exposure(aperture_radius=0.013, focus_distance=3.1),
     )
     job, lighting = _job(tmp_path, camera)
     path = tmp_path / f"stage{suffix}"
@@ -96,7 +98,8 @@ def test_a_stage_is_sound_and_comes_back_in_every_bit(tmp_path: Path, suffix: st
 
 
 def test_usds_own_words_say_the_same_but_for_single_precision(tmp_path: Path) -> None:
-    camera = Camera.look_at([0, 1, 4], [0, 0, 0], 64, 48)
+    lens = Exposure(aperture_radius=0.013, focus_distance=3.1)
+    camera = replace(Camera.look_at([0, 1, 4], [0, 0, 0], 64, 48), exposure=lens)
     job, lighting = _job(tmp_path, camera)
     path = tmp_path / "stage.usda"
     write_stage(path, truth.cloud(100), job, lighting, {"view": "out/view.night.exr"})
@@ -107,7 +110,10 @@ def test_usds_own_words_say_the_same_but_for_single_precision(tmp_path: Path) ->
             assert type(now) is type(was) or was.name == "ball"
         factor = np.pi * 0.3**2 if was.name == "ball" else 1.0  # a sphere of a luminance
         assert now.intensity * factor == pytest.approx(was.intensity, rel=1e-5)
-    assert read_cameras(path)[0].to_camera(64, 48).fx == pytest.approx(camera.fx, rel=1e-6)
+    found = read_cameras(path)[0].to_camera(64, 48)
+    assert found.fx == pytest.approx(camera.fx, rel=1e-6) and found.exposure is not None
+    assert found.exposure.aperture_radius == pytest.approx(lens.aperture_radius, rel=1e-6)
+    assert found.exposure.focus_distance == pytest.approx(lens.focus_distance, rel=1e-6)
 
 
 def test_cameras_of_an_animation_are_one_that_moves(tmp_path: Path) -> None:
@@ -117,7 +123,8 @@ def test_cameras_of_an_animation_are_one_that_moves(tmp_path: Path) -> None:
     from mirelight.io.usd.write_lights import add_camera
 
     shots = [Camera.look_at([0, 1, 4 + k], [0, 0, 0], 64, 48, yfov=40 + k, name=f"dolly.{k + 1:04d}") for k in range(3)]
-    timed = [replace(shot, time=k / 12) for k, shot in enumerate(shots)]
+    lenses = [Exposure(aperture_radius=0.01, focus_distance=4.1 + k) for k in range(3)]
+    timed = [replace(shot, time=k / 12, exposure=lenses[k]) for k, shot in enumerate(shots)]
     writer = StageWriter(tmp_path / "dolly.usdc")
     add_camera(writer, timed, {shot.name: f"out/{shot.name}.night.exr" for shot in timed})
     writer.save()

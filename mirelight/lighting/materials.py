@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from mirelight.model import F32, F64, Material, ProxyMesh, Wraps, triangles
 
 GLOW_SLOTS = 1 << 18  # draws of an emissive face come in so many equal shares
-TEXTURED = 5  # groups of a material's row that a texture may multiply
-ROW = 4 * (2 * TEXTURED + 2)  # floats a material
+TEXTURED = 7  # groups of a material's row that a texture may multiply:
+BASE_COLOR, EMISSION, FINISH, NORMAL, ALPHA, SPECULAR, LAYERS = range(TEXTURED)
+ROW = 4 * (2 * TEXTURED + 1)  # floats a material
 WRAP_CODE = {"repeat": 0, "mirror": 1, "clamp": 2}
 _LOOKUPS = 1 << 22  # texture look-ups that the power of textured faces is taken from
 _AT_ONCE = 1 << 20
@@ -20,8 +21,8 @@ _AT_ONCE = 1 << 20
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
     """A row a material: colour, wrap | emission, wrap | 1, roughness, metallic, wrap | scale of normals, wrap |
-    alpha, cutoff, whether there is one, wrap | the place of each one's texture | specular, weight | clear coat,
-    its alpha, 0, 0.
+    alpha, cutoff, whether there is one, wrap | specular, wrap | clear coat, its roughness, transmission, wrap | the
+    place of each one's texture | weight of specular, 0, 0, 0.
 
     A place is width, height, first texel (low, high half); a wrap is the code along u plus three times that along v.
     """
@@ -36,14 +37,34 @@ def is_emissive(proxy: ProxyMesh) -> bool:
     return any(_glows(m) for m in proxy.materials)
 
 
-def has_emissive_texture(proxy: ProxyMesh) -> bool:
-    """True where some material glows by a texture."""
-    return proxy.uvs is not None and any(_glows(m) and m.emissive_texture is not None for m in proxy.materials)
+def textured(proxy: ProxyMesh) -> frozenset[int]:
+    """Groups of rows that some texture multiplies."""
+    if proxy.uvs is None:
+        return frozenset()
+    return frozenset(k for m in proxy.materials for k, x in enumerate(_textures(m)) if x is not None)
+
+
+def _textures(material: Material) -> tuple[F32 | None, ...]:
+    """(TEXTURED) of each group."""
+    return (
+        material.base_color_texture,
+        material.emissive_texture if _glows(material) else None,
+        material.finish_texture,
+        material.normal_texture,
+        material.alpha_texture,
+        material.specular_texture,
+        material.layer_texture,
+    )
 
 
 def has_cutouts(proxy: ProxyMesh) -> bool:
     """True where something shows through some material."""
     return any(m.alpha < 1 or m.alpha_texture is not None for m in proxy.materials)
+
+
+def has_glass(proxy: ProxyMesh) -> bool:
+    """True where light goes through some material."""
+    return any(m.transmission > 0 for m in proxy.materials)
 
 
 def has_coats(proxy: ProxyMesh) -> bool:
@@ -138,23 +159,18 @@ def pack_materials(proxy: ProxyMesh) -> Atlas:
         scale = 0.0 if material.normal_texture is None or proxy.uvs is None else material.normal_scale
         row[12:15], row[15] = scale, _wrap_code(material.normal_wrap)
         row[16:19], row[19] = (material.alpha, material.cutoff or 0, material.cutoff is not None), row[3]
-        row[40:43], row[43] = material.specular, material.specular_weight
-        row[44:46] = material.clearcoat, max(material.clearcoat_roughness**2, 1e-3)
-        textures = (
-            material.base_color_texture,
-            material.emissive_texture,
-            material.finish_texture,
-            material.normal_texture,
-            material.alpha_texture,
-        )
-        for place, texture in zip(row[20:40].reshape(TEXTURED, 4), textures, strict=True):
+        row[20:23], row[23] = material.specular, _wrap_code(material.specular_wrap)
+        row[24:27] = material.clearcoat, material.clearcoat_roughness, material.transmission
+        row[27], row[8 * TEXTURED] = _wrap_code(material.layer_wrap), material.specular_weight
+        places = row[4 * TEXTURED : 8 * TEXTURED].reshape(TEXTURED, 4)
+        for place, texture in zip(places, _textures(material), strict=True):
             if texture is None or proxy.uvs is None:
                 place[:] = (1, 1, 0, 0)
                 continue
             h, w = texture.shape[:2]
             place[:] = (w, h, first & 0xFFFF, first >> 16)
             part = np.zeros((h * w, 4), np.float32)
-            part[:, :3] = texture.reshape(-1, 3)
+            part[:, : texture.shape[2]] = texture.reshape(h * w, -1)
             parts.append(part)
             first += h * w
     faces = len(proxy.faces)

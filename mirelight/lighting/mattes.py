@@ -87,7 +87,7 @@ class _Seen:
 
         lane = dr.arange(mi.UInt32, (pixels.stop - pixels.start) * SAMPLES)
         pixel = lane // SAMPLES + dr.opaque(mi.UInt32, pixels.start)
-        hit, face, _, _ = self._rays.first_hit(self._surface, pixel, lane % SAMPLES, mix(pixel, _STREAM))
+        hit, face, *_ = self._rays.first_hit(self._surface, pixel, lane % SAMPLES, mix(pixel, _STREAM))
         found = dr.select(hit, dr.gather(mi.UInt32, self._labels, face, hit), 0)
         return np.asarray(found.numpy()).astype(self._type).reshape(-1, SAMPLES)
 

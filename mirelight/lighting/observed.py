@@ -29,6 +29,7 @@ STEP = 4.0  # footprints: pixels whose neighbours hit the mesh farther off than 
 MOST_AROUND = 1 << 18  # samples that are kept to average over
 _TOGETHER = 8  # samples whose mean is the colour at a place
 _CELLS = 64  # along the diagonal: cells of the surface that are shown alike often
+_KNOWN = 1e-3  # weight of what is seen about a place, from which it is known
 _PLANE = 0.7  # least cosine between faces of one surface
 
 Int = NDArray[np.int64]
@@ -65,6 +66,9 @@ class Observed(Protocol):
 
     def deposits(self, most: int) -> Deposits:
         """At about so many places at most, evenly spread. Raises RenderError where none is on the mesh."""
+
+    def at(self, points: F64, normals: F64) -> tuple[F64, NDArray[np.bool_]]:
+        """(N, 3) colours at points (N, 3) on faces with unit normals (N, 3), and (N,) where any is known."""
 
     @property
     def samples(self) -> Samples:
@@ -125,6 +129,28 @@ class _Splats:
             spread=both * lengths[:, :, None],
         )
 
+    def at(self, points: F64, normals: F64) -> tuple[F64, NDArray[np.bool_]]:
+        """Of the splats nearest to each point, as they blend there."""
+        from scipy.spatial import cKDTree
+
+        splats = self._splats
+        near = cKDTree(splats.means).query(points, k=[*range(1, min(_TOGETHER, len(splats)) + 1)], workers=-1)[1]
+        every, of = np.unique(near, return_inverse=True)
+        scales, axes = (
+            splats.scales[every].astype(np.float64),
+            conventions.rotation_from_quaternion(splats.quats[every]),
+        )
+        of = of.reshape(near.shape)
+        away = points[:, None] - splats.means[every].astype(np.float64)[of]
+        own = np.einsum("nkji,nkj->nki", axes.astype(np.float64)[of], away) / np.maximum(scales, 1e-12)[of]
+        flattest = np.argmin(scales, axis=1)
+        np.put_along_axis(own, flattest[of][..., None], 0.0, axis=2)  # the mesh may lie a little beside it
+        facing = np.take_along_axis(axes.astype(np.float64), flattest[:, None, None], axis=2)[..., 0]
+        weight = splats.opacities[every][of] * np.exp(-0.5 * (own**2).sum(axis=2))
+        weight *= np.abs(np.einsum("nkj,nj->nk", facing[of], normals)) > _PLANE
+        color = splats.light(sh.mean_display(splats.sh[every])).astype(np.float64)
+        return _weighed(weight, color[of])
+
     @cached_property
     def samples(self) -> Samples:
         """Splats as points with a normal and a colour."""
@@ -182,12 +208,10 @@ class _Pictures:
             )
         rows = self._even(most)
         some = pixels.taken(rows)
-        near, distance = self._near(some.points, _TOGETHER)
-        weight = pixels.cosine[near] * np.exp(-0.5 * (distance / some.footprint[:, None]) ** 2)
         own = self._normals[some.face]
-        weight *= np.abs(np.einsum("nkj,nj->nk", self._normals[pixels.face[near]], own)) > _PLANE
+        near, weight = self._around(some.points, own, some.footprint[:, None])
         weight[:, 0] += 1e-9  # itself, or one at the same place
-        color = np.einsum("nk,nkc->nc", weight, pixels.color[near]) / weight.sum(axis=1)[:, None]
+        color, _ = _weighed(weight, pixels.color[near])
         return Deposits(
             face=some.face,
             corners=triangles.barycentric(self._mesh.vertices[self._mesh.faces[some.face]].astype(float), some.points),
@@ -195,6 +219,20 @@ class _Pictures:
             color=color,
             spread=conventions.frame_around(own)[:, :2] * some.footprint[:, None, None] * np.sqrt(0.5),
         )
+
+    def _around(self, points: F64, normals: F64, footprint: F64 | None) -> tuple[Int, F64]:
+        """(N, K) rows of the pixels about points, and (N, K) what each counts within a footprint; None: its own."""
+        pixels = self._pixels
+        near, distance = self._near(points, _TOGETHER)
+        width = pixels.footprint[near] if footprint is None else footprint
+        weight = pixels.cosine[near] * np.exp(-0.5 * (distance / width) ** 2)
+        weight *= np.abs(np.einsum("nkj,nj->nk", self._normals[pixels.face[near]], normals)) > _PLANE
+        return near, weight
+
+    def at(self, points: F64, normals: F64) -> tuple[F64, NDArray[np.bool_]]:
+        """Of the pixels about each point, in whichever picture."""
+        near, weight = self._around(points, normals, None)
+        return _weighed(weight, self._pixels.color[near])
 
     @cached_property
     def samples(self) -> Samples:
@@ -222,6 +260,12 @@ class _Pictures:
         from scipy.spatial import cKDTree
 
         return cKDTree(self._pixels.points)
+
+
+def _weighed(weight: F64, color: F64) -> tuple[F64, NDArray[np.bool_]]:
+    """(N, 3) means of colours (N, K, 3) by weights (N, K), and (N,) whether there is any weight to speak of."""
+    whole = weight.sum(axis=1)
+    return np.einsum("nk,nkc->nc", weight, color) / np.maximum(whole, 1e-300)[:, None], whole > _KNOWN
 
 
 def _pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> _Pixels:

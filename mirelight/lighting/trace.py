@@ -35,6 +35,7 @@ from mirelight.model import (
 
 if TYPE_CHECKING:
     from mirelight.lighting.budget import Noise
+    from mirelight.lighting.detail import Detail
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
@@ -68,6 +69,7 @@ class Tracer:
             `settings.noise` is None.
         lobes: light is what the lobes of the materials reflect to the camera, of glTF's metallic-roughness model, and
             the albedo the metal's share of the surface; all else of the mesh is matt. Read from no cache, as above.
+        detail: finer colours of the mesh's first faces, which mirrors show; with inserted objects or lobes.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class Tracer:
         aovs: bool = True,
         first_inserted: int | None = None,
         lobes: bool = False,
+        detail: Detail | None = None,
     ) -> None:
         self.settings = settings
         self._layers, self._aovs = layers, aovs
@@ -90,7 +93,7 @@ class Tracer:
         if len(proxy.faces):
             from mirelight.lighting.kernel.proxy import DeviceProxy
 
-            self._surface = DeviceProxy(proxy, first_inserted, lobes=lobes)
+            self._surface = DeviceProxy(proxy, first_inserted, lobes=lobes, detail=detail)
 
     def trace(
         self,

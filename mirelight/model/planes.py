@@ -69,6 +69,15 @@ PLANES: tuple[Plane, ...] = (
         color=True,
     ),
     Plane(
+        name="shadow",
+        channels="RGB",
+        owner="frame",
+        field="shadow",
+        meaning="light beside inserted objects over the same without them: below 1 their shadow, above 1 what they "
+        "reflect; 1 where nothing is lit. By name alone, as new light is traced a second time for it",
+        half=True,
+    ),
+    Plane(
         name="splat_color",
         channels="RGB",
         owner="splats",

@@ -284,6 +284,7 @@ class Frame(ArrayHolder):
     noise: F32 | None = None  # (H, W, 3) standard deviation of rgba's colour; None where it is unknown or not wanted
     profile: Profile = "physical"  # by whose transfer curve it is shown; that of the splats where there are any
     background: F32 | None = None  # (H, W, 3) linear light behind the picture; None: what shows it takes a plain colour
+    shadow: F32 | None = None  # (H, W, 3) light beside inserted objects over that without them, where it is wanted
     mattes: tuple[Matte, ...] = ()  # what `output.aovs` names of `planes.MATTES`; not read back from a file
 
     def __post_init__(self) -> None:
@@ -293,6 +294,7 @@ class Frame(ArrayHolder):
         freeze(self, "factor", (h, w, 3))
         freeze(self, "noise", (h, w, 3))
         freeze(self, "background", (h, w, 3))
+        freeze(self, "shadow", (h, w, 3))
         if self.splats is not None:
             object.__setattr__(self, "profile", self.splats.profile)
 

@@ -114,8 +114,13 @@ class Material(ArrayHolder):
     normal_scale: float = 1.0  # of the first two
     specular: F64 = field(default_factory=lambda: np.full(3, 0.04))  # (3,) reflectance of what is no metal, from above
     specular_weight: float = 1.0  # and at grazing angles; `specular` has it multiplied in
+    specular_texture: F32 | None = None  # (h, w, 4): multiplies the first by all, the second by its alpha
+    specular_wrap: Wraps = ("repeat", "repeat")
     clearcoat: float = 0.0  # strength of a coat of lacquer
     clearcoat_roughness: float = 0.0
+    transmission: float = 0.0  # share of what is neither reflected nor metal that goes straight on, tinted
+    layer_texture: F32 | None = None  # multiplies lacquer, its roughness and transmission by red, green and blue
+    layer_wrap: Wraps = ("repeat", "repeat")
     alpha: float = 1.0  # how much of it is there
     alpha_texture: F32 | None = None  # multiplies it
     ignored: tuple[str, ...] = ()  # what its file says of it that is not followed
@@ -125,8 +130,9 @@ class Material(ArrayHolder):
         freeze(self, "base_color", (3,), np.float64)
         freeze(self, "base_color_texture", (None, None, 3))
         freeze(self, "emissive_texture", (None, None, 3))
-        for name in ("finish_texture", "normal_texture", "alpha_texture"):
+        for name in ("finish_texture", "normal_texture", "alpha_texture", "layer_texture"):
             freeze(self, name, (None, None, 3))
+        freeze(self, "specular_texture", (None, None, 4))
         freeze(self, "specular", (3,), np.float64)
         freeze(self, "emissive", (3,), np.float64)
 

@@ -7,15 +7,19 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from mirelight.model import Camera, Lighting, ProxyMesh, SurfaceCache
+import numpy as np
+
+from mirelight.model import Camera, Inserted, Lighting, ProxyMesh, SurfaceCache
 from mirelight.model.dressing import dressed
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
+from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.view_light import Progress
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
+    from mirelight.lighting.detail import Detail
     from mirelight.lighting.objects import Placed
 
 
@@ -52,7 +56,28 @@ class SceneWithObjects(Prepared):
 
         placed = self.placed
         apart, aovs = requirements.keeps_lights_apart(self.job), requirements.wants_aovs(self.job)
-        return Tracer(placed.mesh, self.job.render, layers=apart, aovs=aovs, first_inserted=placed.first)
+        settings, first = self.job.render, placed.first
+        return Tracer(placed.mesh, settings, layers=apart, aovs=aovs, first_inserted=first, detail=self._mirrored)
+
+    @cached_property
+    def _mirrored(self) -> Detail | None:
+        """What smooth objects show of the capture; None where there are none, or the proxy has colours of its own."""
+        from mirelight.lighting import detail
+
+        job, proxy = self.job, self._bare.proxy
+        boxes = [box for one, box in zip(job.objects, self.placed.boxes, strict=True) if _mirrors(one)]
+        if not boxes or not requirements.colors_proxy(job) or proxy is None or job.captured is None:
+            return None
+        found = self.kept.get(self.keys.mirrored, ARRAY)
+        if found is None:
+            self._tell("finding what mirrors show of the capture; it is kept for the next time")
+            near = [(box[:3, 3], float(np.linalg.norm(box[:3, :3], axis=0).max()) / 2) for box in boxes]
+            assert self._bare.splats is not None
+            captured = self.resolved(job.captured)
+            made = detail.told(proxy, near, self._bare.splats, self._bare.views, captured, job.render)
+            found = made.packed()
+            self.kept.put(self.keys.mirrored, found, ARRAY)
+        return detail.Detail.unpacked(found)
 
     def light_key(self, light_set: LightSet, seen: Camera) -> str:
         """The key of a set's traced buffer; `seen` is the lighting's camera."""
@@ -65,6 +90,15 @@ class SceneWithObjects(Prepared):
     def surface_cache(self, light_set: LightSet, *, progress: Progress | None = None) -> SurfaceCache | None:
         """None: light on the surface is kept without objects, so all is traced."""
         return None
+
+
+def _mirrors(one: Inserted) -> bool:
+    """Whether something of an object is smooth."""
+    from mirelight.lighting.detail import MIRRORS
+
+    return any(
+        x.roughness < MIRRORS or x.finish_texture is not None or x.clearcoat > 0 for x in one.mesh.value.materials
+    )
 
 
 class SceneOfLobes(SceneWithObjects):

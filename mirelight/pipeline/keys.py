@@ -197,6 +197,11 @@ class Keys:
         return _joined("object matte", self._traced, self._objects, self._eye(camera)[0])
 
     @cached_property
+    def mirrored(self) -> str:
+        """What mirrors among the job's objects show of the capture."""
+        return digest("mirrored", self.proxy, self._objects, self._device)
+
+    @cached_property
     def object_boxes(self) -> str:
         """Where the job's objects stand."""
         return digest("boxes round objects", self.proxy, self._objects) if self.job.objects else ""
@@ -262,7 +267,8 @@ class Keys:
         own = [x for x in lightings if x is not None]
         compared = requirements.with_compared(job, own)[len(own) :]
         lights = {self.light_with_objects(s, seen): s for x in own for s in self.mixture(x).sets}
-        lights |= {self.light(s, seen): s for x in compared for s in self.mixture(x).sets}
+        alone = own if requirements.wants_shadow(job) else []
+        lights |= {self.light(s, seen): s for x in (*alone, *compared) for s in self.mixture(x).sets}
         composite = None if job.splats is None else self.composite(camera)
         veiled: tuple[str, ...] = ()
         if job.objects:
@@ -281,6 +287,8 @@ class Keys:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
         parts = [composite, *self._lit(lighting, seen, self._objects), self._relit(job.relight_of(lighting))]
+        if requirements.wants_shadow(job):
+            parts += ["shadow", *self._lit(lighting, seen)]
         if relighting.adds_lobes(job.relight_of(lighting)):
             for one in requirements.with_compared(job, [lighting]):
                 parts += self._lit(one, seen, self._lobes)

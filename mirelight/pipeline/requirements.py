@@ -95,6 +95,12 @@ def wants_noise(job: Job) -> bool:
     return job.output.wants("noise")
 
 
+def wants_shadow(job: Job) -> bool:
+    """True where a file says what inserted objects do to the light beside them, so that it is traced without, too: by
+    name alone, for that is a second trace."""
+    return bool(job.objects) and job.output.aovs is not True and job.output.wants("shadow")
+
+
 def colors_proxy(job: Job) -> bool:
     """True where frames are lit on a proxy with the splats' colours: asked for, and of use.
 

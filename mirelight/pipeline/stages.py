@@ -36,6 +36,7 @@ class Lit:
     sun: relighting.Sun | None = None  # of the captured light, where its shadows take their places from the picture
     lobes: LightingBuffer | None = None  # what the proxy's materials mirror of the new light, where that is wanted
     captured_lobes: LightingBuffer | None = None  # the same of the captured one, where both are compared
+    bare: LightingBuffer | None = None  # the new light without inserted objects, where their shadow is wanted
     factor: F32 | None = None  # (N, 3) of each splat, linear, where splats are relit one by one
 
     def __repr__(self) -> str:
@@ -99,11 +100,13 @@ def light(
     if new is view:
         view.expect([lighting] if compared is None else [compared, lighting], progress)
     else:  # objects are in the new light alone
-        view.expect([] if compared is None else [compared], progress)
+        alone = [lighting] if requirements.wants_shadow(job) else []
+        view.expect([*(() if compared is None else (compared,)), *alone], progress)
         new.expect([lighting], progress)
     captured: LightingBuffer | None = None
     lobes: LightingBuffer | None = None
     captured_lobes: LightingBuffer | None = None
+    bare: LightingBuffer | None = None
     sun: relighting.Sun | None = None
     settings = job.relight_of(lighting)
     try:
@@ -112,7 +115,7 @@ def light(
         raise Stopped(None) from None
 
     def lit(buffer: LightingBuffer) -> Lit:
-        beside = {"captured": captured, "lobes": lobes, "captured_lobes": captured_lobes}
+        beside = {"captured": captured, "lobes": lobes, "captured_lobes": captured_lobes, "bare": bare}
         return Lit(camera=camera, lighting=lighting, new=buffer, sun=sun, factor=factor, **beside)
 
     def offer(so_far: Callable[[], LightingBuffer]) -> None:
@@ -121,6 +124,7 @@ def light(
 
     try:
         captured = None if compared is None else view.mixed(compared)
+        bare = view.mixed(lighting) if new is not view and requirements.wants_shadow(job) else None
         if compared is not None and relighting.repairs(settings):
             sun = view.sun(compared)
         if relighting.adds_lobes(settings):
@@ -160,7 +164,7 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
         if lit is view:
             view.trace(every, progress)
         else:  # objects are in the new light alone
-            view.trace(every[len(new) :], progress)
+            view.trace(every if requirements.wants_shadow(job) else every[len(new) :], progress)
             lit.trace(new, progress)
             scene.keep_objects(camera)
     except ViewStopped:
@@ -217,6 +221,8 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     if job.objects and lit is not None:
         front = None if splats is None or lit.new.objects is None else scene.in_front(camera, lit.new.objects)
         made = relighting.with_objects(made, front, settings)
+        if lit.bare is not None:
+            made = replace(made, shadow=relighting.shadow(lit.new, lit.bare, camera))
         if job.output.store != "frames":
             scene.keep_objects(camera)
     mattes = scene.mattes(camera)

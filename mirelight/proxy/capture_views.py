@@ -46,7 +46,7 @@ def capture_views(
     threads: int | None = None,
     report: Callable[[str], None] | None = None,
 ) -> tuple[SplatLayer, ...]:
-    """What the cameras of the capture see, none of discs.
+    """What the cameras of the capture see; of discs, where nothing tells it better, none.
 
     Args:
         splats: world space.
@@ -57,7 +57,7 @@ def capture_views(
         threads: worker threads, process-wide; None: as they are.
         report: gets a line on pictures that are not used.
     """
-    if not cameras or are_discs(splats):
+    if not cameras or (not any(pictures) and are_discs(splats)):
         return ()
     from mirelight.compositor import Compositor
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from mirelight.relighting.backdrop import without_leaks
 from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
-from mirelight.relighting.inserted import with_objects
+from mirelight.relighting.inserted import shadow, with_objects
 from mirelight.relighting.lobes import with_lobes
 from mirelight.relighting.mode import Lit, Mode, Task
 from mirelight.relighting.modes import MODES, adds_lobes, gloss_of, mode_of, per_splat, reads, repairs
@@ -37,6 +37,7 @@ __all__ = [
     "relit_colors",
     "repaired",
     "repairs",
+    "shadow",
     "splat_relighter",
     "unlit_rgba",
     "upsample",

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight.model import F32, Frame, RelightSettings, SplatLayer
+from mirelight.model import F32, Camera, Frame, LightingBuffer, RelightSettings, SplatLayer
 from mirelight.relighting.frame import covered
+from mirelight.relighting.resample import upsample
 
 
 def with_objects(frame: Frame, front: SplatLayer | None, settings: RelightSettings) -> Frame:
@@ -27,6 +28,20 @@ def with_objects(frame: Frame, front: SplatLayer | None, settings: RelightSettin
         return replace(frame, rgba=rgba)
     through = front.transmittance[..., None]
     return replace(frame, rgba=rgba, noise=_noise(frame, objects.variance, objects.coverage[..., None], through))
+
+
+def shadow(new: LightingBuffer, bare: LightingBuffer, camera: Camera) -> F32:
+    """(H, W, 3) light beside objects over the same light without them, linear; 1 where neither or no surface is.
+
+    Args:
+        new: with the objects.
+        bare: of the same camera without them.
+        camera: whose pixels are wanted.
+    """
+    with_them, without = (upsample(x, camera) for x in (new, bare))
+    light, before = (x.beauty / np.maximum(x.coverage, 1e-6)[..., None] for x in (with_them, without))
+    known = (with_them.coverage > 0)[..., None] & (before > 0)
+    return np.where(known, light / np.where(known, before, 1), 1).astype(np.float32)
 
 
 def _noise(frame: Frame, variance: F32 | None, share: F32, through: F32) -> F32 | None:

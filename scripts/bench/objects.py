@@ -3,8 +3,8 @@
     python scripts/bench objects [--spp 64] [--width 320] [--truth-spp 128] [--cache FOLDER] [--pictures FOLDER]
 
 Truth is Mitsuba's `path` on the textured scene with the objects in it, their look by glTF's formulas written anew. What
-is multiplied is the true captured picture, so that the splats' own error is not in it; PSNR is of display values, with
-the truth's noise taken out.
+is multiplied is the true captured picture, so that the splats' own error is not in it; colours of the proxy are told
+by true pictures from the capture's cameras. PSNR is of display values, with the truth's noise taken out.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from mirelight.pipeline import stages
 Bool = NDArray[np.bool_]
 ZONES = ("changed > 1 %", "> 10 %", "contact", "not changed", "edges")
 CONTACT = 4  # px round the objects
+TAKEN = (480, 270, 8)  # pixels and samples of each of the capture's pictures
 EYE, TARGET = (0.9, 1.7, 6.2), (-1.35, 0.25, 2.4)
 
 
@@ -63,9 +64,24 @@ class Yard:
         self.things = things()
         job = jobs.load(ROOT / "scenes" / "courtyard" / "job.toml")
         output = replace(job.output, store="frames")
-        self._job = replace(
-            job, cameras=(self.camera,), render=replace(job.render, spp=spp, denoise=True), output=output
-        )
+        render = replace(job.render, spp=spp, denoise=True)
+        self._bare_job = replace(job, cameras=(self.camera,), render=render, output=output)
+
+    @cached_property
+    def _job(self) -> Job:
+        """The job with the capture's cameras and what they took."""
+        width, height, spp = TAKEN if self.camera.width > 64 else (64, 36, 1)
+        cameras = tuple(x.resized(width, height) for x in self.recipe.orbit)
+
+        def make() -> F32:
+            scene = Truth(self._looks, self.recipe.captured)
+            return np.stack([scene.picture(x, spp, seed=5)[..., :3] for x in cameras])
+
+        where = [(x.world_from_camera, x.fx) for x in cameras]
+        name = f"objects.taken.{width}x{height}.{spp}"
+        taken = self._store.array(name, "true pictures", make, "scenes", where)
+        whole = [np.concatenate([x, np.ones_like(x[..., :1])], axis=-1).astype(np.float32) for x in taken]
+        return replace(self._bare_job, capture_cameras=cameras, capture_pictures=tuple(Deferred.of(x) for x in whole))
 
     @cached_property
     def _looks(self) -> Looks:
@@ -145,7 +161,7 @@ class Yard:
         true = Truth(self._looks, lighting)._rendered(aov, self.camera, 8, 1)[..., 4:7]
         ground = (new.coverage > 0.999) & (new.normal[..., 1] > 0.9) & (new.objects.coverage == 0)
         level = float((new.albedo[ground].mean(0) / true[ground].mean(0)).mean())
-        yield lighting.name, "albedo of the ground, told from splats, truth = 1", f"{level:.3f}"
+        yield lighting.name, "albedo of the ground, told from pictures, truth = 1", f"{level:.3f}"
 
     def _zones(self, truth: Pictures, objects: LightingBuffer) -> dict[str, Bool]:
         """By name (H, W) pixels: of the capture by how far the objects change them, and of each object."""

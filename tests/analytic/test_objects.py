@@ -172,6 +172,45 @@ def test_what_alpha_cuts_away_is_not_there_and_casts_no_shadow() -> None:
     np.testing.assert_allclose(veil.beauty[seen].mean(), 0.75**2 * 3 * 0.5 / np.pi, rtol=0.05)
 
 
+def test_thin_glass_mirrors_by_fresnel_and_lets_the_rest_through_in_its_colour() -> None:
+    light = DirectionalLight(name="key", direction=DOWN, intensity=3.0)
+    pane = plate(base_color=BASE, roughness=0.0, transmission=0.9)
+    made = lit(pane, light, sky=constant_sky(0.25), spp=256)
+    assert made.objects is not None
+    passed = 0.9 * 0.96 * BASE
+    inside = made.objects.coverage > 0
+    inside &= inside[::-1, ::-1]
+    share = made.objects.coverage[inside].mean()
+    np.testing.assert_allclose(share, 1 - passed.max(), rtol=0.02)
+    sun = next(x for x in made.layers if x.name == "key").total
+    np.testing.assert_allclose(sun[inside].mean(0), passed**2 * 3 * 0.5 / np.pi, rtol=0.03)  # down, and up again
+    mirrored = next(x for x in made.objects.layers if x.name != "key").total[inside].mean(0)
+    np.testing.assert_allclose(mirrored, 0.25 * (0.04 + 0.1 * 0.96 * BASE), rtol=0.05)
+
+
+def test_textures_of_layers_multiply_their_factors() -> None:
+    light = DirectionalLight(name="key", direction=np.array([-0.6, -0.8, 0.0]), intensity=3.0)
+    shares = np.array([0.5, 0.25, 1.0, 0.5])
+    by_texture = mapped(
+        np.full((2, 2, 3), (0.5, 0.5, 1.0)),
+        base_color=BASE,
+        roughness=0.5,
+        specular_texture=np.tile(shares, (2, 2, 1)).astype(np.float32),
+        layer_texture=np.full((2, 2, 3), (0.5, 0.25, 1.0), np.float32),
+        clearcoat=0.8,
+        clearcoat_roughness=0.8,
+    )
+    by_factor = plate(
+        base_color=BASE,
+        roughness=0.5,
+        specular=0.04 * shares[:3] * 0.5,
+        specular_weight=0.5,
+        clearcoat=0.4,
+        clearcoat_roughness=0.2,
+    )
+    np.testing.assert_allclose(shown(lit(by_texture, light)), shown(lit(by_factor, light)), rtol=1e-4)
+
+
 def test_a_mirror_shows_the_sky_and_no_more() -> None:
     measured = shown(lit(plate(base_color=np.ones(3), metallic=1.0, roughness=0.0), sky=constant_sky(2.0)))
     np.testing.assert_allclose(measured, 2.0, rtol=1e-3)

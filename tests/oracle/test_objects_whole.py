@@ -84,11 +84,13 @@ def frame(folder: Path, text: str) -> Frame:
 
 
 def test_in_the_captured_light_nothing_but_the_object_changes_the_picture(folder: Path) -> None:
-    bare = frame(folder, JOB)
+    text = JOB + '\n[output]\naovs = ["shadow"]\n'
+    bare = frame(folder, text)
     assert bare.factor is not None and bare.unlit is not None
     np.testing.assert_array_equal(bare.factor, 1)
     np.testing.assert_array_equal(bare.rgba, bare.unlit)
-    made = frame(folder, JOB + BALL)
+    made = frame(folder, text + BALL)
+    assert bare.shadow is None and made.shadow is not None  # in the captured light the factor is that shadow
     assert made.factor is not None and made.lighting is not None and made.lighting.objects is not None
     objects = made.lighting.objects
     seen = objects.coverage > 0.99
@@ -96,6 +98,7 @@ def test_in_the_captured_light_nothing_but_the_object_changes_the_picture(folder
     # in its shadow the floor is darker, beside it what the object reflects changes little, far away nothing
     beside = (objects.coverage == 0) & (made.lighting.coverage > 0)
     assert (made.factor[beside] < 0.75).any()
+    np.testing.assert_allclose(made.shadow[beside], made.factor[beside], atol=0.05)
     far = beside & (np.abs(made.lighting.position[..., 0]) > 2)
     assert np.mean(np.abs(made.factor[far] - 1) < 0.02) > 0.9
     np.testing.assert_allclose(made.factor[far].mean(), 1, rtol=0.01)

@@ -312,6 +312,8 @@ def _settings_warnings(job: Job) -> list[str]:
         out.append("profile physical: the engine tints in display space; the profile playcanvas does the same here")
     if job.compositor.holds_light and not job.compositor.blends_linear:
         out.append("splats that hold linear light: the engine takes their colours as display values")
+    if job.objects:
+        out.append("inserted objects: the engine shows the capture without them")
     tone = job.compositor.tone if rules_of(job.compositor.profile).splats.pipelines else job.display.tone
     if tone == "agx":
         out.append("tone agx: the engine has no such curve; none is used")

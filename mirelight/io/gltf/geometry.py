@@ -13,7 +13,8 @@ from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.draco import DracoData, decode_draco
 from mirelight.io.gltf.fields import Fields
-from mirelight.io.gltf.materials import TexturedMaterial, UvSource
+from mirelight.io.gltf.materials import TexturedMaterial
+from mirelight.io.gltf.textures import UvSource
 from mirelight.io.safety import require_memory
 from mirelight.model import F32, I32
 

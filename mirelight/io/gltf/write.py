@@ -19,7 +19,7 @@ from mirelight.base.errors import OutputError
 from mirelight.base.version import __version__
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.beyond import punctual
-from mirelight.io.gltf.materials import WRAP_NUMBERS
+from mirelight.io.gltf.textures import WRAP_NUMBERS
 from mirelight.model import (
     F32,
     AreaLight,

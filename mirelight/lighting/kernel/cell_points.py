@@ -46,11 +46,12 @@ class CellPoints:
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
-        """(True, face, barycentric coordinates, the way there)."""
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f, None]:
+        """(True, face, barycentric coordinates, the way there, None)."""
         point = pixel * self.points + (sample + mix(stream, 11)) % self.points
         face = dr.gather(mi.UInt32, self.faces, point)
-        return mi.Bool(face == face), face, dr.gather(mi.Point2f, self.corners, point), -rgb(self.normals, point, True)
+        corners, way = dr.gather(mi.Point2f, self.corners, point), -rgb(self.normals, point, True)
+        return mi.Bool(face == face), face, corners, way, None
 
     def depth(self, p: Point3f) -> Float:
         """Zero: points on the surface have no depth."""

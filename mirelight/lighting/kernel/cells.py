@@ -170,7 +170,7 @@ def visit(
     stream = mix(mi.UInt32(dr.opaque(mi.UInt32, seed)), 77)
     pixel = mi.UInt32((mi.Float(lane) + 0.5) * (pixels / lanes))
     pixel = dr.minimum(pixel, pixels - 1)
-    active, face, uv, d = view.first_hit(surface, pixel, lane, stream)
+    active, face, uv, d, _ = view.first_hit(surface, pixel, lane, stream)
     depth = mi.UInt32(0)
     count = dr.opaque(mi.UInt32, vertices)
     while active & (depth < count):

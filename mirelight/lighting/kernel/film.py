@@ -61,8 +61,8 @@ class Film:
         """How far the pixels and the places of a launch lie on, of paths that begin on objects."""
         return self._pixels, self._layers * self._stride
 
-    def add_surface(self, pixel: UInt32, at: Point, depth: Float, active: Bool) -> None:
-        """Adds the surface point that one sample meets."""
+    def add_surface(self, pixel: UInt32, at: Point, depth: Float, active: Bool, cover: Float | None = None) -> None:
+        """Adds the surface point that one sample meets; `cover`: how much it counts; None: as one."""
         p, n, g, a = at.p, at.normal, at.geometric_normal, at.albedo
         groups: tuple[Vector4f | Vector2f, ...] = (
             mi.Vector4f(1, depth, p.x, p.y),
@@ -73,7 +73,7 @@ class Film:
         for k, group in enumerate(groups):
             _add(
                 self._surface,
-                group,
+                group if cover is None else group * cover,
                 pixel * (SURFACE // len(group)) + k * (4 // len(group)),
                 active & self._counted,
             )

@@ -19,6 +19,7 @@ from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
 from mirelight.lighting.kernel.samples import mix, number
 from mirelight.lighting.kernel.scatter import reflected
+from mirelight.lighting.kernel.see_through import tinted
 from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector3f
 from mirelight.lighting.kernel.vertex import Arrival, Vertex
 
@@ -76,9 +77,11 @@ def add_lamps(
             rays = dr.select(own_run & ~vertex.indirect, first_rays, 1)
         chosen, entry = _draw(lights, candidates, vertex, entry, last, rays)
         lit = active & (chosen.weight > 0)
-        lit &= ~surface.blocked(bounded_ray(vertex.at.start, chosen.wi, chosen.length), lit, coherent=~vertex.indirect)
+        ray = bounded_ray(vertex.at.start, chosen.wi, chosen.length)
+        reached, tint = surface.reached(ray, lit, coherent=~vertex.indirect)
+        lit &= reached
         light = chosen.light
-        brought = _reflected(lights, vertex, light, chosen.wi, chosen.irradiance)
+        brought = tinted(_reflected(lights, vertex, light, chosen.wi, chosen.irradiance), tint)
         arrived = dr.select(lit, vertex.weight * brought * (chosen.total / chosen.weight), 0)
         seen = dr.select(lit, chosen.total / chosen.weight, 0)
         if dr.hint(several, mode="scalar"):
@@ -198,8 +201,9 @@ def _sample_again(
         ray = vertex.sample * rays + k
         wi, length, irradiance = punctual.sample(lights.table, light, vertex.at.p, vertex.at.normal, ray, seed)
         lit = active & (dr.max(irradiance) > 0)
-        lit &= ~surface.blocked(bounded_ray(vertex.at.start, wi, length), lit, coherent=True)
-        arrived += dr.select(lit, vertex.weight * _reflected(lights, vertex, light, wi, irradiance), 0)
+        reached, tint = surface.reached(bounded_ray(vertex.at.start, wi, length), lit, coherent=True)
+        lit &= reached
+        arrived += dr.select(lit, vertex.weight * tinted(_reflected(lights, vertex, light, wi, irradiance), tint), 0)
         seen += dr.select(lit, 1, 0)
         k += 1
     return arrived, seen

@@ -24,6 +24,7 @@ from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix, number, pair, stratified
 from mirelight.lighting.kernel.scatter import SCATTERED_ALPHA, Gloss, density, reflected
+from mirelight.lighting.kernel.see_through import tinted
 from mirelight.lighting.kernel.sky import Sky, sky_irradiance
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
 from mirelight.lighting.kernel.vertex import Arrival, Vertex
@@ -69,16 +70,16 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     """Trace one pass and add it to the film."""
     steps = _Steps(world, film, job)
     pixel, place, sample, stream = _samples(view, film, job)
-    covered, face, uv, d = view.first_hit(world.surface, pixel, sample, stream)
+    covered, face, uv, d, crossed = view.first_hit(world.surface, pixel, sample, stream)
     active = mi.Bool(covered)
     seen = world.surface.at(face, uv, d, active)
     pixel, place = steps.part_of_film(pixel, place, face)
-    film.add_surface(pixel, steps.shown(seen), view.depth(seen.p), active)
+    film.add_surface(pixel, steps.shown(seen), view.depth(seen.p), active, None if crossed is None else crossed.cover)
 
     depth = mi.UInt32(0)
     sums = mi.Vector3f(0), mi.Vector3f(0)
     roulette = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
-    throughput = mi.Vector3f(1)
+    throughput = mi.Vector3f(1) if crossed is None else crossed.tint
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
     distance, pdf = mi.Float(0), mi.Float(0)  # of the ray that came here
     scattered = mi.Bool(False)  # by something rougher than a mirror
@@ -86,7 +87,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         came = Arrival(face, uv, d, distance, pdf)
         salt = mix(stream, depth + 1)
         at = world.surface.at(face, uv, d, active)
-        albedo = steps.albedo(at, depth)
+        albedo = steps.albedo(at, came, depth, active & ~scattered)
         gloss = steps.gloss(at, d, albedo, depth, scattered)
         weight = throughput * albedo * dr.inv_pi if gloss is None else throughput
         vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight, gloss)
@@ -109,7 +110,8 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         throughput = throughput / survival
         if dr.hint(film.aovs, mode="scalar"):
             go_on |= active & (depth == 1)
-        came, hit = steps.reflect(vertex, way, go_on)
+        came, hit, tint = steps.reflect(vertex, way, go_on)
+        throughput = tinted(throughput, tint)
         if dr.hint(film.aovs, mode="scalar"):
             near = hit & (came.distance < job.ao_distance)
             unoccluded = dr.select(active & (depth == 1), dr.select(near, 0, 1), unoccluded)
@@ -149,8 +151,11 @@ class _Steps:
         self.film, self.job = film, job
         self._reads = world.cells is not None
 
-    def albedo(self, at: Point, depth: UInt32) -> Vector3f:
-        """Of a hit; a first one whose irradiance is asked for counts as white."""
+    def albedo(self, at: Point, came: Arrival, depth: UInt32, sharp: Bool) -> Vector3f:
+        """Of a hit; a first one whose irradiance is asked for counts as white, and one behind mirrors alone, where the
+        path is `sharp`, has the proxy's finer colour."""
+        if self.surface.detail is not None:
+            return self.surface.detail.of(came.face, came.uv, at.albedo, sharp & (depth > 0))
         return dr.select(depth == 0, 1, at.albedo) if self.job.irradiance else at.albedo
 
     def part_of_film(self, pixel: UInt32, place: UInt32, face: UInt32) -> tuple[UInt32, UInt32]:
@@ -197,13 +202,14 @@ class _Steps:
         bright = (depth < self.job.max_depth) | self.sky.present | self.job.emission
         return bright if vertex.gloss is None else bright | vertex.gloss.on  # which may show a lamp
 
-    def reflect(self, vertex: Vertex, d: Vector3f, go_on: Bool) -> tuple[Arrival, Bool]:
-        """(the ray that a vertex reflects that way, and where it goes; whether it hits the surface)."""
+    def reflect(self, vertex: Vertex, d: Vector3f, go_on: Bool) -> tuple[Arrival, Bool, Vector3f | None]:
+        """(the ray that a vertex reflects that way, and where it goes; whether it hits the surface; the tint of what it
+        goes through)."""
         at = vertex.at
-        found = self.surface.nearest(mi.Ray3f(at.start, d), go_on)
+        found, passed = self.surface.seen(mi.Ray3f(at.start, d), go_on)
         pdf = density(vertex.gloss, dr.maximum(dr.dot(d, at.normal), 0), d)
         came = Arrival(mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), d, mi.Float(found.t), pdf)
-        return came, go_on & found.is_valid()
+        return came, go_on & found.is_valid(), None if passed is None else passed.tint
 
     # --- light that a ray meets ---
 
@@ -333,6 +339,6 @@ def _glow_irradiance(
     d, length, drawn, glow = surface.sample_glow(at.p, choice, inside, active)
     cosine = dr.dot(d, at.normal)
     lit = active & (cosine > 0) & (drawn > 0)
-    lit &= ~surface.blocked(bounded_ray(at.start, d, length * SHADOW_END), lit)
-    light = glow * (cosine / (drawn + density(vertex.gloss, cosine, d)))
-    return reflected(vertex.gloss, light, d), lit
+    reached, tint = surface.reached(bounded_ray(at.start, d, length * SHADOW_END), lit)
+    light = tinted(glow * (cosine / (drawn + density(vertex.gloss, cosine, d))), tint)
+    return reflected(vertex.gloss, light, d), lit & reached

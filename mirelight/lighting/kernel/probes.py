@@ -33,13 +33,19 @@ class PointRays:
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
-        """(whether there is one, face, barycentric coordinates, unit way there) of a point, whatever the sample."""
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f, None]:
+        """(whether there is one, face, barycentric coordinates, unit way there, None) of a point, in any sample."""
         o, d = (dr.gather(mi.Vector4f, buffer, pixel) for buffer in (self._points, self._ways))
         way = mi.Vector3f(d.x, d.y, d.z)
         ray = bounded_ray(mi.Point3f(o.x, o.y, o.z), way, mi.Float(2 * self.lift))
         found = surface.nearest(ray, mi.Bool(True), coherent=True)
-        return mi.Bool(found.is_valid()), mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(way)
+        return (
+            mi.Bool(found.is_valid()),
+            mi.UInt32(found.prim_index),
+            mi.Point2f(found.prim_uv),
+            dr.normalize(way),
+            None,
+        )
 
     def depth(self, p: Point3f) -> Float:
         """Zero: points in space have no depth."""
@@ -51,7 +57,7 @@ def materials_at(surface: DeviceProxy, points: F64, normals: F64) -> tuple[F32, 
     if not len(points):
         return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
     pixel = dr.arange(mi.UInt32, len(points))
-    there, face, uv, d = PointRays(points, normals).first_hit(surface, pixel, pixel, pixel)
+    there, face, uv, d, _ = PointRays(points, normals).first_hit(surface, pixel, pixel, pixel)
     at = surface.at(face, uv, d, there)
     both = dr.select(there, at.albedo, 0), dr.select(there, at.emission, 0)
     dr.eval(both)

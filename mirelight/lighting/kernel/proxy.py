@@ -8,8 +8,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mirelight.lighting.detail import Detail
+from mirelight.lighting.kernel.detail import DeviceDetail
+from mirelight.lighting.kernel.fresnel import fresnel, of_coat
 from mirelight.lighting.kernel.memory import floats, integers
-from mirelight.lighting.kernel.samples import mix, number
+from mirelight.lighting.kernel.see_through import MOST, Passed, beyond
+from mirelight.lighting.kernel.tables import DeviceAtlas
 from mirelight.lighting.kernel.types import (
     Bool,
     Corners,
@@ -21,30 +25,27 @@ from mirelight.lighting.kernel.types import (
     Ray3f,
     UInt32,
     Vector3f,
-    Vector4f,
     Weights,
 )
 from mirelight.lighting.materials import (
-    ROW,
-    TEXTURED,
-    WRAP_CODE,
-    Atlas,
+    ALPHA,
+    BASE_COLOR,
+    EMISSION,
+    FINISH,
+    LAYERS,
+    NORMAL,
+    SPECULAR,
     has_coats,
     has_cutouts,
-    has_emissive_texture,
+    has_glass,
     is_emissive,
     pack_glow,
-    pack_materials,
 )
 from mirelight.model import F32, F64, ProxyMesh
 
 # A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
 # the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
 OFFSET = 2.0**-18
-
-BASE_COLOR, EMISSION, FINISH, NORMAL, ALPHA = range(TEXTURED)  # groups of an atlas row; textures' places follow
-SPECULAR, COAT = 2 * TEXTURED, 2 * TEXTURED + 1
-_LAYERS = 64  # that a ray passes of what is not wholly there
 
 
 class Finish(NamedTuple):
@@ -57,6 +58,7 @@ class Finish(NamedTuple):
     weight: Float  # the same at grazing angles
     coat: Float | None  # strength of a clear coat; None: nothing has one
     coat_alpha: Float
+    transmission: Float | None = None  # share of the base that lets light through; None: nothing does
 
 
 class Point(NamedTuple):
@@ -75,11 +77,19 @@ class Point(NamedTuple):
 class DeviceProxy:
     """The mesh in device memory and Mitsuba's scene over it. The kinds of data it has are compiled in, not values."""
 
-    def __init__(self, proxy: ProxyMesh, first_inserted: int | None = None, *, lobes: bool = False) -> None:
+    def __init__(
+        self,
+        proxy: ProxyMesh,
+        first_inserted: int | None = None,
+        *,
+        lobes: bool = False,
+        detail: Detail | None = None,
+    ) -> None:
         """`first_inserted`: faces from there on are inserted objects', which reflect as glTF says; None: none are.
-        `lobes`: what a path meets first reflects by the lobe of its material alone."""
+        `lobes`: what a path meets first reflects by the lobe of its material alone. `detail`: what mirrors show."""
         self.bounds = proxy.bounds
         self.lobes = lobes
+        self.detail = None if detail is None else DeviceDetail(detail)
         self.has_objects = first_inserted is not None
         self.first_inserted = dr.opaque(mi.UInt32, first_inserted or 0)
         self.scene = _scene(proxy)
@@ -90,25 +100,15 @@ class DeviceProxy:
         self.colors = _vectors(proxy.vertex_colors) if from_file and proxy.vertex_colors is not None else None
         self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in _constant_albedo(proxy)))
         self.emissive = is_emissive(proxy)
-        self.atlas: Atlas | None = None
-        if (from_file and _needs_materials(proxy)) or self.emissive or self.has_objects or lobes:
-            self.atlas = pack_materials(proxy)
-            self.materials = floats(self.atlas.rows)
-            self.material_of_face = integers(self.atlas.of_face)
+        needed = (from_file and _needs_materials(proxy)) or self.emissive or self.has_objects or lobes
+        self.atlas = DeviceAtlas(proxy) if needed else None
         if self.emissive:
             glow = pack_glow(proxy)
             self.glow_slots, self.glow_density = integers(glow.slots), floats(glow.density)
             self.glow_count = dr.opaque(mi.UInt32, len(glow.slots))
         self.colored = from_file and self.atlas is not None
-        self.textured = self.colored and proxy.uvs is not None and _has_base_texture(proxy)
-        self.glow_textured = has_emissive_texture(proxy)
-        self.finish_textured = proxy.uvs is not None and any(m.finish_texture is not None for m in proxy.materials)
-        self.normal_textured = proxy.uvs is not None and any(m.normal_texture is not None for m in proxy.materials)
-        self.alpha_textured = proxy.uvs is not None and any(m.alpha_texture is not None for m in proxy.materials)
-        self.coated, self.cut_out = self.has_objects and has_coats(proxy), self.has_objects and has_cutouts(proxy)
-        if self.atlas is not None and self.atlas.texels is not None and proxy.uvs is not None:
-            self.texels = floats(self.atlas.texels)
-            self.uvs = floats(np.append(proxy.uvs.ravel(), np.zeros(4, np.float32)))
+        self.coated, self.glassy = (self.has_objects and there(proxy) for there in (has_coats, has_glass))
+        self.cut_out = self.has_objects and (has_cutouts(proxy) or self.glassy)
 
     def recolor(self, vertex_colors: F32) -> None:
         """Other vertex colours for a mesh that has some."""
@@ -118,55 +118,34 @@ class DeviceProxy:
 
     def nearest(self, ray: Ray3f, active: Bool, *, coherent: bool = False) -> Hit:
         """Mitsuba's PreliminaryIntersection3f of the nearest hit."""
+        return self.seen(ray, active, coherent=coherent)[0]
+
+    def seen(self, ray: Ray3f, active: Bool, *, coherent: bool = False) -> tuple[Hit, Passed | None]:
+        """(the nearest hit, what the ray went through); None: nothing lets rays through but by not being there."""
         found = self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
-        return self._beyond(found, ray, active) if self.cut_out else found
-
-    @dr.syntax
-    def _beyond(self, found: Hit, ray: Ray3f, active: Bool) -> Hit:
-        """The hit, or the first one behind it of what is there."""
-        passing, layers = active & self._is_clear(found, ray, active), mi.UInt32(0)
-        while passing & (layers < _LAYERS):
-            gone = mi.Float(found.t)
-            step = mi.Ray3f(ray)
-            start = ray.o + ray.d * gone
-            lift = OFFSET * (dr.max(abs(start)) + gone * dr.max(abs(ray.d)))
-            skipped = gone + lift / dr.norm(ray.d)
-            step.o = ray.o + ray.d * skipped
-            step.maxt = ray.maxt - skipped
-            found = self.scene.ray_intersect_preliminary(step, active=passing)
-            found.t = found.t + skipped
-            passing &= self._is_clear(found, ray, passing)
-            layers += 1
-        return found
-
-    def _is_clear(self, found: Hit, ray: Ray3f, active: Bool) -> Bool:
-        """Whether a hit is at a place where an object is not: by its cutoff, or drawn by its alpha."""
-        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
-        hit = active & found.is_valid() & self.is_inserted(face)
-        i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, hit) for k in range(3)]
-        b = (1 - uv.x - uv.y, uv.x, uv.y)
-        row = dr.gather(mi.UInt32, self.material_of_face, face, hit) * (ROW // 4) + ALPHA
-        factor = dr.gather(mi.Vector4f, self.materials, row, hit)
-        alpha = factor.x
-        if self.alpha_textured:
-            alpha = alpha * self._texel_of(row, factor.w, i, b, hit).x
-        salt = mix(mix(dr.reinterpret_array(mi.UInt32, uv.x), dr.reinterpret_array(mi.UInt32, uv.y)), face)
-        drawn = number(mix(salt, dr.reinterpret_array(mi.UInt32, ray.d.x)), mi.UInt32(0))
-        return hit & (alpha < dr.select(factor.z > 0, factor.y, drawn))
+        if not self.cut_out:
+            return found, None
+        found, passed = beyond(self, found, ray, active, MOST)
+        return found, passed if self.glassy else None
 
     def blocked(self, ray: Ray3f, active: Bool, *, coherent: Bool | bool = False) -> Bool:
         """Bool: something lies on the ray. `coherent` (Bool): lanes side by side go nearly the same way."""
-        if self.cut_out:
-            return mi.Bool(self.nearest(ray, mi.Bool(active)).is_valid())
-        return self.scene.ray_test(ray, coherent, active)
+        return ~self.reached(ray, active, coherent=coherent)[0]
+
+    def reached(self, ray: Ray3f, active: Bool, *, coherent: Bool | bool = False) -> tuple[Bool, Vector3f | None]:
+        """(Bool: nothing lies on the ray, what light loses on its way); None: nothing."""
+        if not self.cut_out:
+            return ~self.scene.ray_test(ray, coherent, active), None
+        found = self.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found, passed = beyond(self, found, ray, mi.Bool(active), 1.0)
+        return ~mi.Bool(found.is_valid()), passed.tint if self.glassy else None
 
     # --- a surface point ---
 
     def at(self, face: UInt32, uv: Point2f, d: Vector3f, active: Bool) -> Point:
         """The point with barycentric coordinates `uv` on a face, seen along direction d."""
-        i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
+        i, b = self._around(face, uv, active)
         v = [self._vector(self.vertices, k, active) for k in i]
-        b = (1 - uv.x - uv.y, uv.x, uv.y)
         e1, e2 = v[1] - v[0], v[2] - v[0]
         p = v[0] + e1 * uv.x + e2 * uv.y
         longest = dr.maximum(dr.max(abs(e1)), dr.max(abs(e2)))
@@ -178,9 +157,40 @@ class DeviceProxy:
         albedo, emission = self._material(face, i, b, active)
         finish = self._finish(face, i, b, active) if self.has_objects or self.lobes else None
         smooth = None
-        if self.has_objects and self.normal_textured:
+        if self.has_objects and self.atlas is not None and NORMAL in self.atlas.textured:
             smooth, n = n, self._mapped(face, i, b, (e1, e2), n, (ng, side, d), active)
         return Point(mi.Point3f(p), mi.Point3f(start), ng, n, albedo, emission, finish, smooth)
+
+    def alpha(self, face: UInt32, uv: Point2f, active: Bool) -> tuple[Float, Float]:
+        """(how much of a point is there, below which alpha nothing is; 0: as much as alpha says)."""
+        row = self._atlas.row(face, active)
+        factor = self._atlas.factor(row, ALPHA, active)
+        alpha = factor.x
+        if ALPHA in self._atlas.textured:
+            alpha = alpha * self._atlas.texel(row, ALPHA, *self._around(face, uv, active), active).x
+        return alpha, dr.select(factor.z > 0, factor.y, 0)
+
+    def through(self, face: UInt32, uv: Point2f, d: Vector3f, active: Bool) -> Vector3f:
+        """What of light along d goes straight on behind a point of glass."""
+        i, b = self._around(face, uv, active)
+        finish, (base, _) = self._finish(face, i, b, active), self._material(face, i, b, active)
+        v = [self._vector(self.vertices, k, active) for k in i]
+        cosine = abs(dr.dot(dr.normalize(dr.cross(v[1] - v[0], v[2] - v[0])), d))
+        kept = (1 - fresnel(finish.specular, finish.weight, cosine)) * (finish.transmission * (1 - finish.metallic))
+        if finish.coat is not None:
+            kept *= 1 - of_coat(finish.coat, cosine)
+        return dr.select(active, kept * base, 0)
+
+    @property
+    def _atlas(self) -> DeviceAtlas:
+        """The materials, where there are some."""
+        assert self.atlas is not None
+        return self.atlas
+
+    def _around(self, face: UInt32, uv: Point2f, active: Bool) -> tuple[Corners, Weights]:
+        """(the corners of a face, their weights at a point)."""
+        i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
+        return i, (1 - uv.x - uv.y, uv.x, uv.y)
 
     def is_inserted(self, face: UInt32) -> Bool:
         """Whether a face is an object's."""
@@ -234,7 +244,7 @@ class DeviceProxy:
         if self.emissive:
             emission = self._emission(face, i, b, active)
         if self.colored:
-            albedo = self._of_material(BASE_COLOR, face, i, b, active, textured=self.textured)
+            albedo = self._atlas.value(BASE_COLOR, face, i, b, active)
         if self.colors is not None:
             c = [self._vector(self.colors, k, active) for k in i]
             albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
@@ -242,13 +252,16 @@ class DeviceProxy:
 
     def _emission(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Vector3f:
         """Radiance of a glowing point."""
-        return self._of_material(EMISSION, face, i, b, active, textured=self.glow_textured)
+        return self._atlas.value(EMISSION, face, i, b, active)
 
     def _finish(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Finish:
-        value = self._of_material(FINISH, face, i, b, active, textured=self.finish_textured)
-        row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4)
-        specular = dr.gather(mi.Vector4f, self.materials, row + SPECULAR, active)
-        coat = dr.gather(mi.Vector2f, self.materials, (row + COAT) * 2, active) if self.coated else None
+        atlas = self._atlas
+        value, row = atlas.value(FINISH, face, i, b, active), atlas.row(face, active)
+        specular, weight = atlas.value(SPECULAR, face, i, b, active), atlas.weight(row, active)
+        if SPECULAR in atlas.textured:
+            share = atlas.texel(row, SPECULAR, i, b, active).w
+            specular, weight = specular * share, weight * share
+        layers = atlas.value(LAYERS, face, i, b, active) if self.coated or self.glassy else mi.Vector3f(0)
         metallic, roughness = dr.clip(value.z, 0, 1), dr.clip(value.y, 0, 1)
         on = self.is_inserted(face)
         if self.lobes:
@@ -257,10 +270,11 @@ class DeviceProxy:
             on=on,
             metallic=metallic,
             roughness=roughness,
-            specular=mi.Vector3f(specular.x, specular.y, specular.z),
-            weight=specular.w,
-            coat=None if coat is None else coat.x,
-            coat_alpha=mi.Float(0) if coat is None else coat.y,
+            specular=specular,
+            weight=weight,
+            coat=layers.x if self.coated else None,
+            coat_alpha=dr.maximum(dr.square(layers.y), 1e-3),
+            transmission=dr.select(on, layers.z, 0) if self.glassy else None,
         )
 
     def _mapped(
@@ -278,10 +292,11 @@ class DeviceProxy:
         `seen`: the face's normal, 1 from outside and -1 from inside, the way of the ray.
         """
         ng, side, d = seen
-        row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4) + NORMAL
-        factor = dr.gather(mi.Vector4f, self.materials, row, active)
-        t = 2 * self._texel_of(row, factor.w, corners, weights, active) - 1
-        uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in corners]
+        row = self._atlas.row(face, active)
+        factor = self._atlas.factor(row, NORMAL, active)
+        texel = self._atlas.texel(row, NORMAL, corners, weights, active)
+        t = 2 * mi.Vector3f(texel.x, texel.y, texel.z) - 1
+        uv = [dr.gather(mi.Vector2f, self._atlas.uvs, k, active) for k in corners]
         a, b, (e1, e2) = uv[1] - uv[0], uv[2] - uv[0], edges
         turned = dr.select(a.x * b.y - a.y * b.x < 0, mi.Float(-1), mi.Float(1))
         front = n * side
@@ -298,53 +313,6 @@ class DeviceProxy:
         low = 0.01 - dr.dot(mapped, -d)  # turned away from the viewer it would be black
         mapped = dr.select(low > 0, dr.normalize(mapped - d * low), mapped)
         return dr.select(on & (dr.dot(mapped, ng) > 0), mapped, n)
-
-    def _of_material(
-        self, group: int, face: UInt32, i: Corners, b: Weights, active: Bool, *, textured: bool
-    ) -> Vector3f:
-        """Factor times texture of a face's material: its base colour, emission or finish."""
-        row = dr.gather(mi.UInt32, self.material_of_face, face, active) * (ROW // 4) + group
-        factor = dr.gather(mi.Vector4f, self.materials, row, active)
-        value = mi.Vector3f(factor.x, factor.y, factor.z)
-        if not textured:
-            return value
-        return value * self._texel_of(row, factor.w, i, b, active)
-
-    def _texel_of(self, row: UInt32, wrap: Float, i: Corners, b: Weights, active: Bool) -> Vector3f:
-        """The texture of a group of an atlas row."""
-        uv = [dr.gather(mi.Vector2f, self.uvs, k, active) for k in i]
-        at = uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]
-        place = dr.gather(mi.Vector4f, self.materials, row + TEXTURED, active)
-        return self._texture(place, wrap, at, active)
-
-    def _texture(self, place: Vector4f, wrap: Float, at: Point2f, active: Bool) -> Vector3f:
-        """A texture of the atlas (`materials.Atlas`), bilinear between texel centres."""
-        w = mi.UInt32(place.x)
-        first = mi.UInt32(place.z) + (mi.UInt32(place.w) << 16)
-        wrap_v = dr.floor(wrap / 3)
-        x0, x1, fx = _texels_along(at.x, place.x, wrap - 3 * wrap_v)
-        y0, y1, fy = _texels_along(at.y, place.y, wrap_v)
-
-        def texel(x: UInt32, y: UInt32) -> Vector3f:
-            return self._vector(self.texels, first + y * w + x, active)
-
-        return dr.lerp(
-            dr.lerp(texel(x0, y0), texel(x1, y0), fx),
-            dr.lerp(texel(x0, y1), texel(x1, y1), fx),
-            fy,
-        )
-
-
-def _texels_along(a: Float, size: Float, wrap: Float) -> tuple[UInt32, UInt32, Float]:
-    """Along one axis: the texels before and after a coordinate, and how far it is between their centres."""
-    n, repeats = mi.UInt32(size), wrap == WRAP_CODE["repeat"]
-    mirrored = 1 - abs(1 - (a - 2 * dr.floor(a * 0.5)))
-    inside = dr.select(repeats, a - dr.floor(a), dr.select(wrap == WRAP_CODE["mirror"], mirrored, dr.clip(a, 0, 1)))
-    x = inside * size - 0.5
-    low = dr.floor(x)
-    before = dr.select(low < 0, dr.select(repeats, n - 1, 0), dr.minimum(mi.UInt32(dr.maximum(low, 0)), n - 1))
-    after = dr.select(low + 1 >= size, dr.select(repeats, 0, n - 1), dr.minimum(mi.UInt32(low + 1), n - 1))
-    return before, after, x - low
 
 
 def _vectors(rows: F32) -> Float:

@@ -17,6 +17,7 @@ from mirelight.model import F64, Camera
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.proxy import DeviceProxy
+    from mirelight.lighting.kernel.see_through import Passed
 
 
 def bounded_ray(origin: Point3f, d: Vector3f, length: Float) -> Ray3f:
@@ -47,12 +48,12 @@ class CameraRays:
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
-        """(whether there is one, face, barycentric coordinates, unit way there) of a pixel's sample."""
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f, Passed | None]:
+        """(whether there is one, face, barycentric coordinates, unit way there, what it went through) of a sample."""
         primary = self.ray(pixel, pair(sample, stream))
-        found = surface.nearest(primary, mi.Bool(True), coherent=True)
+        found, passed = surface.seen(primary, mi.Bool(True), coherent=True)
         hit = mi.Bool(found.is_valid())
-        return hit, mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(primary.d)
+        return hit, mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(primary.d), passed
 
     def ray(self, pixel: UInt32, jitter: Point2f) -> Ray3f:
         """Mitsuba's Ray3f through a pixel (row-major index) at `jitter` in [0, 1)² from its corner."""
@@ -83,7 +84,7 @@ class SomePixels:
 
     def first_hit(
         self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f]:
+    ) -> tuple[Bool, UInt32, Point2f, Vector3f, Passed | None]:
         """As `CameraRays` does it, for these pixels."""
         return self.rays.first_hit(surface, dr.gather(mi.UInt32, self.pixels, pixel), sample, stream)
 

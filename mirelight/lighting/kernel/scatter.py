@@ -13,10 +13,11 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from mirelight.lighting.kernel.fresnel import fresnel as schlick
+from mirelight.lighting.kernel.fresnel import of_coat
 from mirelight.lighting.kernel.proxy import Point
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Vector3f
 
-COAT = 0.04  # reflectance at normal incidence of lacquer (an index of refraction of 1.5)
 LEAST_ALPHA = 1e-3  # smoother surfaces have no lobe that single precision could hold
 SCATTERED_ALPHA = 0.2  # least of mirrors that are met after a path has scattered: their caustics stay free of fireflies
 LEAST_SHARE = 0.1  # of the samples that each lobe with any weight gets
@@ -56,19 +57,22 @@ class Gloss(NamedTuple):
         on, metallic = finish.on, finish.metallic
         f0 = dr.select(on, dr.lerp(finish.specular, base, metallic), 0)
         f90 = dr.lerp(finish.weight, 1, metallic)
-        diffuse = dr.select(on, base * (1 - metallic), base)
+        below = base * (1 - metallic)
+        if finish.transmission is not None:
+            below = below * (1 - finish.transmission)
+        diffuse = dr.select(on, below, base)
         seen = dr.maximum(dr.dot(n, wo), 1e-4)
-        lobe = dr.mean(_fresnel(f0, f90, seen))
-        below = (1 - lobe) * dr.mean(diffuse)
-        share = lobe / dr.maximum(lobe + below, 1e-6)
-        share = dr.select(below > 0, dr.clip(share, LEAST_SHARE, 1 - LEAST_SHARE), 1)
+        lobe = dr.mean(schlick(f0, f90, seen))
+        rest = (1 - lobe) * dr.mean(diffuse)
+        share = lobe / dr.maximum(lobe + rest, 1e-6)
+        share = dr.select(rest > 0, dr.clip(share, LEAST_SHARE, 1 - LEAST_SHARE), 1)
         alpha = dr.maximum(dr.maximum(dr.square(finish.roughness), least), LEAST_ALPHA)
         coat: Coat | None = None
         if finish.coat is not None:
             over = n if at.smooth is None else at.smooth
-            taken = finish.coat * (COAT + (1 - COAT) * _grazing(dr.clip(dr.dot(over, wo), 0, 1)))
+            taken = of_coat(finish.coat, dr.clip(dr.dot(over, wo), 0, 1))
             taken = dr.select(on, taken, 0)
-            followed = taken / dr.maximum(taken + (1 - taken) * (lobe + below), 1e-6)
+            followed = taken / dr.maximum(taken + (1 - taken) * (lobe + rest), 1e-6)
             followed = dr.select(taken > 0, dr.clip(followed, LEAST_SHARE, 1 - LEAST_SHARE), 0)
             coat = Coat(over, dr.maximum(finish.coat_alpha, least), taken, followed)
         return Gloss(on, n, wo, diffuse, f0, f90, alpha, dr.select(on, share, 0), coat)
@@ -81,7 +85,7 @@ class Gloss(NamedTuple):
     def value(self, wi: Vector3f) -> Vector3f:
         """The BRDF of light from `wi`, 1/sr; 0 below the horizon of an object."""
         nl, nv, nh2, vh = self._cosines(wi, self.n)
-        fresnel = _fresnel(self.f0, self.f90, vh)
+        fresnel = schlick(self.f0, self.f90, vh)
         lobe = _normals(self.alpha, nh2) * _unmasked(self.alpha, nl) * _unmasked(self.alpha, nv) / (4 * nl * nv)
         shiny = (1 - fresnel) * self.diffuse * dr.inv_pi + fresnel * lobe
         if self.coat is not None:
@@ -161,14 +165,3 @@ def reflected(gloss: Gloss | None, irradiance: Vector3f, wi: Vector3f) -> Vector
 def density(gloss: Gloss | None, cosine: Float, wi: Vector3f) -> Float:
     """Per solid angle, with which a path goes on that way; the cosine is above 0."""
     return cosine * dr.inv_pi if gloss is None else gloss.pdf(wi)
-
-
-def _fresnel(f0: Vector3f, f90: Float, cosine: Float) -> Vector3f:
-    """Schlick's approximation; nothing where `f0` is 0."""
-    return dr.select(dr.max(f0) > 0, f0 + (f90 - f0) * _grazing(cosine), 0)
-
-
-def _grazing(cosine: Float) -> Float:
-    """(1 - cos)⁵."""
-    away = 1 - cosine
-    return dr.square(dr.square(away)) * away

@@ -279,7 +279,7 @@ ARTEFACTS: dict[str, Artefact] = {
 # Public names of Keys: those that are keys of an artefact, and those that only help to find one.
 KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places"}
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
-KEYED |= {"light_with_objects", "light_of_lobes", "in_front", "object_matte", "object_boxes"}
+KEYED |= {"light_with_objects", "light_of_lobes", "in_front", "object_matte", "object_boxes", "mirrored"}
 HELPING = {"job", "splat_sets", "sets", "lights", "needs", "mixture", "files"}
 
 FILES = {"frame", "EXR", "PNG", "exported picture"}

@@ -60,3 +60,11 @@ def test_without_splats_the_frame_is_proxy_and_objects() -> None:
     np.testing.assert_allclose(frame.rgba[..., :3], 0.75 * 0.4 + 0.25 * 2, rtol=1e-5)
     np.testing.assert_allclose(frame.rgba[..., 3], 1)
     assert frame.camera.width == camera().width
+
+
+def test_the_shadow_is_light_with_objects_over_light_without() -> None:
+    cover = np.where(np.arange(W) < 2, 0.25, 1.0)  # of the surface beside an object
+    made = relighting.shadow(lit(0.3, coverage=cover), lit(0.4), camera())
+    np.testing.assert_allclose(made, 0.75, rtol=1e-5)
+    np.testing.assert_array_equal(relighting.shadow(lit(0.3, coverage=0.0), lit(0.4), camera()), 1)
+    np.testing.assert_array_equal(relighting.shadow(lit(0.3), lit(0.0), camera()), 1)

@@ -180,8 +180,13 @@ def test_finish_normals_alpha_and_lacquer_are_read_where_they_are_asked_for(glb:
             "alphaMode": "MASK",
             "extensions": {
                 "KHR_materials_ior": {"ior": 2.0},
-                "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 20]},
+                "KHR_materials_specular": {
+                    "specularFactor": 0.5,
+                    "specularColorFactor": [1, 0.5, 20],
+                    "specularTexture": texture,
+                },
                 "KHR_materials_clearcoat": {"clearcoatFactor": 0.25, "clearcoatTexture": texture},
+                "KHR_materials_transmission": {"transmissionFactor": 0.75, "transmissionTexture": texture},
                 "KHR_materials_sheen": {},
             },
         },
@@ -193,7 +198,11 @@ def test_finish_normals_alpha_and_lacquer_are_read_where_they_are_asked_for(glb:
     assert found.normal_scale == 0.5 and found.normal_texture is not None and found.alpha_texture is not None
     np.testing.assert_allclose(found.normal_texture, pixels[..., :3] / 255, atol=1e-6)
     np.testing.assert_allclose(found.alpha_texture[..., 0], pixels[..., 3] / 255, atol=1e-6)
-    assert found.ignored == ("sheen", "clearcoatTexture")
+    assert found.transmission == 0.75 and found.layer_texture is not None and found.specular_texture is not None
+    np.testing.assert_allclose(found.layer_texture[..., [0, 2]], np.repeat(pixels[..., :1], 2, axis=2) / 255, atol=1e-6)
+    assert (found.layer_texture[..., 1] == 1).all() and (found.specular_texture[..., :3] == 1).all()
+    np.testing.assert_allclose(found.specular_texture[..., 3], pixels[..., 3] / 255, atol=1e-6)
+    assert found.ignored == ("sheen", "frosting of glass")
     assert plain.normal_texture is None and plain.alpha_texture is None and plain.alpha == 1
     with pytest.raises(InputError, match=r"ior: 0\.5; it must be 0, or 1 and more"):
         glb.top["materials"][0]["extensions"]["KHR_materials_ior"]["ior"] = 0.5

@@ -1,0 +1,143 @@
+"""What mirrors show of a capture: colours of its proxy finer than vertices hold them. NumPy only.
+
+Light that surfaces send each other needs the mean colour around a vertex, but a mirror shows every tile of a floor. So
+faces near mirrors get colours on a lattice of points, without texture coordinates (Yuksel, Keyser and House, "Mesh
+colors", 2010), each as the capture shows it over the captured light there: the finer, the nearer the mirror.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.lighting.albedo import DARKEST, FLOOR, irradiance_at
+from mirelight.lighting.observed import Deposits, observed
+from mirelight.lighting.trace import Tracer
+from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
+from mirelight.model.profiles import BRIGHTEST
+
+MOST_POINTS = 1 << 18  # of all lattices together
+FINEST = 1 / 256  # of the distance to a mirror: steps that show no more
+SPP = 16  # of light at each point: a mirror's pixel shows several
+MIRRORS = 0.45  # roughness below which what is mirrored is told apart
+_MOST_STEPS = 512
+_INSET = 0.25  # of a step: points of a lattice keep off the edges of their face, where other faces begin
+_ROUGH = 8  # steps of a first lattice that tells how near a face comes
+
+Int = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detail:
+    """Colours on lattices of F faces: j * n of their v and i * n of their u, i + j <= n, row after row of i."""
+
+    steps: I32  # (F,) n of each; 0: there is none
+    first: I32  # (F,) row of its first colour
+    colors: F32  # (N, 3) linear albedo
+
+    def packed(self) -> F32:
+        """All of it as one array of floats, for files."""
+        both = self.steps.astype(np.int32), self.colors.ravel()
+        return np.concatenate([np.array([len(both[0])], np.float32), both[0].astype(np.float32), both[1]])
+
+    @staticmethod
+    def unpacked(values: F32) -> Detail:
+        """From what `packed` gave."""
+        faces = int(values[0])
+        steps = values[1 : 1 + faces].astype(np.int32)
+        return Detail(steps, _starts(steps), np.ascontiguousarray(values[1 + faces :].reshape(-1, 3)))
+
+
+def told(
+    mesh: ProxyMesh,
+    mirrors: Sequence[tuple[F64, float]],
+    splats: SplatCloud,
+    views: Sequence[SplatLayer],
+    captured: Lighting,
+    settings: RenderSettings,
+) -> Detail:
+    """The colours near mirrors.
+
+    Args:
+        mesh: the proxy in world space, with the vertex colours that its splats have told.
+        mirrors: centre (3,) and radius of each thing that mirrors, world units.
+        splats: what was captured, world space.
+        views: as for :func:`mirelight.lighting.colored_by`.
+        captured: what it was captured under.
+        settings: seed, depth and variant count.
+
+    Raises:
+        BackendError: the variant cannot be used on this machine.
+    """
+    tracer = Tracer(mesh, replace(settings, noise=None, denoise=False), layers=False, aovs=False)
+    steps = _steps(mesh, mirrors)
+    face, corners = _lattice(steps)
+    assert mesh.vertex_colors is not None
+    colors = (mesh.vertex_colors[mesh.faces[face]] * corners[:, :, None]).sum(axis=1)
+    moved = corners * (1 - _INSET / steps[face, None]) + _INSET / 3 / steps[face, None]
+    nowhere = np.zeros((len(face), 2, 3))
+    places = Deposits(face, moved.astype(np.float32), np.ones(len(face)), np.zeros((len(face), 3)), nowhere)
+    shown, known = observed(splats, views, mesh, tracer).at(*places.on(mesh))
+    some = np.flatnonzero(known)
+    if len(some):
+        there = Deposits(*(np.asarray(getattr(places, x))[some] for x in Deposits.__slots__))
+        light = irradiance_at(there, mesh, tracer, captured, SPP)
+        floor = FLOOR * float(light.mean())
+        lit = light.max(axis=1) > floor
+        found = np.pi * shown[some] / np.maximum(light + floor, 1e-300)
+        colors[some[lit]] = np.clip(found[lit], DARKEST, BRIGHTEST)
+    return Detail(steps, _starts(steps), colors.astype(np.float32))
+
+
+def _steps(mesh: ProxyMesh, mirrors: Sequence[tuple[F64, float]]) -> I32:
+    """(F,) steps along the edges of each face: as fine by distance from the mirrors as the number of points allows."""
+    v = mesh.vertices[mesh.faces].astype(np.float64)
+    edge = np.sqrt(((v - np.roll(v, 1, axis=1)) ** 2).sum(axis=2).max(axis=1))
+    away = np.full(len(v), np.inf)
+    _, weights = _lattice(np.array([_ROUGH], np.int32))
+    for centre, radius in mirrors:
+        for w in weights:
+            apart = np.linalg.norm(np.einsum("fkc,k->fc", v, w) - centre, axis=1)
+            np.minimum(away, np.maximum(apart - edge / _ROUGH, radius), out=away)
+
+    def at(step: float) -> I32:
+        n = np.minimum(np.ceil(edge / np.maximum(step * away, 1e-30)), _MOST_STEPS)
+        return np.where((n > 1) & np.isfinite(away), n, 0).astype(np.int32)
+
+    low, high = FINEST, FINEST * 2.0**20
+    if _points(at(low)).sum() <= MOST_POINTS:
+        return at(low)
+    for _ in range(40):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if _points(at(middle)).sum() > MOST_POINTS else (low, middle)
+    return at(high)
+
+
+def _points(steps: I32) -> Int:
+    """(F,) points of lattices."""
+    n = steps.astype(np.int64)
+    return np.where(n > 0, (n + 1) * (n + 2) // 2, 0)
+
+
+def _starts(steps: I32) -> I32:
+    ends = np.cumsum(_points(steps))
+    return (ends - _points(steps)).astype(np.int32)
+
+
+def _lattice(steps: I32) -> tuple[I32, F64]:
+    """(N,) face and (N, 3) barycentric weights of the points of all lattices."""
+    faces, corners = [], []
+    for n in np.unique(steps[steps > 0]):
+        j, i = (x.ravel() for x in np.mgrid[: n + 1, : n + 1])
+        i, j = i[i + j <= n], j[i + j <= n]
+        of = np.flatnonzero(steps == n)
+        faces.append(np.repeat(of, len(i)))
+        corners.append(np.tile(np.stack([n - i - j, i, j], axis=1) / n, (len(of), 1)))
+    if not faces:
+        return np.zeros(0, np.int32), np.zeros((0, 3))
+    face = np.concatenate(faces)
+    order = np.argsort(face, kind="stable")
+    return face[order].astype(np.int32), np.concatenate(corners)[order]

@@ -130,12 +130,13 @@ class _Denoiser:
 
     def __init__(self, pyoidn: Any, device: Any, buffer: LightingBuffer) -> None:
         self._pyoidn, self._device = pyoidn, device
-        covered, self._scale = buffer.coverage[..., None], np.float32(1)
+        covered = buffer.coverage[..., None]
+        self._scale: F32 = np.ones(1, np.float32)
         if buffer.objects is not None:  # where an object cuts a pixel, the surface is seen as if it filled it
-            covered = np.minimum(covered + buffer.objects.coverage[..., None], 1)
-            there = buffer.coverage[..., None]
-            self._scale = np.where(there > 0, covered / np.where(there > 0, there, 1), 1).astype(np.float32)
-            covered = np.where(there > 0, covered, 0)
+            there = covered > 0
+            whole = np.where(there, np.minimum(covered + buffer.objects.coverage[..., None], 1), 0)
+            self._scale = np.where(there, whole / np.where(there, covered, 1), 1).astype(np.float32)
+            covered = whole.astype(np.float32)
         self._guides = {"albedo": buffer.albedo * covered, "normal": buffer.normal * covered}
         if buffer.spp < _CLEAN_GUIDES:
             self._guides = {name: self._run({name: image}, _BALANCED) for name, image in self._guides.items()}
@@ -143,7 +144,8 @@ class _Denoiser:
     def __call__(self, color: F32, quality: int = _HIGH) -> F32:
         """A linear picture, (H, W, 3), denoised and not below 0."""
         images = {"color": np.ascontiguousarray(color * self._scale), **self._guides}
-        return np.maximum(self._run(images, quality, hdr=True, cleanAux=True), np.float32(0)) / self._scale
+        made: F32 = np.maximum(self._run(images, quality, hdr=True, cleanAux=True), np.float32(0)) / self._scale
+        return made
 
     def _run(self, images: dict[str, F32], quality: int, **flags: bool) -> F32:
         images = {name: np.array(image) for name, image in images.items()}  # writeable: the binding asks for it

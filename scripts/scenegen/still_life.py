@@ -112,7 +112,7 @@ def glb() -> bytes:
     top |= {name: [] for name in ("nodes", "meshes", "materials", "accessors", "bufferViews")}
     data = b""
     for name, (vertices, normals, faces), material in things():
-        at = []
+        at: list[int] = []
         for values, kind, number in (
             (vertices.astype("<f4"), "VEC3", 5126),
             (normals.astype("<f4"), "VEC3", 5126),

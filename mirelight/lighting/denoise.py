@@ -144,8 +144,8 @@ class _Denoiser:
     def __call__(self, color: F32, quality: int = _HIGH) -> F32:
         """A linear picture, (H, W, 3), denoised and not below 0."""
         images = {"color": np.ascontiguousarray(color * self._scale), **self._guides}
-        made: F32 = np.maximum(self._run(images, quality, hdr=True, cleanAux=True), np.float32(0)) / self._scale
-        return made
+        made = self._run(images, quality, hdr=True, cleanAux=True)
+        return np.asarray(np.maximum(made, np.float32(0)) / self._scale, np.float32)
 
     def _run(self, images: dict[str, F32], quality: int, **flags: bool) -> F32:
         images = {name: np.array(image) for name, image in images.items()}  # writeable: the binding asks for it

@@ -62,6 +62,7 @@ def develop(
     *,
     sun: bool = False,
     occlusion: bool = False,
+    again: int = 0,
 ) -> LightingBuffer:
     """Sums to means, in the memory that the sums are in: they are used up.
 
@@ -72,6 +73,7 @@ def develop(
         samples: (H * W) taken; a pixel of none is black and uncovered.
         batch: samples in a batch.
         sun, occlusion: whether those AOVs were traced.
+        again: second samples of each pixel that has such.
     """
     h, w = camera.height, camera.width
     n = np.maximum(samples, 1).reshape(h, w, 1).astype(np.float32)
@@ -89,7 +91,13 @@ def develop(
         for k, (mean, spread) in enumerate(zip(chain((x.total for x in means), [beauty]), squares, strict=False)):
             _variance(spread, mean, batches)
             if sums.again is not None:
-                _narrow(spread, mean, sums.again.reshape(max(len(means), 1), -1, 3), k, n)
+                _narrow(
+                    spread,
+                    mean,
+                    sums.again.reshape(max(len(means), 1), -1, 3) / np.float32(again),
+                    k,
+                    n / np.float32(again),
+                )
         if sums.doubt is not None:
             _add_doubt(squares, sums.doubt.reshape(-1, h, w, 3) / n)
 
@@ -144,14 +152,16 @@ def _variance(squares: F32, mean: F32, batches: NDArray[np.int64]) -> None:
     squares /= batches - 1
 
 
-def _narrow(variance: F32, mean: F32, again: F32, layer: int, samples: F32) -> None:
+def _narrow(variance: F32, mean: F32, again: F32, layer: int, more: F32) -> None:
     """A layer's variance from batches as if they were independent to that of one Sobol' sequence, in place.
 
-    `again`: (K, n, 3) sums of each layer; behind them the beauty's, their sum. `samples`: (H, W, 1) of each pixel.
+    `again`: (K, n, 3) second means of each layer; their sum is the beauty's. `more`: (H, W, 1) how many times their
+    samples the mean has: the two then differ by (1 + more) times its variance.
     """
     own = again[layer] if layer < len(again) else again.sum(axis=0)
-    some, flat = chosen(samples.size), mean.reshape(-1, 3)
-    correct(variance.reshape(-1, 3), flat, flat[some] - own / samples.reshape(-1, 1)[some], some)
+    some, flat = chosen(more.size), mean.reshape(-1, 3)
+    apart = (flat[some] - own) * np.sqrt(2 / (1 + more.reshape(-1, 1)[some]))
+    correct(variance.reshape(-1, 3), flat, apart, some)
 
 
 def _add_doubt(squares: F32, doubt: F32) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,8 @@ TILE = 6  # log2 of the side of a tile of pixels that share a sequence
 FIRST_RAYS = 8  # a power of two: from a camera's hit where light is read, to each source that needs many
 INDEX_BITS = 32 - 3  # of a sample's number in its sequence, times those rays
 AGAIN = 0x6A09E667  # between the seeds of first and second samples
+OBJECTS = 4  # times the samples, of pixels that show inserted objects: these are few, and no filter cleans them
+ROUND = 0x3C6EF35F  # between the seeds of their rounds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +92,7 @@ class FrameInProgress:
         self._emission = lit.emission and surface.emissive
         self._batch = PASS if settings.noise is not None else batch_size(settings.spp)
         self._seed_number = settings.seed & 0xFFFFFFFF
+        self._again = 0  # samples of each pixel that is sampled twice
         self._seed = dr.opaque(mi.UInt32, self._seed_number)
         side, most = tile_size(settings)
         self._tiles = Tiles(dr.opaque(mi.UInt32, side), dr.opaque(mi.UInt32, most))
@@ -100,26 +103,47 @@ class FrameInProgress:
         diagonal = float(np.linalg.norm(high.astype(np.float64) - low))
         self._ao_distance = dr.opaque(mi.Float, settings.ao_distance or 0.1 * diagonal)
 
-    def add_pass(self, count: int, pixels: NDArray[np.int64] | None = None) -> Iterator[int]:
+    def add_pass(
+        self, count: int, pixels: NDArray[np.int64] | None = None, seed: int | None = None, since: int = 0
+    ) -> Iterator[int]:
         """Take `count` more samples of each of some pixels (None: all); yields how many there are by now, by launch.
 
         `count` is a power of two from the batch size up to PASS, so that a pixel's lanes lie in one packet or in
-        neighbouring ones. `pixels` (N,) are different and in order.
+        neighbouring ones. `pixels` (N,) are different and in order. `seed`: of another sequence than the frame's, that
+        has been gone along since the pixels had `since` samples, which are whole batches.
         """
+        import drjit as dr
+        import mitsuba as mi
+
         from mirelight.lighting.kernel.memory import integers
         from mirelight.lighting.kernel.paths import trace_pass
 
         chosen = np.arange(len(self.samples)) if pixels is None else pixels
+        sequence = self._seed if seed is None else dr.opaque(mi.UInt32, seed)
         for first, end, batches in self._launches(len(chosen), count):
             some = chosen[first:end]
-            job = self._job(some, self.samples[some], count, self._seed)
-            before = integers(self.samples[some] // self._batch)
+            job = self._job(some, self.samples[some] - since, count, sequence)
+            before = integers((self.samples[some] - since) // self._batch)
             with uninterrupted():  # samples in the film that are not counted would be light twice
                 self._film.open(len(some), batches)
                 trace_pass(self._world, self._view, self._film, job)
                 self._film.close(job.pixels, before, len(some), batches)
                 self.samples[some] += count
             yield int(self.samples.sum())
+
+    def add_rounds(self, spp: int, passes: Callable[[int], Sequence[int]]) -> Iterator[int]:
+        """More samples of the pixels that show inserted objects, `OBJECTS` times as many in all as the `spp` that they
+        have; yields as `add_pass`. Each round goes along a sequence of its own, in whole quarters of batches.
+
+        `passes`: cuts samples into the counts that `add_pass` takes.
+        """
+        if not self._world.surface.has_objects:
+            return
+        pixels = np.flatnonzero(self._film.shows_objects())
+        for k in range(1, OBJECTS if len(pixels) else 0):
+            since, seed = int(self.samples[pixels[0]]), (self._seed_number + k * ROUND) & 0xFFFFFFFF
+            for count in passes(spp // (4 * self._batch) * 4 * self._batch):
+                yield from self.add_pass(count, pixels, seed, since)
 
     def sample_again(self, counts: Sequence[int]) -> None:
         """Sample some pixels a second time, in passes of so many samples as they had, to tell how noisy all are."""
@@ -131,6 +155,7 @@ class FrameInProgress:
         chosen = error_estimate.chosen(len(self.samples))
         seed = dr.opaque(mi.UInt32, (self._seed_number + AGAIN) & 0xFFFFFFFF)
         done = 0
+        self._again = sum(counts)
         for count in counts:
             for first, end, batches in self._launches(len(chosen), count):
                 some = chosen[first:end]
@@ -190,7 +215,8 @@ class FrameInProgress:
 
         def made(of: Sums) -> LightingBuffer:
             sun = aovs and self._sun
-            return develop(self.camera, self.layers, of, self.samples, self._batch, sun=sun, occlusion=aovs)
+            kinds = {"sun": sun, "occlusion": aovs, "again": self._again}
+            return develop(self.camera, self.layers, of, self.samples, self._batch, **kinds)
 
         if not self._world.surface.has_objects:
             return made(sums)

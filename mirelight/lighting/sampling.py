@@ -39,6 +39,9 @@ def sample_all(frame: FrameInProgress, settings: RenderSettings, progress: Progr
     for count in counts:
         for done in frame.add_pass(count):
             progress(done, settings.spp * size)
+    if settings.noise is None:
+        for done in frame.add_rounds(settings.spp, _passes):
+            progress(min(done, settings.spp * size), settings.spp * size)
     if settings.noise is None and not settings.denoise and settings.spp > 1:
         frame.sample_again(counts)
     while settings.noise is not None:

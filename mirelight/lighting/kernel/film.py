@@ -6,6 +6,8 @@ from typing import TypeAlias
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.lighting.develop import SURFACE, Sums
 from mirelight.lighting.kernel.proxy import Point
@@ -198,6 +200,12 @@ class Film:
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
         doubt = None if self._doubt is None else self._doubt.numpy().reshape(-1, size).sum(axis=0)
         return total.numpy(), self._squares.numpy()[-size:], hits.numpy(), doubt
+
+    def shows_objects(self) -> NDArray[np.bool_]:
+        """(pixels,) where paths began on inserted objects, of a film that keeps those apart."""
+        size = dr.width(self._surface) // SURFACE
+        hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size) * SURFACE).numpy()
+        return np.asarray(hits[size // 2 :] > 0)
 
     def sums(self) -> Sums:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""

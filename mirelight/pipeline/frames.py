@@ -31,7 +31,7 @@ def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: 
 
     Returns:
         The frame. Through a lens or an open shutter its light is the mean over its pinholes: `rgba`, `unlit`, `factor`,
-        layers, coverage. What is no light (depth, positions, normals, albedo, mattes) is that of the pinhole in the
+        `shadow`, layers, coverage. What is no light (depth, positions, normals, albedo, mattes) is that of the pinhole in the
         lens's middle.
 
     Raises:
@@ -84,6 +84,7 @@ class _Mean:
             rgba=rgba,
             unlit=mean.get("unlit"),
             factor=mean.get("factor"),
+            shadow=mean.get("shadow"),
             noise=np.sqrt(mean["noise"] / self._count) if "noise" in mean else None,
             background=background,
             lighting=None if lit is None else self._lighting(lit, mean, "lighting"),
@@ -114,7 +115,7 @@ class _Mean:
 
 def _light_of(frame: Frame) -> dict[str, F32]:
     """What of a frame is averaged, by name; noise and variances as variances."""
-    found = {"rgba": frame.rgba, "unlit": frame.unlit, "factor": frame.factor}
+    found = {"rgba": frame.rgba, "unlit": frame.unlit, "factor": frame.factor, "shadow": frame.shadow}
     if frame.noise is not None:
         found["noise"] = frame.noise**2
     if frame.background is not None:

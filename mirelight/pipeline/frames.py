@@ -31,8 +31,8 @@ def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: 
 
     Returns:
         The frame. Through a lens or an open shutter its light is the mean over its pinholes: `rgba`, `unlit`, `factor`,
-        `shadow`, layers, coverage. What is no light (depth, positions, normals, albedo, mattes) is that of the pinhole in the
-        lens's middle.
+        `shadow`, layers, coverage. What is no light (depth, positions, normals, albedo, mattes) is that of the pinhole
+        in the lens's middle.
 
     Raises:
         Stopped, BackendError, RenderError: as :func:`mirelight.pipeline.stages.light`.

@@ -83,7 +83,10 @@ def frame(work: Work) -> Tiles:
 
 def lightings(work: Work) -> Tiles:
     """A tile for every lighting of a sweep, under what it was called after the job's own lighting."""
-    names = {name: re.sub(r"(\d+)$", r" \1", name.partition("-")[2]) for name, _ in work.frames()}
+    names = {
+        name: re.sub(r"(m?)(\d+)$", lambda x: f" {'-' * len(x[1])}{x[2]}", name.partition("-")[2])
+        for name, _ in work.frames()
+    }
     return [(names[name] or "all together", picture(path)) for name, path in work.frames()]
 
 

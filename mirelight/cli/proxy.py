@@ -24,7 +24,9 @@ FEWEST = 100  # triangles: fewer stand for nothing
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("splats", metavar="SPLATS", help="the capture: any splat file")
+    parser.add_argument(
+        "splats", metavar="CAPTURE|JOB", help="the capture: any splat file; or a job, for its own proxy"
+    )
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="the mesh to write (.glb)")
     parser.add_argument(
         "--fit", metavar="MESH", help="move this mesh onto the splats (turned, scaled, then bent) instead of making one"
@@ -52,6 +54,8 @@ def run_proxy(args: argparse.Namespace) -> int:
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
     if args.cameras is not None and args.fit is not None:
         raise InputError("--cameras", "given with --fit", "leave it out; it is for a mesh that is made")
+    if args.splats.lower().endswith(".toml"):
+        return _of_job(args, out)
     outputs.spare([out], [Path(path) for path in (args.splats, args.fit, args.cameras) if path is not None])
     heat = out.with_suffix(".heat.png")
     with _progress(args.quiet) as report:
@@ -76,16 +80,45 @@ COMMAND = Command(
     group="start",
     help="make a proxy mesh from splats",
     description="Make the triangle mesh that light falls on from the splats of a capture alone, say how well it "
-    "fits them, and write a heat map of it beside the mesh.",
+    "fits them, and write a heat map of it beside the mesh. Of a job it writes the proxy as it stands in the job's "
+    "world, with the colours that light meets and the job's cameras: for Blender and other tools.",
     examples=(
         "proxy capture.ply -o proxy.glb",
         "proxy capture.ply -o proxy.glb --triangles 20000",
         "proxy capture.ply --fit scan.glb -o proxy.glb",
+        "proxy job.toml -o room.glb",
     ),
     arguments=_arguments,
     call=run_proxy,
     page="proxy",
 )
+
+
+def _of_job(args: argparse.Namespace, out: Path) -> int:
+    """The command for a job: whatever its proxy is, in the world's axes."""
+    from mirelight.cli.report import print_json
+    from mirelight.io import job
+    from mirelight.io.gltf.write import holds_camera, write_glb
+    from mirelight.pipeline.artefact_cache import NullCache
+    from mirelight.pipeline.scene import Scene
+
+    for name in ("fit", "cameras", "triangles"):
+        if getattr(args, name) is not None:
+            raise InputError(f"--{name}", "given with a job", "leave it out; the job's own proxy is written")
+    work = job.load(args.splats)
+    if work.proxy is None:
+        raise InputError(work.source, "no proxy", 'name one: proxy = "splats" makes it', field="proxy")
+    outputs.spare([out], outputs.files_of(work))
+    mesh = Scene(work, NullCache(), None if args.quiet else say.remark).proxy
+    assert mesh is not None
+    cameras = [x for x in work.cameras if holds_camera(x)]
+    write_glb(out, mesh, cameras=cameras)
+    if args.json:
+        print_json({"files": [out], "triangles": len(mesh.faces), "cameras": len(cameras)})
+    elif not args.quiet:
+        colours = "" if mesh.vertex_colors is None else " with the capture's colours"
+        say.result(f"{out}: {len(mesh.faces):,} triangles{colours}, {len(cameras)} cameras, in the job's world")
+    return 0
 
 
 def _made(

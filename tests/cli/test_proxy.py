@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.io import splats
+from mirelight.io.gltf.scene import read_cameras
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.mesh import read_mesh
-from mirelight.model import SplatCloud
+from mirelight.model import ProxyMesh, SplatCloud
 
 from .conftest import Run
 
@@ -94,3 +95,23 @@ def test_bad_input_is_one_line_and_writes_nothing(run: Run, tmp_path: Path) -> N
         assert said in done.stderr
         assert done.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["two.ply"]
+
+
+def test_a_jobs_proxy_is_written_upright_with_its_cameras(run: Run, tmp_path: Path) -> None:
+    """Of a capture that looks down Y the file stands as the job's world does, and goes back into it as it is."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], np.float32)
+    mesh = ProxyMesh(vertices=corners, faces=np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32))
+    write_glb(tmp_path / "down.glb", mesh)
+    half = "transform = { rotation_euler = [180, 0, 0] }"
+    (tmp_path / "job.toml").write_text(f"""
+proxy = {{ path = "down.glb", {half} }}
+lights = [{{ type = "point", position = [0, 3, 0] }}]
+cameras = [{{ name = "front", position = [0, 1, 6], target = [0, 0, 0] }}]
+""")
+    done = run("proxy", "job.toml", "-o", "room.glb", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == {"files": ["room.glb"], "triangles": len(mesh.faces), "cameras": 1}
+    np.testing.assert_allclose(read_mesh(tmp_path / "room.glb").vertices, mesh.vertices * (1, -1, -1), atol=1e-6)
+    (camera,) = read_cameras(tmp_path / "room.glb")
+    np.testing.assert_allclose(camera.to_camera(64, 36).position, (0, 1, 6), atol=1e-6)
+    assert "leave it out" in run("proxy", "job.toml", "-o", "room.glb", "--triangles", "500").stderr

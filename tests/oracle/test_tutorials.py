@@ -98,7 +98,7 @@ def test_a_day_in_24_frames(clone: Path) -> None:
     follow("tutorials/day", size=SMALLEST)
     out = clone / "out" / "day"
     frames = sorted(out.glob("*.png"))
-    assert len(frames) == 24 and frames[0].stem == "front.lighting-time20260621T053000"
+    assert len(frames) == 24 and frames[0].stem == "front.lighting-time20260621T070000"
     view = dataset.open(out)
     inside = view.geometry("front").coverage == 1
     level = [float(view.frame("front", name)[inside, :3].mean()) for name in view.lightings]

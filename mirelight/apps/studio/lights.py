@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -130,6 +131,13 @@ class Lights:
         wanted = brightness * ((1 - far) * (0.7, 0.7, 0.7) + far * (1.6, 0.1, 0.05))
         factor = np.clip(wanted / np.maximum(color, 1e-3), 0, 64)
         return rgb9e5.packed_layer(factor.astype(np.float32)[self._order])
+
+    def mesh(self) -> bytes:
+        """The proxy: (V,) count, (V, 3) float32 places and (F, 3) uint32 corners, little-endian."""
+        proxy = self.scene.proxy
+        assert proxy is not None
+        vertices, faces = np.asarray(proxy.vertices, "<f4"), np.asarray(proxy.faces, "<u4")
+        return struct.pack("<I", len(vertices)) + vertices.tobytes() + faces.tobytes()
 
     def _layer(self, lighting: str, term: Term, made: Layering, old: object) -> Layer:
         stage, light = self._kept.get(term.unit.digest, (-1, None))

@@ -24,7 +24,7 @@ from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
 
-_OWN = ("index.html", "style.css", "studio.mjs", "model.mjs", "rows.mjs", "queue.mjs")
+_OWN = ("index.html", "style.css", "studio.mjs", "model.mjs", "rows.mjs", "queue.mjs", "ball.mjs", "mesh.mjs")
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
 _UPLOAD, _OPEN = "live/upload/", "live/open/"
 _LIMITS = {
@@ -37,6 +37,7 @@ _LIMITS = {
     "live/turn": 1 << 10,
 }
 _LAYER = re.compile(r"live/layer/([0-9]{1,15})")
+_AROUND = re.compile(r"live/around/([0-9]{1,15})")
 _PICTURE = re.compile(r"live/picture/([0-9]{1,9})/[0-9]{1,9}")
 
 
@@ -73,7 +74,8 @@ class _Page(Handler):
 
     def give(self, name: str) -> None:
         """A file of the page, news, a layer, or a picture."""
-        layer, picture, session = _LAYER.fullmatch(name), _PICTURE.fullmatch(name), self._desk.session
+        layer, picture, around = (x.fullmatch(name) for x in (_LAYER, _PICTURE, _AROUND))
+        session = self._desk.session
         if name in self._pages or (session is not None and name == session.file):
             super().give(name)
         elif name == "live/studio":
@@ -86,6 +88,10 @@ class _Page(Handler):
         elif name == "live/misfit":
             scale, packed = session.misfit()
             self.answer_or_gone(packed and struct.pack("<f", scale) + packed, "misfit")
+        elif name == "live/mesh":
+            self.answer_or_gone(session.mesh(), "mesh")
+        elif around is not None:
+            self.answer_or_gone(session.around(int(around[1])), "around.png")
         elif layer is not None:
             self.answer_or_gone(session.packed(int(layer[1])), "layer")
         elif picture is not None:
@@ -164,6 +170,7 @@ def _told(state: State) -> dict[str, Any]:
             {"name": x.name, "weight": x.weight.tolist(), "version": x.version, "samples": x.samples, "scale": x.scale}
             for x in state.layers
         ],
+        "around": state.around,
         "near": state.near,
         "limit": state.limit,
         "tracing": state.tracing,

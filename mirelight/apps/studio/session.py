@@ -15,13 +15,14 @@ from mirelight.apps.mixer.bundle import bookmark, write_splats
 from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import limit_of
 from mirelight.apps.mixer.news import News
+from mirelight.apps.studio import around
 from mirelight.apps.studio.document import EDITED, Document
 from mirelight.apps.studio.helper import Helper
 from mirelight.apps.studio.lights import Layer, Lights
 from mirelight.apps.studio.renders import Renders
 from mirelight.apps.studio.worker import Ordered
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.model import Camera, Job, digest
+from mirelight.model import Camera, DirectionalLight, Job, Lighting, SunLight, digest
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.relighting.modes import mode_of
@@ -45,6 +46,7 @@ class State:
     shown: str  # the lighting that they are of
     level: float | None  # of the captured light, cd/m²; None: not known yet
     layers: tuple[Layer, ...]
+    around: tuple[int, int]  # version of the picture of what comes from far away, and the edit that it is of
     near: float | None  # share of the splats that lie on the proxy; None: not known yet
     limit: float | None
     tracing: str
@@ -87,6 +89,7 @@ class Session:
         self._stuck: Job | None = None  # whose light cannot be
         self._lights: Lights | None = None
         self._layers: tuple[Layer, ...] = ()
+        self._around = 0, -1, "", b""  # version, edit, what it was made from, PNG file
         self._layered, self._layered_name = -1, ""  # the edit and the lighting that they are of
         self._phase, self._line = "proxy", ""
         self._tracing, self._done, self._trouble = "", 0.0, ""
@@ -187,6 +190,14 @@ class Session:
         """See :meth:`Lights.misfit`; nothing before there is a proxy."""
         return (1.0, b"") if self._near is None or self._lights is None else self._lights.misfit()
 
+    def mesh(self) -> bytes:
+        """See :meth:`Lights.mesh`; nothing before there is a proxy."""
+        return b"" if self._near is None or self._lights is None else self._lights.mesh()
+
+    def around(self, version: int) -> bytes:
+        """A PNG file of what the shown lighting has from far away; empty where there is none, or a newer one."""
+        return self._around[3] if self._around[0] == version else b""
+
     def state(self, after: int = -1, seconds: float = 0.0) -> State:
         """How things stand, once there is something newer than a version, or so many seconds have gone."""
         with self._news:
@@ -199,6 +210,7 @@ class Session:
                 self._layered_name,
                 vars(self._scene).get("captured_level"),
                 self._layers,
+                self._around[:2],
                 self._near,
                 limit_of(self._scene),
                 self._tracing,
@@ -307,6 +319,7 @@ class Session:
         if job is not self._at:
             self._take(job)
         assert self._lights is not None
+        self._look_around(lighting, number)
         most = 1 if self._renders.busy else len(STAGES)  # the machine is the frame's
         due = [x for x in self._lights.wanted(lighting) if x[0] < most]
         if not due and not taken:
@@ -321,6 +334,15 @@ class Session:
                 self._layers, self._layered, self._layered_name = tuple(layers), number, lighting.name
             self._news.changed()
         return True
+
+    def _look_around(self, lighting: Lighting, number: int) -> None:
+        suns = (x for x in lighting.lights if isinstance(x, SunLight | DirectionalLight))
+        key = digest(lighting.environment, lighting.sky, *suns)
+        version, _, before, png = self._around
+        if key != before:
+            version, png = version + 1, around.picture(self._scene.resolved(lighting))
+        with self._news:
+            self._around = version, number, key, png
 
     def _take(self, job: Job) -> None:
         scene = prepare(job, self._store.artefacts, like=self._scene)

@@ -15,17 +15,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from mirelight.apps.studio import around
 from mirelight.base.errors import MirelightError
-from mirelight.base.png import png_bytes
 from mirelight.batch import executor
 from mirelight.batch.preview import Previews
-from mirelight.estimate import Estimate, estimate
+from mirelight.estimate import estimate
 from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.io import job as jobs
-from mirelight.io.png import encode_display
-from mirelight.model import F64, DisplaySettings, EstimatedSky, Frame
+from mirelight.model import EstimatedSky, Frame
 from mirelight.pipeline.plan import FrameTask, Group, plan
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store
@@ -73,15 +70,8 @@ def _estimate(scene: Scene, say: Say) -> None:
     lines = [" ".join(x.split()) for x in described(found)]
     if not sound:
         lines = [f"not known: {x}" for x in unknown(found)][:1] + lines
-    say(estimate={"sound": bool(sound and level), "level": level or 1.0, "lines": lines, "picture": _panorama(found)})
-
-
-def _panorama(found: Estimate) -> str:
-    """All around as a PNG file in base64: the map, with the sun where it stands."""
-    radiance: F64 = found.radiance / max(float(np.quantile(found.radiance, 0.98)), 1e-9)
-    pixels = np.concatenate([radiance, np.ones((*radiance.shape[:2], 1))], axis=2).astype(np.float32)
-    shown = encode_display(pixels, DisplaySettings(exposure=-0.5), "physical")
-    return base64.b64encode(png_bytes(shown, {})).decode()
+    seen = base64.b64encode(around.shown(found.radiance)).decode()
+    say(estimate={"sound": bool(sound and level), "level": level or 1.0, "lines": lines, "picture": seen})
 
 
 def _render(asked: Ordered, store: Store, say: Say) -> None:

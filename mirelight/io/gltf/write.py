@@ -67,6 +67,12 @@ def write_glb(
         temporary.write_bytes(builder.glb())
 
 
+def holds_camera(camera: Camera) -> bool:
+    """Whether glTF can hold it: it is centred, with square pixels."""
+    centred = math.isclose(camera.cx * 2, camera.width) and math.isclose(camera.cy * 2, camera.height)
+    return centred and math.isclose(camera.fx, camera.fy, rel_tol=1e-6)
+
+
 def write_lights(path: str | Path, lights: Sequence[Light], notes: Sequence[str] = ()) -> None:
     """Write lights alone as .glb, or as .gltf, which is text.
 
@@ -206,8 +212,7 @@ class GlbBuilder:
         self.add("nodes", {"name": light.name, "matrix": _column_major(pose), "extensions": extension})
 
     def add_camera(self, camera: Camera) -> None:
-        centred = math.isclose(camera.cx * 2, camera.width) and math.isclose(camera.cy * 2, camera.height)
-        if not centred or not math.isclose(camera.fx, camera.fy, rel_tol=1e-6):
+        if not holds_camera(camera):
             found = "off-centre or has pixels that are not square"
             raise OutputError(f"{self.path}: the camera {camera.name!r} is {found}; glTF cannot hold it")
         view: dict[str, Any] = {"znear": camera.near}

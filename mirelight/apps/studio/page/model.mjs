@@ -95,6 +95,25 @@ export function placeInSky(light) {
     return [Math.asin(y) * DEGREES, (Math.atan2(x, -z) * DEGREES + 360) % 360].map((v) => rounded(v, 5));
 }
 
+// A direction to a far light, [elevation, azimuth] in degrees, and back.
+export const toSky = (way) => placeInSky({ direction: way.map((x) => -x) });
+export function fromSky([elevation, azimuth]) {
+    const [e, a] = [elevation / DEGREES, azimuth / DEGREES];
+    return [Math.cos(e) * Math.sin(a), Math.sin(e), -Math.cos(e) * Math.cos(a)];
+}
+
+// How far light from all around is turned, counter-clockwise seen from above, in degrees; null: it cannot be.
+export function turned(environment) {
+    const around = table(environment);
+    if (around?.path) return around.rotation ?? 0;
+    return around?.sky && 'elevation' in around.sky ? -(around.sky.azimuth ?? 180) : null;
+}
+export function turn(environment, degrees) {
+    const around = table(environment), wrapped = (x) => rounded(((x + 180) % 360 + 360) % 360 - 180, 4);
+    if (around.path) return { ...around, rotation: wrapped((around.rotation ?? 0) + degrees) };
+    return { ...around, sky: { ...around.sky, azimuth: rounded((((around.sky.azimuth ?? 180) - degrees) % 360 + 360) % 360, 4) } };
+}
+
 // Where a lamp shines at, so that it can be dragged.
 export function aimOf(light, reach) {
     if (light.target) return light.target;

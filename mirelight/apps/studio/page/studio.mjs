@@ -1,7 +1,9 @@
 // The page: the capture in the engine, the panel that edits its job, and what the server makes of it.
+import { createBall } from './ball.mjs';
 import { createHandles } from './handles.mjs';
 import { createNewest, send } from './live.mjs';
-import { aimOf, between, createModel, freeName, length, newLight, placed, plus, ratio, rounded, table } from './model.mjs';
+import { createMesh } from './mesh.mjs';
+import { aimOf, between, createModel, freeName, fromSky, length, newLight, placed, placeInSky, plus, ratio, rounded, table, toSky, turn, turned } from './model.mjs';
 import { createQueue } from './queue.mjs';
 import { aroundRow, lightRow, make } from './rows.mjs';
 import { createView } from './view.mjs';
@@ -18,6 +20,25 @@ function start(view, studio) {
     const model = createModel({ ...first, cameras: first.cameras ?? [], lightings: first.lightings ?? [] }, changed);
     const newest = createNewest(say, AGAIN);
     const slots = { of: '', names: new Map(), versions: [] };
+    const ball = createBall(find('ball'), (degrees) => {
+        if (turned(lighting().environment) === null) return;
+        model.change('around', (job) => { job.lightings[chosen].environment = turn(lighting().environment, degrees); });
+        const [label, now] = table(lighting().environment).path ? ['All around: Turn °', turned(lighting().environment)] : ['Sky: Azimuth °', -turned(lighting().environment)];
+        tellField(label, now);
+    });
+    const foundBall = createBall(find('found-ball'));
+    let overlay = null;  // shows and hides the mesh
+
+    // a number that was changed in the picture, in its row
+    function tellField(label, value) {
+        for (const end of ['', ', slider']) for (const input of document.querySelectorAll(`[aria-label=${CSS.escape(label + end)}]`)) input.value = value;
+    }
+    function balls() {
+        const now = turned(lighting().environment), then = state && turned(sent.get(state.around[1])?.lightings.find((x) => x.name === state.shown)?.environment);
+        ball.draw(view.eye(), now === null || then === null || then === undefined ? 0 : now - then);
+        find('ball').setAttribute('aria-valuenow', now ?? 0);
+        foundBall.draw(view.eye());
+    }
 
     // --- the server ---
 
@@ -66,7 +87,7 @@ function start(view, studio) {
         if (state.trouble) say(state.trouble);
         if (state.level) level = state.level;
         find('edited').hidden = !state.edited;
-        find('misfit').disabled = find('near').hidden = state.near === null;
+        find('misfit').disabled = find('mesh').disabled = find('near').hidden = state.near === null;
         find('near').textContent = `${Math.floor(100 * state.near)} % of the splats lie on the proxy mesh.`;
         const lines = [state.line && `${state.line}…`, state.tracing && `${state.tracing}: ${Math.floor(100 * state.done)} %`];
         find('news').textContent = lines.filter(Boolean).join(' · ') || (state.phase === 'ready' ? 'The light is as fine as it gets here' : '');
@@ -74,6 +95,8 @@ function start(view, studio) {
         queue.show(state.renders);
         if (state.estimate && !adopted) found(state.estimate);
         await layers();
+        if (state.shown === lighting().name) await ball.load(state.around[0] && table(lighting().environment) ? `live/around/${state.around[0]}` : '');
+        balls();
         paint();
         if (still) showFrame();
     }
@@ -135,6 +158,7 @@ function start(view, studio) {
         if (signed() !== signature) later('rows', rows);
         tabs();
         marks();
+        balls();
         paint();
         tell();
     }
@@ -177,6 +201,7 @@ function start(view, studio) {
     const handles = createHandles(find('handles'), view, {
         pick: ({ light }) => pick(light),
         move(handle, position, ended) {
+            if (handle.sun) return shine(handle, position, ended);
             handle.position = position;
             model.change(`move ${handle.name}`, (job) => {
                 const light = job.lightings[chosen].lights.find((x) => x.name === handle.light);
@@ -186,6 +211,22 @@ function start(view, studio) {
             if (!ended) pick(handle.light);
         }
     });
+
+    // a sun's handle moves about what is looked at: which way it lies from there is where the sun stands
+    const focus = () => bookmark?.target ?? [0, 0, 0];
+    const sunPlace = (light) => plus(focus(), fromSky(placeInSky(light)), 0.6 * away());
+    function shine(handle, position, ended) {
+        const [elevation, azimuth] = toSky(plus(position, focus(), -1)).map((x) => Number(x.toFixed(1)));
+        handle.position = sunPlace({ elevation, azimuth });
+        model.change(`move ${handle.name}`, (job) => {
+            const light = job.lightings[chosen].lights.find((x) => x.name === handle.light);
+            delete light.direction;
+            Object.assign(light, { elevation, azimuth });
+        });
+        tellField(`${handle.light}: Elevation °`, elevation);
+        tellField(`${handle.light}: Azimuth °`, azimuth);
+        if (!ended) pick(handle.light);
+    }
 
     // --- what is shown ---
 
@@ -213,12 +254,17 @@ function start(view, studio) {
         if (lighting().lights_from && theirs.length) find('lights').append(make('p', { textContent: `From a file: ${theirs.join(', ')}` }));
         aroundRows();
         handles.show(lights.flatMap((light, layer) => {
+            if (light.type === 'sun' || light.type === 'directional') return [{ name: light.name, light: light.name, layer, position: sunPlace(light), sun: true }];
             if (!light.position) return [];
             const target = aimOf(light, 0.4 * away());
             return [{ name: light.name, light: light.name, layer, position: light.position },
                 ...(target ? [{ name: `${light.name}: aim`, light: light.name, layer, position: target, aims: true }] : [])];
         }));
-        for (const button of find('handles').children) button.classList.toggle('aim', button.title.endsWith(': aim'));
+        const far = lights.filter((x) => x.type === 'sun' || x.type === 'directional').map((x) => x.name);
+        for (const button of find('handles').children) {
+            button.classList.toggle('aim', button.title.endsWith(': aim'));
+            button.classList.toggle('sun', far.includes(button.title));
+        }
     }
     const aroundRows = () => find('around').replaceChildren(aroundRow(lighting().environment, level, {
         set: (edit, anew) => {
@@ -247,6 +293,7 @@ function start(view, studio) {
         find('captured').setAttribute('aria-pressed', asCaptured);
         find('compare').setAttribute('aria-pressed', comparing);
         find('misfit').setAttribute('aria-pressed', misfit);
+        find('mesh').setAttribute('aria-pressed', Boolean(overlay));
         find('undo').disabled = !model.canUndo;
         find('redo').disabled = !model.canRedo;
         find('saved').textContent = '';
@@ -292,6 +339,7 @@ function start(view, studio) {
     function go(camera) {
         bookmark = camera;
         view.go(camera);
+        rows();
     }
 
     // --- the captured light ---
@@ -302,6 +350,7 @@ function start(view, studio) {
         find('captured-lines').parentElement.hidden = false;
         find('panorama').src = `data:image/png;base64,${estimate.picture}`;
         find('panorama').hidden = false;
+        foundBall.load(find('panorama').src).then(balls);
         find('captured-said').textContent = estimate.sound ? 'Found from the capture:' : 'The capture does not tell its light well; an even one is assumed.';
         if (!estimate.sound) return;
         find('captured-choice').hidden = false;
@@ -363,6 +412,7 @@ function start(view, studio) {
     // before | after: a plane through the eye, left of which splats are as captured
     function seen() {
         handles.place();
+        balls();
         if (still?.eye && still.eye !== JSON.stringify(view.eye())) closeFrame();
         const share = Number(find('split').value), eye = view.eye();
         find('still').style.setProperty('--split', share);
@@ -392,6 +442,13 @@ function start(view, studio) {
                 view.replace(SLOTS - 1, new Uint32Array(data, 4), new DataView(data).getFloat32(0, true));
             }
             closeFrame(); marks(); paint();
+        },
+        mesh: async () => {
+            const answer = overlay ? null : await fetch('live/mesh');
+            overlay?.(false);
+            overlay = answer?.ok ? createMesh(view.app, await answer.arrayBuffer()) : null;
+            overlay?.(true);
+            marks();
         },
         'render-still': renderStill,
         undo: () => { again(); model.undo(); cameraRows(); },
@@ -461,7 +518,7 @@ function start(view, studio) {
         if (model.canUndo && !confirm('Begin again with another way up? Lights and cameras are set anew.')) return;
         if (await put('live/turn', { up: find('up').value }) !== null || find('error').hidden) location.reload();
     });
-    const keys = { c: 'captured', b: 'compare', m: 'misfit', p: 'render-still', s: 'save', h: 'fold' };
+    const keys = { c: 'captured', b: 'compare', m: 'misfit', n: 'mesh', p: 'render-still', s: 'save', h: 'fold' };
     addEventListener('keydown', (event) => {
         const typing = event.target.matches?.('select, textarea, input:not([type=range]):not([type=color])');
         if (typing) return;

@@ -7,14 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from mirelight.base.colour import REC709_LUMINANCE
-from mirelight.estimate.types import SUNS_AGREE, Estimate
+from mirelight.estimate.types import Estimate
 from mirelight.model import F64, AreaLight, PointLight, SpotLight
 
 HALVES_AGREE = 0.15  # factor less 1 between the irradiances of both halves
 DISC_KNOWN = 3.0  # degrees between the narrowest and the widest disc, above which its width is a guess
 _UNITS = {PointLight: "candela", SpotLight: "candela", AreaLight: "cd/m²"}  # the rest: lux
 SURE_LAMP = 0.01  # of the differences: a lamp that explains less may stand for what the proxy gets wrong
-LITTLE = 0.03  # of the differences explained elsewhere: hardly any
+BEATEN = 2.0  # standard errors by which shadows' edges speak for another sun, above which a direction is a guess
+LITTLE = 0.03  # of the differences explained elsewhere: hardly any; asked where no shadow has an edge
 
 
 def described(found: Estimate) -> Iterator[str]:
@@ -50,14 +51,26 @@ def described(found: Estimate) -> Iterator[str]:
     yield f"albedo       {low:.2f} to {high:.2f}, {middle:.2f} in the middle, as it comes out of this light"
     yield f"told by      {c.places:,} splats on the proxy; {c.blocked:.0%} of their view is other surfaces"
     yield f"checked      halves of the splats give light that differs by {c.halves_apart:.0%}"
-    yield f"             and explains {c.held_out:.0%} of the differences in the other half"
+    if found.sun.any():
+        yield f"             edges of its shadows speak {_spoken(c.sun_beaten)} standard errors"
+    else:
+        yield f"             and explains {c.held_out:.0%} of the differences in the other half"
 
 
 def doubted(found: Estimate) -> bool:
     """Whether anything but what is true of every estimate speaks against this one: then it may be worse than none."""
     c = found.confidence
-    lost_sun = bool(found.sun.any()) and not c.sun_apart <= SUNS_AGREE
-    return lost_sun or not c.halves_apart <= HALVES_AGREE or c.held_out < LITTLE
+    return _lost(found) or not c.halves_apart <= HALVES_AGREE or _blank(found)
+
+
+def _lost(found: Estimate) -> bool:
+    """Whether shadows' edges speak for another sun than the one that was found."""
+    return bool(found.sun.any()) and not found.confidence.sun_beaten <= BEATEN
+
+
+def _blank(found: Estimate) -> bool:
+    """Whether a light without a sun explains hardly anything. One with a sun is judged by its shadows' edges."""
+    return not found.sun.any() and found.confidence.held_out < LITTLE
 
 
 def unknown(found: Estimate) -> Iterator[str]:
@@ -68,14 +81,14 @@ def unknown(found: Estimate) -> Iterator[str]:
             f"how bright: only {c.blocked:.0%} of the view is blocked, so little light goes from surface to surface; "
             "the scale is a guess that makes the mean albedo 0.35: set it with --exposure"
         )
-    if found.sun.any() and not c.sun_apart <= SUNS_AGREE:
-        yield "where the sun stood: the two halves of the splats disagree, so its direction is a guess"
+    if _lost(found):
+        yield "where the sun stood: edges of its shadows speak for another one, so its direction is a guess"
     low, high = c.sun_disc
     if found.sun.any() and high - low > DISC_KNOWN:
         yield f"how wide the sun's disc is: anything from {low:.2g}° to {high:.2g}° explains about as much"
     if not c.halves_apart <= HALVES_AGREE:
         yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
-    if c.held_out < LITTLE:
+    if _blank(found):
         yield "whether this is the light at all: it explains hardly more than even light from everywhere"
     if c.albedo[2] > 1:
         yield "the light where albedos come out above 1: glow, gloss, or a proxy that misfits there"
@@ -90,6 +103,10 @@ def _luminance(rgb: F64) -> float:
 
 def _numbers(values: F64) -> str:
     return ", ".join(f"{x:.2f}" for x in values)
+
+
+def _spoken(beaten: float) -> str:
+    return f"for it, against any other sun by {-beaten:.1f}" if beaten <= 0 else f"for another sun by {beaten:.1f}"
 
 
 def _apart(degrees: float) -> str:

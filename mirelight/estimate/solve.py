@@ -116,6 +116,7 @@ def estimate(
         scale_known=known,
         sun_gain=gain,
         sun_apart=_apart(suns),
+        sun_beaten=math.nan if best.sun is None else sun.beaten(Search.of(halves[0], pairs[0]), best.sun.to_sun),
         sun_disc=(_diameter(radii[0]), _diameter(radii[1])),
         halves_apart=_differ(*both),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),

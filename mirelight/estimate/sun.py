@@ -16,6 +16,7 @@ from mirelight.estimate.transport import Places
 from mirelight.model import F64
 
 DIRECTIONS = 5000  # over the whole sphere: 3 degrees apart
+RIVALS = 1250  # over the whole sphere, that a sun which was found is compared with
 TRIED = 1000  # of these, those of most promise
 STARTS = 3  # of these, that are refined
 VOTED = 3  # more of all, by votes of pairs across shadows' edges: what a proxy gets wrong hides a sun from the search
@@ -27,7 +28,7 @@ RADII = (0.0, 0.5, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
 _NEAR = 3  # radii to either side of the one that a sun was found with, that are compared closely
 _BLOCKS = 5  # halvings of the places, to blocks whose losses are taken for independent of each other
 _SURELY = 2.0  # standard errors, beyond which a radius explains less in truth
-_AT_ONCE = 500  # directions
+_AT_ONCE = 250  # directions
 _WIDE = 1.0  # of the logarithm of albedo: differences that count in full before light is found
 _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
 _DISC = 24  # points of a disc
@@ -38,6 +39,7 @@ _FEWEST, _WHITE = 0.3, 0.5  # shares: of places off shadows' edges, and of those
 _MOSTLY = 0.5  # of the sun: a place that sees more of it is lit
 _CHANGED = 0.02  # of the sun: more of it than that counts as a change
 _SAME = 1.0  # degrees between two suns that are one
+_ELSEWHERE = np.cos(np.radians(16.0))  # from a sun: nearer ones share most of its shadows
 _PLANE = 0.9  # least cosine between the planes of two places that a shadow's edge is looked for between
 _TOWARDS = 0.1  # least cosine of both towards the sun
 _MOST_VOTE = 1.5  # of the logarithm of albedo: what one pair counts at most
@@ -99,19 +101,31 @@ class Search:
         changed = np.log1p(changed / np.maximum(changed.mean(axis=1, keepdims=True), 1e-12))
         return np.asarray(changed @ self.wanted() / np.maximum(changed.std(axis=1), 1e-12))
 
-    def votes(self, ways: F64, seen: F64) -> F64:
+    def votes(self, ways: F64, seen: F64, rival: F64 | float = 0.0) -> F64:
         """(D,) how surely shadows of suns (D, 3), whose cosines are `seen` (D, N), are the picture's: by how much more
         places in the sun show than those in its shadow, in the same plane, over what chance would give.
 
-        What a proxy gets wrong elsewhere has no part in it.
+        What a proxy gets wrong elsewhere has no part in it. Against a rival, by (V,) its :meth:`sides`, pairs vote that
+        both tell apart: to one sun's edges texture is no hindrance, as it takes no side.
         """
+        _, _, vote, spread = self._in_plane()
+        side = self.sides(ways, seen) - rival
+        return np.asarray(side @ vote / np.sqrt(side**2 @ spread + 1e-24))
+
+    def sides(self, ways: F64, seen: F64) -> F64:
+        """(D, V) for the pairs in one plane: 1 where the first is in the sun and the second is not, -1 the other way
+        round, 0 where both are in either or do not face it; arguments as in :meth:`votes`."""
+        a, b, _, _ = self._in_plane()
+        lit, faces = seen > 0, ways @ self.places.normals.T > _TOWARDS
+        return np.where(faces[:, a] & faces[:, b], lit[:, a].astype(np.float64) - lit[:, b], 0.0)
+
+    def _in_plane(self) -> tuple[NDArray[np.int64], NDArray[np.int64], F64, F64]:
+        """(V,) each, of pairs in one plane: first and second place, the vote, and the square of its weight."""
         pairs, normals = self.pairs, self.places.normals
         plane = np.einsum("nk,nk->n", normals[pairs.a], normals[pairs.b]) > _PLANE
-        a, b, weight = pairs.a[plane], pairs.b[plane], self.weights[plane]
+        weight = self.weights[plane]
         more = np.clip(self.apart(self.log_color - np.log(self.even()))[plane], -_MOST_VOTE, _MOST_VOTE)
-        lit, faces = seen > 0, ways @ normals.T > _TOWARDS
-        side = np.where(faces[:, a] & faces[:, b], lit[:, a].astype(np.float64) - lit[:, b], 0.0)
-        return np.asarray(side @ (weight * more) / np.sqrt(np.abs(side) @ weight**2 + 1e-24))
+        return pairs.a[plane], pairs.b[plane], weight * more, weight**2
 
     def rough(self, seen: F64) -> float:
         """The least of a few losses of :meth:`losses`, of a sun of these cosines (N,)."""
@@ -177,6 +191,25 @@ def search(of: Search) -> tuple[Sun, ...]:
         if all(way @ one.to_sun < np.cos(np.radians(_SAME)) for one in found):
             found.append(_with_disc(of, way, (VOTED_RADIUS,)))
     return tuple(found)
+
+
+def beaten(of: Search, way: F64) -> float:
+    """Standard errors by which shadows' edges speak for the likeliest sun elsewhere rather than for one in a direction
+    (3,); below 0: they speak for this one.
+
+    How much of the colours' differences a light explains tells little of it where surfaces have texture, however right
+    the light; of two suns the right one has the edges on which they disagree.
+    """
+    rivals = sphere(RIVALS)
+    rivals = rivals[rivals @ way < _ELSEWHERE]
+    own = of.sides(way[None], of.places.facing(way[None]))[0]
+    most = -np.inf
+    for first in range(0, len(rivals), _AT_ONCE):
+        ways = rivals[first : first + _AT_ONCE]
+        seen = of.places.facing(ways)
+        votes = of.votes(ways, seen, own)
+        most = max(most, float(np.max(votes, where=(seen > 0).mean(axis=1) >= LEAST_LIT, initial=-np.inf)))
+    return most
 
 
 def _apart(directions: F64, losses: F64, count: int) -> list[int]:

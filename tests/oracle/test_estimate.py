@@ -121,7 +121,18 @@ def test_the_sun_is_found() -> None:
     assert isinstance(sun, SunLight)
     assert apart(-sun.direction, TO_SUN) < 2
     assert sun.angular_diameter <= 4
-    assert found().confidence.sun_apart < 6
+    assert found().confidence.sun_apart < 6 and found().confidence.sun_beaten < 0
+
+
+def test_a_sun_elsewhere_is_doubted_by_its_shadows() -> None:
+    """Texture of three tenths hides what a light explains; edges tell the sun from those that stand beside it."""
+    places = transport.places_of(painted(yard(), LIGHT, 2400), yard(), SETTINGS)
+    noise = np.exp(0.3 * np.random.default_rng(2).standard_normal((len(places), 1)))
+    rough = replace(places, color=places.color * noise)
+    of = sun.Search.of(rough, fit.pairs_of(rough.points, rough.color, np.random.default_rng(0)))
+    away = unit(TO_SUN + 0.36 * unit(np.cross(TO_SUN, [0, 1, 0])))  # 20 degrees
+    assert sun.beaten(of, TO_SUN) < 0
+    assert sun.beaten(of, away) > 2
 
 
 def test_places_without_light_leave_the_figures_sound() -> None:

@@ -159,6 +159,7 @@ def told(sun: float, *named: PointLight) -> Estimate:
             scale_known=True,
             sun_gain=0.1,
             sun_apart=1.0,
+            sun_beaten=-3.0,
             sun_disc=(0.53, 0.53),
             halves_apart=0.05,
             held_out=0.1,

@@ -34,7 +34,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cameras",
         metavar="FILE",
-        help="the capture's cameras, in its own axes: what they did not see is closed against light",
+        help="the capture's cameras, in its own axes: it is looked at from there, and what they did not see is closed "
+        "against light",
     )
     parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
     options.add_json(parser)
@@ -52,8 +53,6 @@ def run_proxy(args: argparse.Namespace) -> int:
     if args.triangles is not None and (args.triangles < FEWEST or args.fit is not None):
         remedy = "leave it out" if args.fit is not None else f"give {FEWEST} or more"
         raise InputError("--triangles", f"{args.triangles}{' with --fit' if args.fit is not None else ''}", remedy)
-    if args.cameras is not None and args.fit is not None:
-        raise InputError("--cameras", "given with --fit", "leave it out; it is for a mesh that is made")
     if args.splats.lower().endswith(".toml"):
         return _of_job(args, out)
     outputs.spare([out], [Path(path) for path in (args.splats, args.fit, args.cameras) if path is not None])
@@ -127,18 +126,20 @@ def _made(
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
     from mirelight.io.mesh import read_mesh
     from mirelight.proxy import ProxySettings, judge, make, register
+    from mirelight.proxy.judge import seen_by
 
+    cameras = _cameras(args.cameras) if args.cameras is not None else ()
     if args.fit is None:
-        cameras = _cameras(args.cameras) if args.cameras is not None else ()
         made = make(cloud, ProxySettings(triangles=args.triangles), report, cameras=cameras, source=args.splats)
         how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
         if cameras:
             how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"
         return how, made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
-    before = judge(cloud, mesh, source=args.splats)
-    fitted = register(cloud, mesh, report, source=args.fit)
-    return f"{args.fit} fitted to the splats", fitted, judge(cloud, fitted, source=args.splats), before
+    looked = seen_by(cameras) if cameras else None
+    before = judge(cloud, mesh, looked, source=args.splats)
+    fitted = register(cloud, mesh, report, cameras=cameras, source=args.fit)
+    return f"{args.fit} fitted to the splats", fitted, judge(cloud, fitted, looked, source=args.splats), before
 
 
 def _cameras(path: str) -> list[Camera]:

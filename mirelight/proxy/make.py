@@ -72,7 +72,7 @@ def make(
     maps = DepthMaps(capture, settings)
     method = _method(capture, settings)
     there = [moved(camera, -capture.middle) for camera in cameras]
-    _refuse_strangers(capture, there, source)
+    refuse_strangers(capture, there, source)
     if method == "cells":
         soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
@@ -122,7 +122,7 @@ def _fused(
 ) -> Soup:
     """By depth maps: of the capture's own cameras, else of views from around and inside."""
     if cameras:
-        views = [maps.of(camera) for camera in _counted(fewer(cameras), part(report, 0.0, 0.4))]
+        views = [maps.of(camera) for camera in counted(fewer(cameras), part(report, 0.0, 0.4))]
         _refuse_depth(capture, maps, views, source)
     else:
         views = _guessed(capture, maps, settings, part(report, 0.0, 0.4), source)
@@ -152,13 +152,13 @@ def _guessed(
     hidden = hidden_share(capture, views)
     if settings.views == "inside" or (settings.views == "auto" and hidden > HIDDEN):
         inner = from_points(places(capture), _pixels(capture), 1e-3 * capture.radius)
-        more = views + [maps.of(camera) for camera in _counted(inner, part(report, 0.6, 1.0))]
+        more = views + [maps.of(camera) for camera in counted(inner, part(report, 0.6, 1.0))]
         if settings.views == "inside" or hidden_share(capture, more) < 0.5 * hidden:  # else it is hidden in the solid
             views = more
     return views
 
 
-def _refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | Path) -> None:
+def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | Path) -> None:
     """Raises InputError: cameras that are another capture's, as they have little of this one in their pictures.
 
     How much of a proxy they see tells nothing: the far sides of a room's walls are none of theirs.
@@ -181,7 +181,7 @@ def _refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str |
 def _seen_around(capture: Capture, maps: DepthMaps, report: Progress, source: str | Path) -> list[DepthMap]:
     """Views from around. Raises InputError: they show no surface."""
     cameras = around(capture.splats.means, capture.radius, ORBIT, _pixels(capture))
-    views = [maps.of(camera) for camera in _counted(cameras, report)]
+    views = [maps.of(camera) for camera in counted(cameras, report)]
     _refuse_depth(capture, maps, views, source)
     return views
 
@@ -191,7 +191,7 @@ def _pixels(capture: Capture) -> int:
     return int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
 
 
-def _counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
+def counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
     for done, camera in enumerate(cameras):
         report("taking depth maps", done / len(cameras))
         yield camera

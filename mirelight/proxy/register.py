@@ -1,20 +1,26 @@
-"""A mesh that misfits moved onto its splats: turned, moved and scaled as a whole, then vertex by vertex."""
+"""A mesh that misfits moved onto its splats: turned, moved, scaled, swollen as a whole; on discs vertex by vertex."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mirelight.base import conventions
 from mirelight.base.errors import InputError
-from mirelight.model import F32, F64, ProxyMesh, SplatCloud, triangles
+from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, triangles
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import Capture, look_at_capture, normals_of
+from mirelight.proxy.depth import DepthMap, DepthMaps
+from mirelight.proxy.inside import HIDDEN, hidden_share, places
+from mirelight.proxy.judge import PIXELS, VIEWS, seen_by
+from mirelight.proxy.make import counted, refuse_strangers
 from mirelight.proxy.sampling import spread_on
-from mirelight.proxy.types import Int, Progress, part, quiet
-from mirelight.proxy.views import turned
+from mirelight.proxy.sighted import Fit, sighted, small_step
+from mirelight.proxy.slanted import slanted
+from mirelight.proxy.types import Int, Progress, ProxySettings, part, quiet
+from mirelight.proxy.views import around, from_points, moved, turned
 
 ROUNDS = 5  # of moving vertices
 WIDEST, NARROWEST = 6.0, 1.2  # how far around a vertex splats count in the first and the last round, in spacings
@@ -26,23 +32,31 @@ _SPLATS = 30_000  # that the whole is aligned by
 _POINTS = 60_000  # of the mesh that they are compared with
 _PLANES = 24  # nearest splats that move a vertex
 _STAY = 0.02  # how much vertices resist, relative to the planes: keeps them from sliding where only one plane pulls
+_SETTINGS = ProxySettings()
 _SPREAD = 30  # rounds in which vertices without splats take their neighbours' way
 
 
 def register(
-    splats: SplatCloud, mesh: ProxyMesh, progress: Progress | None = None, *, source: str | Path = "mesh"
+    splats: SplatCloud,
+    mesh: ProxyMesh,
+    progress: Progress | None = None,
+    *,
+    cameras: Sequence[Camera] = (),
+    source: str | Path = "mesh",
 ) -> ProxyMesh:
     """The mesh moved onto the splats; its faces, texture coordinates and colours stay as they are.
 
-    First the best of the usual mistakes is undone (turned, moved, scaled), then the whole is aligned by the iterated
-    closest point method with planes, a scale and a swelling (all vertices move as far along their normals), where that
-    brings it nearer; then vertices move onto the planes of the splats around them whose normal agrees, in rounds that
-    look ever closer, where that brings the mesh nearer still.
+    First the best of the usual mistakes is undone (turned, moved, scaled). Then the whole is aligned, with a scale and
+    a swelling (all vertices move as far along their normals), where that brings it nearer: to depth maps of the splats
+    (see `sighted`), or, where splats are discs on the surface, to these, by the iterated closest point method with
+    planes. To discs vertices are moved one by one, too: onto the planes of those around them whose normal agrees, in
+    rounds that look ever closer, where that brings the mesh nearer still.
 
     Args:
         splats: the capture, in world space.
         mesh: the proxy to be fitted.
         progress: hears what is being done.
+        cameras: those of the capture's pictures, in world space, which depth maps are taken from; none: from around.
         source: whom to name in an error, usually the mesh's file.
 
     Raises:
@@ -55,19 +69,46 @@ def register(
     at = mesh.vertices.astype(np.float64) - capture.middle
     if not triangles.areas(at[faces]).sum() > 0:
         raise InputError(source, "a mesh without area", "give a mesh with triangles")
-    normals = normals_of(capture)
-    report("aligning the mesh", 0.1)
-    misfit = _Misfit(capture, normals)
     # Vertices in one place move as one, so that seams of textures and of normals do not tear.
     _, first, place = np.unique(mesh.vertices, axis=0, return_index=True, return_inverse=True)
     place = place.ravel()
     v, f = at[first], place[faces]
-    fit = _aligned(capture, misfit, v, f, best_guess(capture, v, f))
-    at = _settled(capture, normals, fit.of(v, _normals_of(v, f)), f, misfit, part(report, 0.5, 1.0))[place]
-    moved = (at + capture.middle).astype(np.float32)
+    guess = best_guess(capture, v, f)
+    if capture.surfels:
+        fit, settled = _onto_discs(capture, v, f, guess, part(report, 0.1, 1.0))
+    else:
+        views = _views(capture, cameras, part(report, 0.1, 0.5))
+        fit = sighted(views, v, f, guess, capture.spacing, part(report, 0.5, 1.0))
+        settled = fit.of(v, triangles.vertex_normals(v, f))
+    moved_to = (settled[place] + capture.middle).astype(np.float32)
     return replace(
-        mesh, vertices=moved, normals=None if mesh.normals is None else _turned_normals(mesh.normals, fit.pose)
+        mesh, vertices=moved_to, normals=None if mesh.normals is None else _turned_normals(mesh.normals, fit.pose)
     )
+
+
+def _views(capture: Capture, cameras: Sequence[Camera], report: Progress) -> list[DepthMap]:
+    """Depth maps, smooth, of the capture's cameras or of some around it, and inside where much is hidden from those."""
+    maps = DepthMaps(capture, _SETTINGS)
+    if cameras:
+        there = [moved(camera, -capture.middle) for camera in cameras]
+        refuse_strangers(capture, there, "splats")
+        views = [maps.of(camera) for camera in counted(seen_by(there), report)]
+    else:
+        outer = around(capture.splats.means, capture.radius, VIEWS, PIXELS)
+        views = [maps.of(camera) for camera in counted(outer, report)]
+        if hidden_share(capture, views) > HIDDEN:
+            views += [maps.of(camera) for camera in from_points(places(capture), PIXELS // 2, 1e-3 * capture.radius)]
+    return [slanted(view, capture.spacing) for view in views]
+
+
+def _onto_discs(capture: Capture, v: F64, f: Int, guess: F64, report: Progress) -> tuple[Fit, F64]:
+    """What brings a mesh nearest to discs as a whole, and where vertices come to lie then."""
+    report("aligning the mesh", 0.0)
+    normals = normals_of(capture)
+    misfit = _Misfit(capture, normals)
+    fit = _aligned(capture, misfit, v, f, guess)
+    at = fit.of(v, triangles.vertex_normals(v, f))
+    return fit, _settled(capture, normals, at, f, misfit, part(report, 0.5, 1.0))
 
 
 def _turned_normals(normals: F32, pose: F64) -> F32:
@@ -97,23 +138,7 @@ class _Misfit:
         return float(self.of(spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum()))[1].mean())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """A mesh as a whole: swollen first, then turned, scaled and moved."""
-
-    pose: F64  # (4, 4)
-    swelling: float = 0.0  # how far vertices go along their normals, in the mesh's own units
-
-    def of(self, at: F64, normals: F64) -> F64:
-        """(N, 3) where points with these normals come to lie."""
-        return turned(at + self.swelling * normals, self.pose[:3, :3]) + self.pose[:3, 3]
-
-    @property
-    def size(self) -> float:
-        return float(np.cbrt(np.linalg.det(self.pose[:3, :3])))
-
-
-def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> _Fit:
+def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> Fit:
     """What brings a mesh nearest to splats, from a first guess; the guess where that is best.
 
     A mesh is taken as swollen only where that tells much more, once its vertices have moved: what is off to both sides
@@ -121,61 +146,35 @@ def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64)
     """
     rigid = _descended(capture, misfit, at, faces, start, swells=False)
     swollen = _descended(capture, misfit, at, faces, start, swells=True)
-    normals = _normals_of(at, faces)
+    normals = triangles.vertex_normals(at, faces)
     error, less = (misfit.mesh(fit.of(at, normals), faces) for fit in (rigid, swollen))
     far = abs(swollen.swelling) * swollen.size > capture.spacing  # less is how splats lie about a surface
     return swollen if far and less < (1 - SWOLLEN) * error else rigid
 
 
-def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool) -> _Fit:
+def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool) -> Fit:
     """The best fit on the way down from a guess."""
     points, face = spread_on(at, faces, _POINTS)
     normals = triangles.crossed(at[faces])[face]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     area = float(triangles.areas(at[faces]).sum())
 
-    def apart(fit: _Fit) -> tuple[F64, F64, F64, float]:
+    def apart(fit: Fit) -> tuple[F64, F64, F64, float]:
         index, off = misfit.of(moved := fit.of(points, normals), area * fit.size**2)
         return moved[index], turned(normals[index], fit.pose[:3, :3] / fit.size), off, float(off.mean())
 
-    best = now = _Fit(start)
+    best = now = Fit(start)
     p, facing, off, error = apart(now)
     least = error
     for _ in range(STEPS):
         reach = max(2 * float(np.median(off)), 0.5 * capture.spacing)
         weight = 1 / (1 + (off / reach) ** 2) ** 2
-        step, swelling = _step(p, facing if swells else 0 * facing, misfit.at, misfit.normals, weight)
-        now = _Fit(step @ now.pose, now.swelling + swelling / now.size)
+        now = now.then(*small_step(p, facing if swells else 0 * facing, misfit.at, misfit.normals, weight))
         p, facing, off, error = apart(now)
         if error > least * (1 - ENOUGH):
             break
         best, least = now, error
     return best
-
-
-def _step(p: F64, facing: F64, q: F64, n: F64, weight: F64) -> tuple[F64, float]:
-    """The small similarity, and way along the points' normals before it, that bring points nearest to planes through q.
-
-    By least squares.
-    """
-    centre = (weight[:, None] * q).sum(axis=0) / weight.sum()
-    own = p - centre
-    size = np.sqrt((weight * (own**2).sum(axis=1)).sum() / weight.sum())
-    own = own / size  # all eight unknowns of one magnitude
-    columns = [np.cross(own, n), n, (own * n).sum(axis=1)[:, None], (facing * n).sum(axis=1)[:, None]]
-    rows = np.concatenate(columns, axis=1)
-    rest = ((q - p) * n).sum(axis=1) / size
-    matrix = np.einsum("n,ni,nj->ij", weight, rows, rows)
-    found = np.linalg.solve(
-        matrix + 1e-4 * np.trace(matrix) / 7 * np.eye(8), np.einsum("n,ni,n->i", weight, rows, rest)
-    )
-    angle = float(np.linalg.norm(found[:3]))
-    axis = found[:3] / max(angle, 1e-30)
-    half = min(angle, 0.3) / 2
-    rotation = conventions.rotation_from_quaternion([np.cos(half), *(axis * np.sin(half))])
-    scaled = rotation * float(np.exp(np.clip(found[6], -0.2, 0.2)))
-    move = centre + found[3:6] * size - scaled @ centre
-    return conventions.compose(move) @ conventions.compose(rotation=scaled), float(found[7] * size)
 
 
 def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, report: Progress) -> F64:
@@ -191,7 +190,7 @@ def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, re
     tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
     for k, reach in enumerate(np.geomspace(WIDEST, NARROWEST, ROUNDS) * capture.spacing):
         report("moving vertices onto the splats", k / ROUNDS)
-        own = _normals_of(v, f)
+        own = triangles.vertex_normals(v, f)
         distance, index = tree.query(v, k=min(_PLANES, len(q)), workers=-1)
         n, step = normals[index], q[index] - v[:, None]
         agree = np.abs(np.einsum("vki,vi->vk", n, own)) ** 4
@@ -207,13 +206,6 @@ def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, re
         if error < least:
             best, least = v, error
     return best
-
-
-def _normals_of(v: F64, f: Int) -> F64:
-    """(V, 3) unit normals of vertices, by area."""
-    across = triangles.crossed(v[f])
-    out = np.stack([sum(np.bincount(f[:, j], across[:, k], len(v)) for j in range(3)) for k in range(3)], axis=1)
-    return np.asarray(out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300))
 
 
 def _shared(move: F64, sure: F64, f: Int) -> F64:

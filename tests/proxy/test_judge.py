@@ -35,8 +35,8 @@ def mesh() -> ProxyMesh:
     return ProxyMesh(vertices=vertices.astype(np.float32), faces=both.astype(np.int32))
 
 
-def splats() -> SplatCloud:
-    """Discs all over both boxes."""
+def splats(thin: float = 0.2) -> SplatCloud:
+    """Flat splats all over both boxes."""
     step = 0.04
     points, normals = [], []
     for low, size in BLOCKS:
@@ -50,7 +50,7 @@ def splats() -> SplatCloud:
                 n[:, axis] = 1
                 points.append(p + low)
                 normals.append(n)
-    return on_surface(np.concatenate(points), np.concatenate(normals), 0.6 * step, thin=0.2)
+    return on_surface(np.concatenate(points), np.concatenate(normals), 0.6 * step, thin=thin)
 
 
 def test_the_right_mesh_fits() -> None:

@@ -11,7 +11,7 @@ from mirelight.apps.match import LayerMatch, match, read_target
 from mirelight.pipeline.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
-SETTINGS = ["render.spp=64", "render.denoise=true", "relight.texture_scale=0.5"]
+SETTINGS = ["render.spp=16", "render.denoise=true", "relight.texture_scale=0.5"]
 
 
 def found(
@@ -43,7 +43,7 @@ def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures()
 
 def test_every_intensity_of_the_gels_is_within_a_tenth_in_two_pictures() -> None:
     """Their environment is a fiftieth of the pictures' light."""
-    layers = found("stage", "gels", ["front", "low"], "relight.texture_scale=1", "render.spp=24", keep_colours=True)
+    layers = found("stage", "gels", ["front", "low"], "relight.texture_scale=1", "render.spp=8", keep_colours=True)
     assert [x.name for x in layers if x.seen] == ["magenta", "cyan", "amber", "environment"]
     for layer in layers:
         np.testing.assert_allclose(layer.after, layer.before, rtol=0.1, err_msg=layer.name)

@@ -22,9 +22,9 @@ def box() -> MadeProxy:
     return make(box_shell(SIDE, STEP, thin=0.05))
 
 
-def test_discs_become_cells_and_blobs_do_not() -> None:
+def test_discs_become_cells_and_blobs_do_only_where_they_are_asked_to() -> None:
+    """What blobs become else stands in test_make."""
     assert box().method == "cells"
-    assert make(ball(600)).method == "depth"
     assert make(ball(600), ProxySettings(method="cells")).method == "cells"
 
 

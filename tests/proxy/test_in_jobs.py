@@ -36,7 +36,7 @@ spp = 4
 
 @pytest.fixture
 def job(tmp_path: Path) -> Path:
-    splats.write(ball(), tmp_path / "ball.ply")
+    splats.write(ball(1000, thin=0.05), tmp_path / "ball.ply")  # discs, whose cells are made soonest
     path = tmp_path / "job.toml"
     path.write_text(JOB, encoding="utf-8")
     return path

@@ -50,6 +50,7 @@ try {
         const handle = app.systems.gsplat.on('frame:ready', (camera, layer, ready, loading) => {
             if (ready && loading === 0) { handle.off(); resolve(); }
         });
+        page.view.wake();  // at rest it draws nothing
     });
 STEPS
     await send('done', '');

@@ -4,6 +4,7 @@ import { CameraControls } from './engine/camera-controls.mjs';
 
 const CURVES = { none: pc.TONEMAP_NONE, aces: pc.TONEMAP_ACES, neutral: pc.TONEMAP_NEUTRAL, agx: pc.TONEMAP_NONE };
 const COMPONENTS = ['x', 'y', 'z', 'w'];
+const AFTERWARDS = 2000;  // milliseconds that are drawn once nothing changes any more: a worker may still sort splats
 
 // Runs where splats are copied to the work buffer: display-encoded colour in and out, the light linear between.
 function modifier(count, space) {
@@ -119,6 +120,24 @@ export async function createView(canvas, description, layers) {
         camera.camera.fov = 2 * Math.atan(Math.tan(bookmark.fov * Math.PI / 360) * narrower) * 180 / Math.PI;
     };
 
+    // Draws while something changes, and a little longer: a page at rest leaves the machine to what traces.
+    const watching = [];
+    let until = 0, before = '', moved = false;
+    const wake = () => { until = performance.now() + AFTERWARDS; };
+    app.autoRender = false;
+    app.graphicsDevice.on('devicerestored', wake);
+    app.systems.gsplat.on('frame:ready', (_camera, _layer, ready, loading) => { if (!ready || loading > 0) wake(); });
+    app.on('framerender', () => {
+        const now = [...camera.getWorldTransform().data, camera.camera.fov, width, height].join();
+        if (now !== before) { before = now; moved = true; wake(); }
+        app.renderNextFrame = performance.now() < until;
+    });
+    app.on('frameend', () => {
+        if (!moved) return;
+        moved = false;
+        for (const seen of watching) seen();
+    });
+
     const column = (k) => Array.from(camera.getWorldTransform().data.slice(4 * k, 4 * k + 3));
     const eye = () => ({
         position: column(3), right: column(0), up: column(1), forward: column(2).map((x) => -x),
@@ -127,6 +146,7 @@ export async function createView(canvas, description, layers) {
 
     return {
         app, camera, eye,
+        wake,  // to be called where something is changed past this view
         // packed: Uint32Array of RGB9E5 over scale, one of each splat; seen from the next `show` on
         replace(layer, packed, scale) {
             replaced(layer, packed);
@@ -144,26 +164,28 @@ export async function createView(canvas, description, layers) {
         get size() { return [width, height]; },
         // calls when the camera or the picture's size has changed
         watch(seen) {
-            let before = '';
-            app.on('frameend', () => {
-                const now = [...camera.getWorldTransform().data, camera.camera.fov, width, height].join();
-                if (now !== before) { before = now; seen(); }
-            });
+            watching.push(seen);
+            moved = true;
         },
         limit(most) { description.limit = most; },  // of the sum of layers; null: none
         // plane: [x, y, z, w] in the world; see the shader's uSplit
-        split(plane) { entity.gsplat.setParameter('uSplit', plane); },
+        split(plane) {
+            entity.gsplat.setParameter('uSplit', plane);
+            wake();
+        },
         // weights: an array of [r, g, b] for each layer; share: 0 as captured, 1 the mix; exposure in stops
         show(weights, share, exposure) {
             const values = new Float32Array(3 * count);
             weights.forEach((rgb, i) => rgb.forEach((x, c) => { values[3 * i + c] = x * description.layers[i].scale; }));
             entity.gsplat.setParameter('uMix[0]', values);
             entity.gsplat.setParameter('uShown', [share, description.limit ?? 1e30, 2 ** exposure]);
+            wake();
         },
         resize(...size) {
             [width, height] = size.map((x) => Math.max(Math.floor(x), 1));
             app.resizeCanvas(width, height);
             fit();
+            wake();
         },
         go(to) {
             bookmark = to;

@@ -448,6 +448,7 @@ function start(view, studio) {
             overlay?.(false);
             overlay = answer?.ok ? createMesh(view.app, await answer.arrayBuffer()) : null;
             overlay?.(true);
+            view.wake();
             marks();
         },
         'render-still': renderStill,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,8 @@ from mirelight.cli import main
 from mirelight.io.exr import read_exr
 from tests.unit.io.usd.checking import faults
 
-sys.path.append(str(Path(__file__).parents[2] / "scripts"))
 pytest.importorskip("pxr")
-from fuzzing.stages import HEAD, MESH, SPLATS
+from tests.fuzzing.stages import HEAD, MESH, SPLATS
 
 _LIT = """def SphereLight "lamp"
 {

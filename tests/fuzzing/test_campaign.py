@@ -1,4 +1,4 @@
-"""Part of the campaign of `scripts/hostile.py`: nothing is read but what it should be, and nothing ends but well."""
+"""Part of the campaign `python -m tests.fuzzing`: nothing is read but what it should be, and nothing ends but well."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import argparse
 from pathlib import Path
 
 import pytest
-from fuzzing import campaign
-from fuzzing.campaign import BAD, run
-from fuzzing.case import of_files
-from fuzzing.cases import cases
 
 from mirelight.cli import make_parser
+from tests.fuzzing import campaign
+from tests.fuzzing.campaign import BAD, run
+from tests.fuzzing.case import of_files
+from tests.fuzzing.cases import cases
 
 QUICK = "inspect", "schema", "submit", "export", "status", "verify", "sheet", "film"
 WITHOUT = {"doctor", "watch"}  # one takes nothing, the other ends when it is told to

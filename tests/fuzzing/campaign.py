@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing.case import CANARY, Case
+from tests.fuzzing.case import CANARY, Case
 
 GOOD = ("ok", "refused")
 BAD = ("traceback", "crash", "hang", "memory", "output", "escape", "silent", "wrong", "control", "noisy", "unclear")
@@ -89,13 +89,12 @@ class Worker:
     def _started(self) -> subprocess.Popen[bytes]:
         if self._process is None:
             self._answers, theirs = os.pipe()
-            here = Path(__file__).parents[1]
-            paths = os.pathsep.join((str(here), str(here.parent)))
+            root = str(Path(__file__).parents[2])
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "fuzzing.worker", str(theirs)],
+                [sys.executable, "-m", "tests.fuzzing.worker", str(theirs)],
                 stdin=subprocess.PIPE,
                 pass_fds=[theirs],
-                env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "MIRELIGHT_CACHE_DIR": self._cache},
+                env={**os.environ, "PYTHONPATH": root, "OMP_NUM_THREADS": "1", "MIRELIGHT_CACHE_DIR": self._cache},
             )
             os.close(theirs)
             self._line()

@@ -8,9 +8,9 @@ import random
 import zipfile
 from collections.abc import Iterator
 
-from fuzzing import commands, damage, reviewed, stages, written
-from fuzzing.case import Case, of_files
-from fuzzing.sound import CAMERA_FILES, TINY, WHOLE, base, job, scene
+from tests.fuzzing import commands, damage, reviewed, stages, written
+from tests.fuzzing.case import Case, of_files
+from tests.fuzzing.sound import CAMERA_FILES, TINY, WHOLE, base, job, scene
 
 _STAGES = 25  # one in so many drawn cases is a stage: each starts processes
 

@@ -1,4 +1,4 @@
-"""Kills renders at random moments and takes them up again: python scripts/kill_runs.py [--runs 30] [--seed 1]
+"""Kills renders at random moments and takes them up again: python tests/cli/kill_runs.py [--runs 30] [--seed 1]
 
 Each run renders 24 frames (12 cameras, 2 lightings) with two worker processes into a folder of its own. A worker, the
 parent, or both get SIGKILL, once or twice, while they start, prepare, trace or write; then the same command makes the

@@ -6,9 +6,9 @@ import io
 import random
 import zipfile
 
-from fuzzing import damage
-from fuzzing.case import Case, of_files
-from fuzzing.sound import TINY, base, job, scene
+from tests.fuzzing import damage
+from tests.fuzzing.case import Case, of_files
+from tests.fuzzing.sound import TINY, base, job, scene
 
 HEAD = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n'
 SPLATS = """def ParticleField3DGaussianSplat "dots"

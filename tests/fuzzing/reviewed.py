@@ -18,10 +18,10 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-from fuzzing import damage
-from fuzzing.case import Case, of_files
-from fuzzing.commands import kept, sound
-from fuzzing.sound import CAMERA_FILES, TINY, base, job, scene
+from tests.fuzzing import damage
+from tests.fuzzing.case import Case, of_files
+from tests.fuzzing.commands import kept, sound
+from tests.fuzzing.sound import CAMERA_FILES, TINY, base, job, scene
 
 _RENDER = ("render", "job.toml", *TINY)
 _AGAIN = ("render", "job.toml", "-o", "kept", "-q")

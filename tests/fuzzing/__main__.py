@@ -1,6 +1,6 @@
 """Throws seeded hostile input at every command and format, and says what became of it.
 
-    python scripts/hostile.py --n 1000 [--seed 1] [--json FILE] [--only TEXT] [--show]
+    python -m tests.fuzzing --n 1000 [--seed 1] [--json FILE] [--only TEXT] [--show]
 
 Exit code 1 where a case ends in anything but success or a clear refusal: a traceback, a crash, a hang, gigabytes, a
 file outside its folder, a frame that is silently NaN or black, control characters on the terminal, noise, or a message
@@ -16,8 +16,8 @@ from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
-from fuzzing.campaign import BAD, run
-from fuzzing.cases import cases
+from tests.fuzzing.campaign import BAD, run
+from tests.fuzzing.cases import cases
 
 
 def main() -> int:

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fuzzing import damage
-from fuzzing.case import STREAMS, Case, of_files
-from fuzzing.sound import base
+from tests.fuzzing import damage
+from tests.fuzzing.case import STREAMS, Case, of_files
+from tests.fuzzing.sound import base
 
 JOB = """\
 splats = "floor.ply"

@@ -9,9 +9,9 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from fuzzing import damage
-from fuzzing.case import Case, of_files
-from fuzzing.sound import TINY, WHOLE, base, job, scene
+from tests.fuzzing import damage
+from tests.fuzzing.case import Case, of_files
+from tests.fuzzing.sound import TINY, WHOLE, base, job, scene
 
 _RENDER = ("render", "job.toml", *TINY)
 _INSPECT = ("inspect", "job.toml")

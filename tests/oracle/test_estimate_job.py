@@ -15,7 +15,7 @@ from mirelight.apps.inspect.inspect import of_job
 from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
-from mirelight.estimate import Estimate, estimate
+from mirelight.estimate import Estimate, estimate, transport
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
 from mirelight.io.environment import read_environment, write_environment
@@ -69,80 +69,6 @@ def loaded(folder: Path, *changes: str) -> Job:
     return job.load(folder / "job.toml", changes)
 
 
-def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    work, shelf = loaded(folder), Shelf()
-    assert work.captured is not None and isinstance(work.captured.sky, EstimatedSky)
-    assert work.relight.mode == "ratio"
-    light = prepare(work, shelf).resolved(work.captured)
-    assert work.splats is not None and work.proxy is not None
-    found = estimate(work.splats.value, work.proxy.value, work.render)
-    assert light.environment is not None
-    np.testing.assert_array_equal(light.environment.pixels, found.radiance.astype(np.float32))
-    monkeypatch.setattr("mirelight.estimate.estimate", None)  # not called again
-    again = prepare(work, shelf).resolved(work.captured)
-    np.testing.assert_array_equal(again.lights[0].color, light.lights[0].color)
-    assert again.layer_names == work.captured.layer_names
-
-
-def test_every_command_finds_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The command's own is what a job takes that asks for the same; another exposure is another."""
-    calls: list[float] = []
-    honest = estimate
-
-    def counted(*arguments: Any) -> Estimate:
-        calls.append(arguments[3])
-        return honest(*arguments)
-
-    monkeypatch.setattr("mirelight.estimate.estimate", counted)
-    assert main(["estimate", str(folder / "job.toml"), "-o", str(folder / "found.toml"), "-q"]) == 0
-    lights = []
-    for changes in ([], ["output.directory=other"], ["captured={ estimate = true, exposure = 1 }"]):
-        work = loaded(folder, *changes)
-        assert work.captured is not None
-        lights.append(prepare(work).resolved(work.captured))
-    assert calls == [0.0, 1.0]
-    found = read_environment(folder / "found.exr")
-    for light in lights[:2]:
-        assert light.environment is not None
-        np.testing.assert_array_equal(light.environment.pixels, found)
-
-
-def test_a_frame_is_relit_by_it(folder: Path) -> None:
-    work = loaded(folder)
-    scene = mirelight.prepare(work)
-    camera, lighting = work.cameras[0], work.lightings[0]
-    lit = mirelight.light(scene, camera, lighting)
-    frame = mirelight.relight(scene, mirelight.composite(scene, camera), lit)
-    assert lit.captured is not None and frame.unlit is not None
-    assert [layer.name for layer in lit.captured.layers] == ["sun", "sky"]
-    assert np.isfinite(frame.rgba).all() and not np.allclose(frame.rgba, frame.unlit, atol=0.02)
-
-
-def test_frames_are_made_again_when_the_estimate_changes(folder: Path) -> None:
-    def key(*changes: str) -> str:
-        return plan(loaded(folder, *changes)).tasks[0].files[".exr"]
-
-    same = key()
-    assert key() == same
-    assert key("render.seed=5") != same
-    assert key("captured={ estimate = true, exposure = 1 }") != same
-    assert key("captured={ estimate = true }") == same
-
-
-def test_the_table_that_is_written_can_be_read(folder: Path) -> None:
-    work = loaded(folder)
-    assert work.captured is not None
-    light = prepare(work).resolved(work.captured)
-    assert light.environment is not None
-    write_environment(folder / "captured.exr", light.environment.pixels)
-    text = JOB.replace('captured = "estimate"\n', "") + captured_text(light, "captured.exr", ["found"])
-    (folder / "pasted.toml").write_text(text)
-    pasted = job.load(folder / "pasted.toml").captured
-    assert pasted is not None and pasted.environment is not None
-    np.testing.assert_array_equal(pasted.environment.pixels, light.environment.pixels)
-    np.testing.assert_allclose(pasted.lights[0].color, light.lights[0].color, rtol=1e-5)
-
-
 def told(sun: float, *named: PointLight) -> Estimate:
     """An estimate: a wide sun of so many lux, lamps, and an uneven sky."""
     rng = np.random.default_rng(4)
@@ -167,6 +93,83 @@ def told(sun: float, *named: PointLight) -> Estimate:
             albedo=(0.1, 0.3, 0.7),
         ),
     )
+
+
+def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same to the bit whoever asks for it."""
+    monkeypatch.setattr(transport, "RAYS", 96)  # a toy is plain
+    work, shelf = loaded(folder), Shelf()
+    assert work.captured is not None and isinstance(work.captured.sky, EstimatedSky)
+    assert work.relight.mode == "ratio"
+    light = prepare(work, shelf).resolved(work.captured)
+    assert work.splats is not None and work.proxy is not None
+    found = estimate(work.splats.value, work.proxy.value, work.render)
+    assert light.environment is not None
+    np.testing.assert_array_equal(light.environment.pixels, found.radiance.astype(np.float32))
+    monkeypatch.setattr("mirelight.estimate.estimate", None)  # not called again
+    again = prepare(work, shelf).resolved(work.captured)
+    np.testing.assert_array_equal(again.lights[0].color, light.lights[0].color)
+    assert again.layer_names == work.captured.layer_names
+
+
+def test_every_command_finds_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command's own is what a job takes that asks for the same; another exposure is another."""
+    calls: list[float] = []
+
+    def counted(*arguments: Any) -> Estimate:
+        calls.append(arguments[3])
+        return told(3.0)
+
+    monkeypatch.setattr("mirelight.estimate.estimate", counted)
+    assert main(["estimate", str(folder / "job.toml"), "-o", str(folder / "found.toml"), "-q"]) == 0
+    lights = []
+    for changes in ([], ["output.directory=other"], ["captured={ estimate = true, exposure = 1 }"]):
+        work = loaded(folder, *changes)
+        assert work.captured is not None
+        lights.append(prepare(work).resolved(work.captured))
+    assert calls == [0.0, 1.0]
+    found = read_environment(folder / "found.exr")
+    for light in lights[:2]:
+        assert light.environment is not None
+        np.testing.assert_array_equal(light.environment.pixels, found)
+
+
+def test_a_frame_is_relit_by_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: told(3.0))
+    work = loaded(folder)
+    scene = mirelight.prepare(work)
+    camera, lighting = work.cameras[0], work.lightings[0]
+    lit = mirelight.light(scene, camera, lighting)
+    frame = mirelight.relight(scene, mirelight.composite(scene, camera), lit)
+    assert lit.captured is not None and frame.unlit is not None
+    assert [layer.name for layer in lit.captured.layers] == ["sun", "sky"]
+    assert np.isfinite(frame.rgba).all() and not np.allclose(frame.rgba, frame.unlit, atol=0.02)
+
+
+def test_frames_are_made_again_when_the_estimate_changes(folder: Path) -> None:
+    def key(*changes: str) -> str:
+        return plan(loaded(folder, *changes)).tasks[0].files[".exr"]
+
+    same = key()
+    assert key() == same
+    assert key("render.seed=5") != same
+    assert key("captured={ estimate = true, exposure = 1 }") != same
+    assert key("captured={ estimate = true }") == same
+
+
+def test_the_table_that_is_written_can_be_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: told(3.0))
+    work = loaded(folder)
+    assert work.captured is not None
+    light = prepare(work).resolved(work.captured)
+    assert light.environment is not None
+    write_environment(folder / "captured.exr", light.environment.pixels)
+    text = JOB.replace('captured = "estimate"\n', "") + captured_text(light, "captured.exr", ["found"])
+    (folder / "pasted.toml").write_text(text)
+    pasted = job.load(folder / "pasted.toml").captured
+    assert pasted is not None and pasted.environment is not None
+    np.testing.assert_array_equal(pasted.environment.pixels, light.environment.pixels)
+    np.testing.assert_allclose(pasted.lights[0].color, light.lights[0].color, rtol=1e-5)
 
 
 @pytest.mark.parametrize("out", ["captured.glb", "captured.gltf", "dark.glb"])

@@ -135,10 +135,11 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
         on = (off < tolerance) & (cosine > TUNING.plane_cosine)
         if points.weight[left[on]].sum() < least:
             break
-        if _turn(points, left[on], normal) > TUNING.plane_turn:
+        rows = _alone(points, left[on], normal, offset, tolerance)
+        if points.weight[rows].sum() < least or _turn(points, rows, normal) > TUNING.plane_turn:
             left = left[~on]
             continue
-        out.append((normal, offset, left[on]))
+        out.append((normal, offset, rows))
         left = left[~((off < TUNING.plane_band * tolerance) & (cosine > 0.6))]
     return out
 
@@ -159,6 +160,27 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
         normal = thin * np.sign((thin * normal).sum())
         offset = float((middle * normal).sum())
     return normal, offset
+
+
+def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> Int:
+    """Of the points on a plane those in parts of it that have little beside them: others are slices of a heap."""
+    from scipy.ndimage import binary_closing, label
+
+    i = np.floor(turned_to(points.at, _axes(normal)) / (TUNING.plane_cell * tolerance)).astype(np.int64)
+    low, high = i[rows].min(axis=0), i[rows].max(axis=0)
+    cells = np.zeros(tuple(high - low + 1), bool)
+    cells[tuple((i[rows] - low).T)] = True
+    part, count = label(binary_closing(np.pad(cells, 1))[1:-1, 1:-1])
+    near = np.flatnonzero(
+        (np.abs((points.at * normal).sum(axis=1) - offset) < TUNING.plane_beside * tolerance)
+        & ((i >= low) & (i <= high)).all(axis=1)
+    )
+
+    def held(some: Int) -> F64:
+        return np.asarray(np.bincount(part[tuple((i[some] - low).T)], points.weight[some], minlength=count + 1), "f8")
+
+    kept = held(rows) > TUNING.plane_alone * held(near)
+    return np.asarray(rows[kept[part[tuple((i[rows] - low).T)]]])
 
 
 def _turn(points: Points, rows: Int, normal: F64) -> float:

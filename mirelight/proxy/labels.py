@@ -23,11 +23,10 @@ _FACING = 0.03  # cosine to the ray below which a plane is not seen
 
 
 def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> DepthMap:
-    """The view with the pixels that lie on planes moved onto them; they count in full."""
+    """The view with the pixels that lie on planes moved onto them; they count in full. Of others those that blend over
+    a depth, fog before a sky or before what pictures tell nothing of, show no surface."""
     from scipy.ndimage import binary_fill_holes
 
-    if not flats:
-        return view
     _, directions = rays(view.camera)
     depths = [_depth(view, flat, directions) for flat in flats]
     label = _labels(view, flats, depths, tolerance)
@@ -39,7 +38,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> DepthM
         side = -np.sign((directions[on] * flat.normal).sum(axis=-1))
         normal[on] = side[:, None] * flat.normal
         trust[on] = 1
-    return replace(view, depth=depth, normal=normal, trust=trust)
+    return replace(view, depth=np.where(trust < TUNING.fog, np.float32(0), depth), normal=normal, trust=trust)
 
 
 def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:

@@ -27,6 +27,8 @@ class Tuning:
     plane_turn: float = (
         0.15  # radians from middle to rim: what turns more is round (a ball's caps 0.3, a room's walls 0.05)
     )
+    plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
+    plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24
     plane_most: int = 24  # planes
     plane_cell: float = 2.0  # side of the cells that tell where a plane is
 
@@ -43,6 +45,10 @@ class Tuning:
     label_step: int = 2  # px
     label_color: float = 0.12  # display values, summed over channels
     label_free: float = 0.45  # cost of lying on none; one off by two tolerances costs 1
+    fog: float = (
+        0.05  # trust, below which a pixel on no plane shows no surface: 0.5 of those are sky, the others' depths
+    )
+    # off by 6 to 30 spacings in the median; at 0.1 a room's ceiling has holes, at 0 skies are walls that shut out light
 
     cell: float = 0.6  # of the grid that maps are fused in
 

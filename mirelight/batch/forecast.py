@@ -44,6 +44,7 @@ class _Cost:
     trace: float
     finish: float
     bytes: float
+    on_surface: bool = False  # reflected light is read there
 
 
 def forecast(plan: Plan) -> Forecast:
@@ -74,10 +75,8 @@ def forecast(plan: Plan) -> Forecast:
         cameras=len(plan.groups),
         lightings=max(len(g.tasks) for g in plan.groups),
         traces=traces,
-        fills=None
-        if not requirements.reads_surface(job) or not left
-        else int(not store.has_layers([made.surface_transport])),
-        gathered=sum(not store.has_layers([x]) for x in _on_surface(plan, missing)),
+        fills=int(not store.has_layers([made.surface_transport])) if cost.on_surface else None,
+        gathered=sum(not store.has_layers([x]) for x in _on_surface(plan, missing)) if cost.on_surface else 0,
         seconds=seconds,
         bytes=round(size),
         memory=_memory(plan),
@@ -87,9 +86,7 @@ def forecast(plan: Plan) -> Forecast:
 
 def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> set[str]:
     """Keys of the unit lights on the surface that frames are made from."""
-    job, made = plan.job, plan.keys
-    if not requirements.reads_surface(job):
-        return set()
+    made = plan.keys
     needs = [needs for group in plan.groups if (needs := _lit_needs(made, group, missing.get(group.name, [])))]
     sets = {s.digest: s for x in needs for s in x.sets}
     return {made.surface_light(part) for one in sets.values() for part in one.parts()}
@@ -130,14 +127,17 @@ def _measured(job: Job, task: FrameTask) -> _Cost:
     spp = min(_SPP, job.render.spp)
     with tempfile.TemporaryDirectory() as folder:
         output = replace(job.output, store="frames" if job.output.store == "frames" else "both")
-        quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp), output=output)
+        # light on the surface is counted, not timed: gathering it takes longer than all the rest here
+        quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp, indirect="traced"), output=output)
         _once(prepare(quick), small, task, Path(folder))
         scene = prepare(quick)
         if quick.splats is not None:
             _ = scene.compositor
         if task.lighting is not None:
             _ = scene.tracer, scene.captured_level
-        return _once(scene, small, task, Path(folder))
+        cost = _once(scene, small, task, Path(folder))
+    there = task.lighting is not None and prepare(job, like=scene).surface_light is not None
+    return replace(cost, on_surface=there)
 
 
 def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:

@@ -1,88 +1,114 @@
-"""Which pieces of the proxy light is kept on: those that paths from a scene's cameras, or from points, visit.
+"""Which pieces of the proxy light is kept on: those of both its sides where light goes that can be seen.
 
 Voxels of one edge length, times six facing directions, split so that no cell lies on both sides of a wall: every point
-of a cell sees its anchor, a place just above one of them. A piece that no path has visited has no cell; there the
-tracer goes on as if there were none.
+of a cell sees its anchor, a place just above one of them. The mesh alone decides, so that all cameras and all jobs read
+the same light. Insides of solids have no cell, nor has the underside of the ground; there the tracer goes on as if
+there were none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.develop import refuse_if_too_many_paths
-from mirelight.model import F32, F64, SurfaceCells
+from mirelight.lighting.develop import refuse_if_too_many_places
+from mirelight.model import F32, F64, ProxyMesh, SurfaceCells, triangles
 
 if TYPE_CHECKING:
-    from mirelight.lighting.kernel.probes import PointRays
+    from mirelight.lighting.kernel.cells import Grid
     from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.rays import CameraRays
 
-PATHS = 1 << 18  # drawn from all views together
-FEWEST_PATHS = 1 << 9  # from each, as long as that makes no more than
-MOST_PATHS = 1 << 21  # in all, which bounds the memory that finding cells takes (1 GB)
-VERTICES = 4  # of a path: later ones lie where others have been
+Words = NDArray[np.uint32]
+Ints = NDArray[np.integer[Any]]
+
+PER_CELL = 8  # places of the surface that are looked at, for as much of it as a voxel's side
+MOST_PLACES = 1 << 20  # on each of its sides, which bounds the memory that finding cells takes
+MOST = 1 << 18  # cells: what has fewest places has none
+RAYS = 4  # that each place looks along
+PLACES = 1 << 14  # by which a mesh is judged
+FAR = 0.1  # of the proxy's diagonal
+SHOWN, OPEN, ROOMY = 1 / 16, 1 / 16, 1 / 4  # of a cell's rays
 PARTS = 4  # most that a voxel's side is split into by what sees what; what is left has no cell
 POINTS = 16  # most of a cell that its light is gathered at
 FINEST = 1 << 14  # voxels along the proxy's diagonal at most
 SLACK = 1.37  # voxels before the proxy's lowest corner, so that walls at round coordinates lie inside of them
 
 
-def make(
-    surface: DeviceProxy,
-    views: Sequence[tuple[CameraRays | PointRays, int]],
-    size: float,
-    most: int | None = None,
-) -> SurfaceCells:
-    """The cells of a scene.
+def make(surface: DeviceProxy, proxy: ProxyMesh, size: float, most: int | None = None) -> SurfaceCells:
+    """The cells of a mesh.
 
     Args:
-        surface: the proxy.
-        views: where paths start, and how many pixels each has: every camera of the job, whatever is chosen to render,
-            as the same cells serve each frame; or points of the surface.
+        surface: the proxy on the device.
+        proxy: the same.
         size: edge of a voxel, world units.
         most: bytes that finding them may take; None: what the machine has free.
 
     Raises:
         RenderError: it would take more.
     """
-    from mirelight.lighting.kernel.cells import Grid, visit
+    from mirelight.lighting.kernel.cells import Grid
 
     low, high = (x.astype(np.float64) for x in surface.bounds)
     size = max(size, float(np.linalg.norm(high - low)) / FINEST)
     origin = low - SLACK * size
-    grid, lanes = Grid(origin, size), _paths_of_each(max(len(views), 1))
-    refuse_if_too_many_paths(lanes * len(views), most)
-    keys, values = [np.zeros((0, 3), np.uint32)], [np.zeros((0, 8), np.float32)]
-    for index, (view, pixels) in enumerate(views):
-        found = visit(surface, view, grid, lanes, pixels, VERTICES, index)
-        keys.append(found[0])
-        values.append(found[1])
-    return _table(surface, np.concatenate(keys), np.concatenate(values), origin, size)
+    area = triangles.areas(proxy.vertices[proxy.faces].astype(np.float64)).sum()
+    count = int(np.clip(np.ceil(PER_CELL * area / size**2), POINTS, MOST_PLACES))
+    refuse_if_too_many_places(2 * count, most)
+    return _table(surface, *_looked(surface, proxy, count, Grid(origin, size)), origin, size)
 
 
-def _paths_of_each(views: int) -> int:
-    return max(PATHS // views, min(FEWEST_PATHS, MOST_PATHS // views), 1)
+def openness(surface: DeviceProxy, proxy: ProxyMesh) -> float:
+    """What share of the sky is seen from places of a mesh, each as much as it sees of the mesh itself: 0 in a closed
+    room, 1 where nothing stands in front of anything."""
+    from mirelight.lighting.kernel.cells import Grid
+
+    low, high = (x.astype(np.float64) for x in surface.bounds)
+    size = float(np.linalg.norm(high - low)) / FINEST
+    _, _, seen = _looked(surface, proxy, PLACES, Grid(low - SLACK * size, size))
+    sky = seen[_matters(np.arange(len(seen)), seen), 2].astype(np.float64)
+    # of two rays of a place, one that meets the surface and another: so the outside of a house counts for nothing
+    met = (RAYS - sky).sum()
+    return float((sky * (RAYS - sky)).sum() / ((RAYS - 1) * met)) if met > 0 else 1.0
 
 
-def _table(surface: DeviceProxy, keys: NDArray[np.uint32], values: F32, origin: F64, size: float) -> SurfaceCells:
-    """Cells of points with a key and a face (n, 3), and corner, normal and place above (n, 8)."""
+def _looked(surface: DeviceProxy, proxy: ProxyMesh, count: int, grid: Grid) -> tuple[Words, F32, Ints]:
+    """Places on both sides of a mesh, `count` on each, as `_table` takes them."""
+    from mirelight.lighting.kernel.cells import look
+
+    corners = proxy.vertices[proxy.faces].astype(np.float64)
+    face, weights = triangles.strewn(corners, count)
+    places = weights[:, 1:].astype(np.float32)
+    normals = triangles.normals(corners)[face].astype(np.float32)
+    far = FAR * float(np.linalg.norm(surface.bounds[1].astype(np.float64) - surface.bounds[0]))
+    views = [look(surface, face.astype(np.int32), places, n, grid, RAYS, far) for n in (normals, -normals)]
+    keys, above, met = (np.concatenate(x) for x in zip(*views, strict=True))
+    there = np.tile(places, (2, 1)), np.concatenate([normals, -normals]), above
+    front = np.arange(len(keys)) < len(face)
+    return (
+        np.column_stack([keys, np.tile(face, 2)]).astype(np.uint32),
+        np.column_stack(there),
+        np.column_stack([met, front * RAYS]).astype(np.int32),
+    )
+
+
+def _table(surface: DeviceProxy, keys: Words, values: F32, seen: Ints, origin: F64, size: float) -> SurfaceCells:
+    """Cells of places with a key and a face (n, 3), and corner, normal and place above (n, 8), and what rays from there
+    meet (n, 4), see `_matters`."""
     from mirelight.lighting.kernel.cells import buckets
 
     shuffled = np.random.default_rng(0).permutation(len(keys))  # so that a cell's first points are any of its points
     code = keys[shuffled, 0].astype(np.uint64) << np.uint64(32) | keys[shuffled, 1]
     order = shuffled[np.argsort(code, kind="stable")]
-    keys, values = keys[order], values[order]
+    keys, values, seen = keys[order], values[order], seen[order]
     starts = _runs(keys[:, :2])
     voxel = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(keys))))
     part, anchor = _parts(surface, values[:, 5:8], starts, voxel)
 
-    kept = part >= 0
-    keys, values, anchor = keys[kept], values[kept], anchor[kept]
-    cell = voxel[kept] * PARTS + part[kept]
+    cell = np.where(part < 0, -1, voxel * PARTS + part)
+    kept = (part >= 0) & _matters(cell, seen)[cell]
+    keys, values, anchor, cell = keys[kept], values[kept], anchor[kept], cell[kept]
     by_cell = np.argsort(cell, kind="stable")
     keys, values, anchor, cell = keys[by_cell], values[by_cell], anchor[by_cell], cell[by_cell]
     starts = _runs(cell[:, None])
@@ -103,6 +129,26 @@ def _table(surface: DeviceProxy, keys: NDArray[np.uint32], values: F32, origin: 
         corners=values[points, 0:2],
         normals=values[points, 2:5],
     )
+
+
+def _matters(cell: Ints, seen: Ints) -> NDArray[np.bool_]:
+    """By number of a cell, whether it is kept.
+
+    Args:
+        cell: (n,) of each place; below 0: of none.
+        seen: (n, 4) how many of its RAYS meet the front of a face, go far to a face, and meet none; RAYS where a place
+            itself is on a front.
+    """
+    there = cell >= 0
+    count = np.bincount(cell[there])
+    shares = (np.bincount(cell[there], seen[there, k]) / np.maximum(RAYS * count, 1) for k in range(4))
+    shown, roomy, opened, front = (x >= least for x, least in zip(shares, (SHOWN, ROOMY, OPEN, 0.5), strict=True))
+    useful = roomy | (opened & (front | shown)) | (front & shown)
+    useful &= count > 0
+    if useful.sum() > MOST:
+        first = np.argsort(np.where(useful, -count, 1), kind="stable")[:MOST]
+        useful = np.isin(np.arange(len(count)), first)
+    return useful
 
 
 def _runs(rows: NDArray[np.generic]) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ from mirelight.lighting.layers import Layers
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 
 CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device
-PATH_BYTES = 1024  # of a path that finds cells: its hits on device and host, sorted and sorted again
+PLACE_BYTES = 512  # of a place where cells are looked for: on device and host, sorted and sorted again
 RAY_BYTES = 20  # of a ray between cells: where it ends and the albedo there, on host and device, and while it is made
 SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
 
@@ -234,21 +234,21 @@ def refuse_if_too_many(cells: int, layers: int, most: int | None = None) -> None
         )
 
 
-def refuse_if_too_many_paths(paths: int, most: int | None = None) -> None:
-    """Stop before paths are sent out to find cells, where what they bring back does not fit.
+def refuse_if_too_many_places(places: int, most: int | None = None) -> None:
+    """Stop before places are looked at to find cells, where what is told of them does not fit.
 
     Args:
-        paths: how many, of all views together.
+        places: how many.
         most: bytes that they may take; None: what the machine has free.
 
     Raises:
         RenderError: says the size needed.
     """
-    needed = PATH_BYTES * paths
+    needed = PLACE_BYTES * places
     allowed, found = _allowed(needed, most)
     if needed > allowed:
         raise RenderError(
-            f"finding the pieces of the surface that light is kept on takes {paths:,} paths, which need "
+            f"finding the pieces of the surface that light is kept on takes {places:,} places, which need "
             f'{_size(needed)}, and {found}; set render.indirect = "traced"'
         )
 

@@ -23,7 +23,6 @@ from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, Splat
 
 POINTS = 1 << 12  # places on the surface; their mean is known to about one percent
 SPP = 16  # samples at each
-_GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts 2018: an even sequence of points in a square
 
 
 def captured_level(
@@ -104,12 +103,6 @@ def _captured_places(
 def _everywhere(mesh: ProxyMesh) -> _Places:
     """Points spread evenly over a mesh by area; none where it has no area."""
     v = mesh.vertices[mesh.faces].astype(np.float64)
-    ends = np.cumsum(triangles.areas(v))
-    count = POINTS if ends[-1] > 0 else 0
-    i = np.arange(count)
-    face = np.searchsorted(ends, (i + 0.5) / POINTS * ends[-1], side="right").astype(np.int32)
-    s, t = ((0.5 + (i[:, None] + 1) * _GOLDEN) % 1).T
-    root = np.sqrt(s)
-    corners = np.stack([1 - root, root * (1 - t), root * t], axis=1)  # uniform on a triangle
+    face, corners = triangles.strewn(v, POINTS)
     points = (v[face] * corners[:, :, None]).sum(axis=1)
-    return _Places(face, points, face_normals(mesh)[face], np.ones(count))
+    return _Places(face.astype(np.int32), points, face_normals(mesh)[face], np.ones(len(face)))

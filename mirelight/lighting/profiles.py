@@ -31,8 +31,8 @@ def trace(proxy: ProxyMesh, lighting: Lighting, camera: Camera, settings: Render
     """
     made, cache = tracer(proxy, settings), None
     lighting = resolved(lighting, settings.variant)
-    if isinstance(made, Tracer) and settings.indirect != "traced":
-        cache = made.fill(made.cells([camera]), lighting)
+    if isinstance(made, Tracer) and made.reads_surface:
+        cache = made.fill(made.cells(), lighting)
     buffer = made.trace(lighting, camera, cache=cache) if isinstance(made, Tracer) else made.trace(lighting, camera)
     return finished(buffer, settings)
 

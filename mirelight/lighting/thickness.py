@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 RAYS = 1 << 14
 THIN = 0.05  # this share of the surface may be thinner
 FINEST, COARSEST = 1 / 128, 1 / 48  # of the proxy's diagonal
+MOST_CELLS = 1 << 17  # that its surface fills, about, on one side
 
 
 def cell_size(surface: DeviceProxy, proxy: ProxyMesh) -> float:
@@ -28,7 +29,9 @@ def cell_size(surface: DeviceProxy, proxy: ProxyMesh) -> float:
         return 1.0
     found = thicknesses(surface, proxy)
     thin = float(np.quantile(found, THIN)) if len(found) else np.inf
-    return float(np.clip(thin / 2, FINEST * diagonal, COARSEST * diagonal))
+    size = float(np.clip(thin / 2, FINEST * diagonal, COARSEST * diagonal))
+    area = float(triangles.areas(proxy.vertices[proxy.faces].astype(np.float64)).sum())
+    return max(size, float(np.sqrt(area / MOST_CELLS)))
 
 
 def thicknesses(surface: DeviceProxy, proxy: ProxyMesh, count: int = RAYS) -> F64:
@@ -39,17 +42,10 @@ def thicknesses(surface: DeviceProxy, proxy: ProxyMesh, count: int = RAYS) -> F6
     from mirelight.lighting.kernel.cells import free_distance
 
     corners = proxy.vertices[proxy.faces].astype(np.float64)
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    cross = triangles.crossed(corners)
-    area = np.linalg.norm(cross, axis=1)
-    if not area.sum() > 0:
+    face, weights = triangles.strewn(corners, count)
+    if not len(face):
         return np.zeros(0)
-    spread = (np.arange(count) + 0.5) / count
-    face = np.searchsorted(np.cumsum(area) / area.sum(), spread).clip(0, len(area) - 1)
-    face = face[area[face] > 0]
-    u, v = np.random.default_rng(0).random((2, len(face), 1))
-    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    points = corners[face, 0] + u * e1[face] + v * e2[face]
-    normals = cross[face] / area[face, None]
+    points = (corners[face] * weights[:, :, None]).sum(axis=1)
+    normals = triangles.normals(corners[face])
     apart = np.minimum(*(free_distance(surface, points, side * normals) for side in (1.0, -1.0)))
     return np.asarray(apart[np.isfinite(apart)])

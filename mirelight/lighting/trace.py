@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 from mirelight.base import backend
@@ -39,9 +40,10 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.rays import CameraRays, SomePixels
+    from mirelight.lighting.kernel.rays import SomePixels
     from mirelight.lighting.kernel.sky import Sky
 
+ROOM = 0.1  # of the sky, that the surface of a room sees at most
 CELL_SAMPLES = 256  # of each cell of a surface cache
 LOOK = 0x3C6EF372  # between the seeds of frames and of a first look at how noisy they are
 
@@ -148,36 +150,31 @@ class Tracer:
             raise Interrupted(frame.develop() if frame.samples.any() else None) from None
         return replace(frame.develop(), cell_rays=rays)
 
-    def cells(self, cameras: Sequence[Camera], size: float | None = None) -> SurfaceCells:
-        """The pieces of the proxy that light is kept on for a scene.
+    def cells(self, size: float | None = None) -> SurfaceCells:
+        """The pieces of the proxy that light is kept on, for any camera and any light.
 
         Args:
-            cameras: all of the scene, whatever is rendered of it: paths from them say which pieces are of use.
             size: edge of a cell, world units; None: from the proxy (`mirelight.lighting.thickness`).
 
         Raises:
             RenderError: the proxy has no faces, or finding them does not fit in memory.
         """
-        from mirelight.lighting.kernel.rays import CameraRays
-
-        return self._found([(CameraRays(x), x.width * x.height) for x in cameras], size)
-
-    def cells_at(self, points: F64, normals: F64, size: float | None = None) -> SurfaceCells:
-        """As `cells`, for points (N, 3) of the proxy with normals (N, 3), as `point_layers` takes them.
-
-        Raises:
-            RenderError: the proxy has no faces.
-        """
-        from mirelight.lighting.kernel.probes import PointRays
-
-        return self._found([(PointRays(points, normals), len(points))] if len(points) else [], size)
-
-    def _found(self, views: Sequence[tuple[CameraRays | PointRays, int]], size: float | None) -> SurfaceCells:
         from mirelight.lighting import cells, thickness
 
         surface = self._on_device()
         size = thickness.cell_size(surface, self._proxy) if size is None else size
-        return cells.make(surface, views, size, self.settings.max_memory)
+        return cells.make(surface, self._proxy, size, self.settings.max_memory)
+
+    @property
+    def reads_surface(self) -> bool:
+        """Whether by the settings a frame's reflected light is to be read from a cache: with "auto" in rooms alone."""
+        return self.settings.indirect == "surface" or (self.settings.indirect == "auto" and self._is_room)
+
+    @cached_property
+    def _is_room(self) -> bool:
+        from mirelight.lighting import cells
+
+        return self._surface is not None and cells.openness(self._surface, self._proxy) < ROOM
 
     def transport(
         self, cells: SurfaceCells, rays: int = CELL_SAMPLES, progress: Progress | None = None

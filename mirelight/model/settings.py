@@ -22,7 +22,7 @@ from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.scene import ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, holds_light
 
-Indirect: TypeAlias = Literal["traced", "surface"]
+Indirect: TypeAlias = Literal["auto", "traced", "surface"]
 Sort: TypeAlias = Literal["depth", "radial"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
 Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "coco"]
@@ -38,7 +38,7 @@ class RenderSettings:
     spp: int = 64  # samples per pixel; under a noise target at least
     noise: float | None = None  # relative error to reach over the frame; None: exactly spp samples everywhere
     max_depth: int = 8  # vertices of a path from the eye's first hit on; 1: direct light only
-    indirect: Indirect = "traced"  # surface: read at a path's first hit
+    indirect: Indirect = "auto"  # surface: read at a path's first hit; auto: so in rooms
     seed: int = 0
     variant: Variant = "llvm_ad_rgb"
     denoise: bool = False

@@ -24,7 +24,7 @@ class SurfaceCells(ArrayHolder):
     keys: NDArray[np.uint32]  # (C, 2) y << 16 | x, and direction << 16 | z
     starts: NDArray[np.uint32]  # (B + 1,) B a power of two
     anchors: F32  # (C, 3) a point above each cell, from which all of it is seen
-    faces: I32  # (C, P) triangles of some points of each, drawn evenly from those that paths have visited
+    faces: I32  # (C, P) triangles of some points of each, spread evenly over it
     corners: F32  # (C, P, 2) their barycentric coordinates
     normals: F32  # (C, P, 3) of those triangles, on the cell's side
 

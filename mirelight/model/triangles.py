@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+_GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts 2018: an even sequence of points in a square
 _Float = TypeVar("_Float", np.float32, np.float64)
 
 
@@ -50,3 +51,19 @@ def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
         for k in range(3):
             sums[:, k] += np.bincount(faces[:, corner], own[:, k], len(vertices))
     return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), np.finfo(np.float64).tiny))
+
+
+def strewn(corners: NDArray[np.float64], count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Places spread evenly over triangles (F, 3 corners, 3) by area, the same ones every time.
+
+    Returns:
+        (n,) triangle of each, n <= count; (n, 3) weights of its corners.
+    """
+    up_to = np.cumsum(areas(corners))
+    if not len(up_to) or not up_to[-1] > 0:
+        return np.zeros(0, np.int64), np.zeros((0, 3))
+    i = np.arange(count)
+    face = np.searchsorted(up_to, (i + 0.5) / count * up_to[-1], side="right")
+    s, t = ((0.5 + (i[:, None] + 1) * _GOLDEN) % 1).T
+    root = np.sqrt(s)  # uniform on a triangle
+    return face, np.stack([1 - root, root * (1 - t), root * t], axis=1)

@@ -220,15 +220,13 @@ class Keys:
             requirements.keeps_lights_apart(job),
             requirements.wants_aovs(job),
         )
-        surface = self.surface_cells if requirements.reads_surface(job) else ""
+        surface = digest(self.surface_cells, self._of_noise_target) if requirements.reads_surface(job) else ""
         return digest("light", self.proxy, settings, surface, self._device)
 
     @cached_property
     def surface_cells(self) -> str:
-        """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
-        job = self.job
-        views = [view(x) for x in requirements.lighting_cameras(job)]
-        return digest("cells", self.proxy, views, self._device)
+        """The pieces of the proxy that light is kept on, whatever looks at it."""
+        return digest("cells", self.proxy, self._device)
 
     @cached_property
     def surface_transport(self) -> str:
@@ -237,10 +235,17 @@ class Keys:
 
     def surface_light(self, part: LightSet) -> str:
         """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
-        render = self.job.render
-        # how many fills are averaged for a noise target depends on the target and on what frames look like
-        aim = () if render.noise is None else (render.noise, render.indirect, requirements.keeps_lights_apart(self.job))
-        return digest("light on the surface", self.surface_transport, part.digest, render.max_depth, *aim)
+        depth = self.job.render.max_depth
+        return digest("light on the surface", self.surface_transport, part.digest, depth, *self._of_noise_target)
+
+    @cached_property
+    def _of_noise_target(self) -> tuple[object, ...]:
+        """How many fills are averaged for a noise target depends on the target and on what frames look like."""
+        job = self.job
+        if job.render.noise is None:
+            return ()
+        views = [view(x) for x in requirements.lighting_cameras(job)]
+        return job.render.noise, requirements.keeps_lights_apart(job), views
 
     def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
         yield from (self.surface_cells, self.surface_transport)

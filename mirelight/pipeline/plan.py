@@ -118,7 +118,7 @@ def warnings(plan: Plan) -> tuple[str, ...]:
     if job.albedo_from_splats and not requirements.colors_proxy(job):
         gray = "the splats' colours are used in modes 'ratio' and 'albedo' with path-traced light; gray here"
         found.append(("proxy.albedo", (gray,)))
-    if job.objects and job.render.indirect != "traced":
+    if job.objects and job.render.indirect == "surface":
         found.append(("render.indirect", ("light beside inserted objects is traced, not read from the surface",)))
     return tuple(dict.fromkeys([*job.notes, *(f"{where}: {line}" for where, lines in found for line in lines)]))
 

@@ -226,12 +226,13 @@ class Prepared:
 
     @cached_property
     def surface_light(self) -> SurfaceLight | None:
-        """Light on the surface, for all of the job's cameras; None where the job traces it."""
+        """Light on the surface, for any camera; None where the job traces it."""
         from mirelight.lighting import Tracer
 
-        if not requirements.reads_surface(self.job) or not isinstance(self.tracer, Tracer):
+        tracer = self.tracer if requirements.reads_surface(self.job) else None
+        if not isinstance(tracer, Tracer) or not tracer.reads_surface:
             return None
-        return SurfaceLight(self.job, self.keys, self.kept, self.tracer, self.lighting_of, self._tell)
+        return SurfaceLight(self.job, self.keys, self.kept, tracer, self.lighting_of, self._tell)
 
     @cached_property
     def compositor(self) -> Compositor:

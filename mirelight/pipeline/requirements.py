@@ -79,8 +79,8 @@ def lighting_cameras(job: Job) -> list[Camera]:
 
 
 def reads_surface(job: Job) -> bool:
-    """True where light that has been reflected is kept on the surface and read there; beside inserted objects, which
-    change it, all is traced."""
+    """True where light that has been reflected may be kept on the surface and read there ("auto": if the proxy is a
+    room); beside inserted objects, which change it, all is traced."""
     return job.render.indirect != "traced" and not follows_engine(job) and not job.objects
 
 

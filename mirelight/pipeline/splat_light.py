@@ -199,7 +199,7 @@ class SplatLight:
 
     @cached_property
     def _cells(self) -> SurfaceCells:
-        return self.tracer.cells_at(self.places.points, self.places.normals)
+        return self.tracer.cells()
 
     @cached_property
     def _transport(self) -> SurfaceTransport:

@@ -54,13 +54,9 @@ class SurfaceLight:
 
     @cached_property
     def cells(self) -> SurfaceCells:
-        """The pieces of the proxy that light is kept on: those that paths from the job's cameras visit, all of them."""
+        """The pieces of the proxy that light is kept on."""
         key = self._keys.surface_cells
-
-        def make() -> SurfaceCells:
-            return self._tracer.cells(requirements.lighting_cameras(self._job))
-
-        return made_once(self._kept, _claim(key), key, CELLS, make)
+        return made_once(self._kept, _claim(key), key, CELLS, self._tracer.cells)
 
     @cached_property
     def transport(self) -> SurfaceTransport:

@@ -49,7 +49,7 @@ def frame(scene: BenchScene, seeds: int, truth_spp: int, cycles: str | None) -> 
 
     def filled(seed: int) -> SurfaceCache:
         tracer.settings = RenderSettings(seed=seed)
-        cells = tracer.cells([scene.camera])
+        cells = tracer.cells()
         return tracer.fill(cells, scene.lighting, transport=tracer.transport(cells))
 
     caches, spent = zip(*(timed(lambda seed=seed: filled(seed)) for seed in (100, 101)), strict=True)  # type: ignore[misc]
@@ -106,7 +106,7 @@ def points(scene: BenchScene, count: int, truth_spp: int) -> list[Row]:
     traced = row("traced", *timed(lambda: tracer.point_layers(lighting, places, normals, 64)))
 
     def read() -> PointLayers:
-        cache = tracer.fill(tracer.cells_at(places, normals), lighting, samples=64)
+        cache = tracer.fill(tracer.cells(), lighting, samples=64)
         parts = list(by_sharpness(lighting, 32, glow=False))
         made = [tracer.point_layers(part, places, normals, spp, cache=cache) for part, spp in parts]
         rows = {name: (x.direct[k], x.indirect[k]) for x in made for k, name in enumerate(x.names)}
@@ -123,7 +123,7 @@ def bars(scene: BenchScene, fills: int) -> list[Row]:
     of the fills, which is what their frames' means differ by beyond it.
     """
     tracer = Tracer(scene.proxy, RenderSettings(spp=16), aovs=False)
-    cells = tracer.cells([scene.camera])
+    cells = tracer.cells()
     caches = []
     for seed in range(fills):
         tracer.settings = RenderSettings(spp=16, seed=1000 + seed)

@@ -288,7 +288,7 @@ class Bench:
         caches: Sequence[SurfaceCache | None] = [None] * len(lightings)
         fill = 0.0
         if any(way.indirect == "surface" for way in ways):
-            caches, fill = self._store.timed("light on surfaces", partial(_filled, tracer, capture.camera, lightings))
+            caches, fill = self._store.timed("light on surfaces", partial(_filled, tracer, lightings))
         for way in ways:
             tracer.settings = RenderSettings(spp=way.spp, indirect=way.indirect)
             read = caches if way.indirect == "surface" else [None] * len(lightings)
@@ -377,9 +377,9 @@ def row_of(values: dict[str, Any]) -> Row:
     return Row(**plain)
 
 
-def _filled(tracer: Tracer, camera: Camera, lightings: Sequence[Lighting]) -> Sequence[SurfaceCache]:
+def _filled(tracer: Tracer, lightings: Sequence[Lighting]) -> Sequence[SurfaceCache]:
     """Light on the surface of every lighting, along the same rays."""
-    cells = tracer.cells([camera])
+    cells = tracer.cells()
     transport = tracer.transport(cells)
     return [tracer.fill(cells, x, transport=transport) for x in lightings]
 

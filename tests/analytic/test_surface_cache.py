@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mirelight.lighting import Tracer
 from mirelight.model import (
@@ -18,6 +19,8 @@ from mirelight.model import (
     ProxyMesh,
     RenderSettings,
     SunLight,
+    SurfaceCells,
+    triangles,
 )
 from tests.threads import printed
 
@@ -38,9 +41,20 @@ def lamp(position: tuple[float, float, float], intensity: float = 5.0) -> PointL
     return PointLight(name="lamp", position=np.array(position), intensity=intensity)
 
 
+def fewer(cells: SurfaceCells, kept: NDArray[np.bool_]) -> SurfaceCells:
+    """Some of them (C,)."""
+    starts = np.append(0, np.cumsum(kept))[cells.starts].astype(np.uint32)
+    rows = {name: getattr(cells, name)[kept] for name in ("keys", "anchors", "faces", "corners", "normals")}
+    return replace(cells, starts=starts, **rows)
+
+
+def none(cells: SurfaceCells) -> SurfaceCells:
+    return fewer(cells, np.zeros(len(cells), bool))
+
+
 def read(tracer: Tracer, lighting: Lighting, cameras: list[Camera], size: float | None = None) -> list[LightingBuffer]:
     """Every camera's frame from one cache."""
-    cache = tracer.fill(tracer.cells(cameras, size), lighting, samples=64)
+    cache = tracer.fill(tracer.cells(size), lighting, samples=64)
     return [tracer.trace(lighting, x, cache=cache) for x in cameras]
 
 
@@ -131,7 +145,7 @@ def test_layers_are_those_of_a_traced_frame() -> None:
 def test_lights_filled_apart_are_those_filled_together() -> None:
     proxy, lighting, view = stage()
     tracer = Tracer(proxy, SURFACE)
-    cells = tracer.cells([view])
+    cells = tracer.cells()
     together = tracer.fill(cells, lighting, samples=128)
     parts = [Lighting(lights=(x,)) for x in lighting.lights] + [Lighting(environment=lighting.environment)]
     apart = [tracer.fill(cells, x, samples=128) for x in parts]
@@ -148,14 +162,11 @@ def test_lights_filled_apart_are_those_filled_together() -> None:
 
 
 def test_where_no_cell_is_paths_go_on() -> None:
-    """Cells of a camera that sees nothing: the frame is the traced one, where first hits are read but for more rays."""
+    """Without a cell the frame is the traced one, but for more rays from first hits."""
     proxy, lighting, view = stage()
-    away = Camera.look_at([0, 5, 0], [0, 10, 0.1], 16, 12)
     traced = Tracer(proxy, replace(SURFACE, indirect="traced")).trace(lighting, view)
     tracer = Tracer(proxy, SURFACE)
-    cells = tracer.cells([away])
-    assert len(cells) == 0
-    first = tracer.trace(lighting, view, cache=tracer.fill(cells, lighting))
+    first = tracer.trace(lighting, view, cache=tracer.fill(none(tracer.cells()), lighting))
     np.testing.assert_allclose(first.beauty.mean(), traced.beauty.mean(), rtol=0.01)
 
 
@@ -168,7 +179,7 @@ from tests.analytic.test_surface_cache import SURFACE, stage
 proxy, lighting, view = stage()
 digest = hashlib.sha256()
 tracer = Tracer(proxy, replace(SURFACE, threads=int(sys.argv[1])))
-cells = tracer.cells([view, view.resized(20, 30)], 0.1)
+cells = tracer.cells(0.1)
 cache = tracer.fill(cells, lighting, samples=64)
 buffer = tracer.trace(lighting, view, cache=cache)
 arrays = [cells.keys, cells.starts, cells.anchors, cells.faces, cells.corners, buffer.beauty, buffer.variance]
@@ -186,10 +197,28 @@ def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e5])
 def test_a_cell_is_half_as_wide_as_walls_are_thick(scale: float) -> None:
     slab = room((0, 0, 0), (2 * scale, 0.1 * scale, 2 * scale))
-    view = Camera.look_at([3 * scale, 2 * scale, 3 * scale], [scale, 0, scale], 16, 12, near=0.01 * scale)
-    cells = Tracer(slab, SURFACE).cells([view])
+    cells = Tracer(slab, SURFACE).cells()
     assert cells.size == pytest.approx(0.05 * scale, rel=0.01)
     assert len(cells) > 100
+
+
+def outward(box: ProxyMesh) -> ProxyMesh:
+    """A box whose faces look out."""
+    corners = box.vertices[box.faces].astype(np.float64)
+    away = corners.mean(axis=1) - corners.mean(axis=(0, 1))
+    inwards = (triangles.crossed(corners) * away).sum(axis=1) < 0
+    return replace(box, faces=np.where(inwards[:, None], box.faces[:, ::-1], box.faces))
+
+
+def test_insides_of_solids_have_no_cell_nor_has_the_underside_of_the_ground() -> None:
+    box = outward(room((-0.5, 0, -0.5), (0.5, 0.8, 0.5)))
+    ground = quad([0, 0, 0], [0, 0, 4], [4, 0, 0])
+    x, y, z = Tracer(join(ground, box), SURFACE).cells(0.2).anchors.T
+    inside = (np.abs(x) < 0.45) & (np.abs(z) < 0.45) & (y < 0.75)
+    assert len(x) > 1000 and not np.any(inside & (y > 0))
+    assert not np.any((y < 0) & ~inside)
+    around = np.abs(Tracer(box, SURFACE).cells(0.2).anchors - [0, 0.4, 0]) < [0.49, 0.39, 0.49]
+    assert np.all(around, axis=1).any()  # alone it is a room
 
 
 # --- points ----------------------------------------------------------------------------------------------------------
@@ -209,7 +238,7 @@ def test_light_on_points_is_that_of_a_frame(indirect: str) -> None:
     proxy, lighting, _ = stage()
     view = Camera.look_at([-1, 2, 1.2], [-1, 0, 1.2001], 12, 12, yfov=25)
     tracer = Tracer(proxy, replace(SURFACE, spp=64, indirect=indirect))  # type: ignore[arg-type]
-    cache = tracer.fill(tracer.cells([view]), lighting, samples=256)
+    cache = tracer.fill(tracer.cells(), lighting, samples=256)
     seen = tracer.trace(lighting, view, cache=cache)
     points, normals = (x.reshape(-1, 3).astype(np.float64) for x in (seen.position, seen.geometric_normal))
     found = tracer.point_layers(lighting, points, normals, 64, cache=cache)

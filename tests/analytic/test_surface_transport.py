@@ -13,7 +13,7 @@ from mirelight.model import Camera, CellLight, Environment, Lighting, SunLight, 
 from tests.threads import printed
 
 from .lighting_scenes import constant_sky, join, sphere
-from .test_surface_cache import SURFACE, lamp, means, room, stage
+from .test_surface_cache import SURFACE, fewer, lamp, means, none, room, stage
 
 
 def test_a_lamp_in_a_gray_ball_is_its_series() -> None:
@@ -21,7 +21,8 @@ def test_a_lamp_in_a_gray_ball_is_its_series() -> None:
     ball, albedo = sphere(1.0, rings=24), np.array([0.3, 0.6, 0.9])
     tracer = Tracer(replace(ball, albedo=albedo), replace(SURFACE, spp=64))
     view = Camera.look_at([0, 0, 0], [0, 0, 1], 24, 18, yfov=80)
-    cells = tracer.cells([view], 0.25)
+    cells = tracer.cells(0.25)
+    cells = fewer(cells, np.linalg.norm(cells.anchors, axis=1) < 1)
     light = Lighting(lights=(lamp((0, 0, 0), 2.0),))
     cache = tracer.fill(cells, light, transport=tracer.transport(cells))
     (filled,) = cache.lights
@@ -36,7 +37,8 @@ def test_a_lamp_in_a_gray_ball_is_its_series() -> None:
 def test_a_white_sky_on_a_white_ball_is_met_and_nothing_is_reflected() -> None:
     ball = replace(sphere(smooth=True), albedo=np.ones(3))
     tracer = Tracer(ball, SURFACE)
-    cells = tracer.cells([Camera.look_at([0, 0.5, 3], [0, 0, 0], 32, 24)], 0.2)
+    cells = tracer.cells(0.2)
+    cells = fewer(cells, np.linalg.norm(cells.anchors, axis=1) > 1)
     (sky,) = tracer.fill(cells, Lighting(environment=constant_sky(0.7)), transport=tracer.transport(cells)).lights
     assert sky.kind == "environment" and sky.first_bounce is not None
     np.testing.assert_allclose(sky.direct + sky.first_bounce, 0.7, rtol=1e-4)
@@ -48,7 +50,7 @@ def test_one_transport_serves_any_sky_and_any_lamp() -> None:
     proxy, lighting, view = stage()
     tracer = Tracer(proxy, replace(SURFACE, spp=64))
     truth = Tracer(proxy, replace(SURFACE, spp=256, max_depth=24, indirect="traced"))
-    cells = tracer.cells([view])
+    cells = tracer.cells()
     between = tracer.transport(cells)
     around = np.asarray(lighting.environment and lighting.environment.radiance).copy()
     around[2, 3] = 60.0  # a small bright spot
@@ -65,9 +67,9 @@ def test_one_transport_serves_any_sky_and_any_lamp() -> None:
 
 def test_two_halves_tell_the_error() -> None:
     """Half their difference is the deviation of the mean, which a larger fill shows."""
-    proxy, lighting, view = stage()
+    proxy, lighting, _ = stage()
     tracer = Tracer(proxy, SURFACE)
-    cells = tracer.cells([view], 0.2)
+    cells = tracer.cells(0.2)
     made = tracer.fill(cells, lighting, transport=tracer.transport(cells, 32)).lights
     tracer.settings = replace(tracer.settings, seed=9)
     true = tracer.fill(cells, lighting, transport=tracer.transport(cells, 1024)).lights
@@ -78,14 +80,14 @@ def test_two_halves_tell_the_error() -> None:
 
 
 @pytest.mark.parametrize("thick", [0.001, 0.06])
-def test_a_wall_does_not_leak(thick: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wall_does_not_leak(thick: float) -> None:
     """The dark half of a box is black to the bit, also where rays end on places without a cell."""
-    monkeypatch.setattr("mirelight.lighting.cells.VERTICES", 1)
     whole, wall = room((-3, 0, -2), (3, 2.5, 2)), room((-thick / 2, -0.1, -2.1), (thick / 2, 2.6, 2.1))
     lit = Camera.look_at([-2.8, 1.8, 1.5], [-0.5, 0, -1], 16, 12, yfov=35)
     dark = Camera.look_at([2.8, 1.8, 1.5], [0.5, 0, -1], 16, 12, yfov=35)
     tracer = Tracer(join(whole, wall), SURFACE)
-    cells = tracer.cells([lit, dark], 0.3)
+    cells = tracer.cells(0.3)
+    cells = fewer(cells, np.arange(len(cells)) % 4 > 0)
     between = tracer.transport(cells)
     assert len(between.faces) > 0
     light = Lighting(lights=(lamp((-1.5, 1.5, 0)),))
@@ -94,13 +96,13 @@ def test_a_wall_does_not_leak(thick: float, monkeypatch: pytest.MonkeyPatch) -> 
     assert not tracer.trace(light, dark, cache=cache).beauty.any()
 
 
-def test_light_beyond_the_cells_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cells where one camera looks alone: what lies elsewhere sends them its light all the same."""
-    monkeypatch.setattr("mirelight.lighting.cells.VERTICES", 1)
+def test_light_beyond_the_cells_counts() -> None:
+    """Cells of a piece of the floor alone: what lies elsewhere sends them its light all the same."""
     proxy, lighting, _ = stage()
     view = Camera.look_at([-1, 2, 1.2], [-1, 0, 1.2001], 24, 18, yfov=25)
     tracer = Tracer(proxy, replace(SURFACE, spp=256))
-    cells = tracer.cells([view])
+    cells = tracer.cells()
+    cells = fewer(cells, np.all(np.abs(cells.anchors - [-1, 0, 1.2]) < [0.6, 0.1, 0.6], axis=1))
     between = tracer.transport(cells)
     assert len(between.faces) > 0.5 * len(cells)
     made = tracer.trace(lighting, view, cache=tracer.fill(cells, lighting, transport=between))
@@ -109,9 +111,9 @@ def test_light_beyond_the_cells_counts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_many_cells_have_fewer_rays_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    proxy, _, view = stage()
+    proxy, _, _ = stage()
     tracer = Tracer(proxy, SURFACE)
-    cells = tracer.cells([view], 0.3)
+    cells = tracer.cells(0.3)
     assert tracer.transport(cells).target.shape == (256, len(cells))
     monkeypatch.setattr(transport, "MOST_RAYS", 100 * len(cells))
     assert tracer.transport(cells).target.shape == (64, len(cells))
@@ -121,20 +123,20 @@ def test_many_cells_have_fewer_rays_and_memory_is_bounded(monkeypatch: pytest.Mo
 
 
 def test_no_cells_or_no_light() -> None:
-    proxy, lighting, view = stage()
+    proxy, lighting, _ = stage()
     tracer = Tracer(proxy, SURFACE)
-    none = tracer.cells([Camera.look_at([0, 5, 0], [0, 10, 0.1], 16, 12)])
-    nothing = tracer.fill(none, lighting, transport=tracer.transport(none))
+    gone = none(tracer.cells(0.3))
+    nothing = tracer.fill(gone, lighting, transport=tracer.transport(gone))
     assert [x.direct.shape for x in nothing.lights] == [(2, 0, 3)] * 3
-    cells = tracer.cells([view], 0.3)
+    cells = tracer.cells(0.3)
     assert tracer.fill(cells, Lighting(), transport=tracer.transport(cells)).lights == ()
 
 
 def filled(lighting: Lighting, seed: int = 0, threads: int | None = None) -> tuple[SurfaceCells, tuple[CellLight, ...]]:
     """Cells and their light from a transport of 32 rays."""
-    proxy, _, view = stage()
+    proxy, _, _ = stage()
     tracer = Tracer(proxy, replace(SURFACE, threads=threads, seed=seed))
-    cells = tracer.cells([view], 0.1)
+    cells = tracer.cells(0.1)
     return cells, tracer.fill(cells, lighting, transport=tracer.transport(cells, 32)).lights
 
 

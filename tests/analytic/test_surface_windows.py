@@ -48,7 +48,7 @@ def spread_as(cache: SurfaceCache, table: NDArray[np.uint16] | None) -> SurfaceC
 def lit() -> tuple[Tracer, Lighting, Camera, SurfaceCache]:
     proxy, lighting, view = scene()
     tracer = Tracer(proxy, SETTINGS, aovs=False)
-    return tracer, lighting, view, tracer.fill(tracer.cells([view], 0.15), lighting, samples=256)
+    return tracer, lighting, view, tracer.fill(tracer.cells(0.15), lighting, samples=256)
 
 
 def direct(lit: tuple[Tracer, Lighting, Camera, SurfaceCache], cache: SurfaceCache, seeds: int) -> Array:

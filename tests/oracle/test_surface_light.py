@@ -18,8 +18,10 @@ from mirelight.model import (
     CellLight,
     Deferred,
     Environment,
+    Indirect,
     Job,
     Lighting,
+    LightingBuffer,
     PointLight,
     RenderSettings,
     SurfaceCells,
@@ -30,7 +32,7 @@ from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.plan import plan
 from mirelight.store import Store
 
-from ..analytic.test_surface_cache import stage
+from ..analytic.test_surface_cache import room, stage
 
 T = TypeVar("T")
 
@@ -54,7 +56,8 @@ def test_a_frame_alone_is_that_among_others() -> None:
     one = job()
     among = mirelight.prepare(one)
     every = {(c.name, x.name): mirelight.light(among, c, x) for c in one.cameras for x in one.lightings}
-    alone = mirelight.light(mirelight.prepare(one), one.cameras[1], one.lightings[1])
+    by_itself = replace(one, cameras=one.cameras[1:])  # of a job with no other camera, too
+    alone = mirelight.light(mirelight.prepare(by_itself), by_itself.cameras[0], one.lightings[1])
     found = every["other", "dimmed"]
     assert np.array_equal(alone.new.beauty, found.new.beauty)
     for layer, other in zip(alone.new.layers, found.new.layers, strict=True):
@@ -68,6 +71,22 @@ def test_a_frame_alone_is_that_among_others() -> None:
             assert layer.name == own.name
             np.testing.assert_allclose(own.indirect.mean(), layer.indirect.mean(), rtol=0.04)
             np.testing.assert_allclose(own.direct.mean(), layer.direct.mean(), rtol=0.03)
+
+
+@pytest.mark.parametrize("enclosed", [False, True])
+def test_auto_reads_the_surface_in_rooms_and_traces_under_an_open_sky(enclosed: bool) -> None:
+    open_air = job()
+    mesh = room((-2, -0.1, -2), (2.6, 2.6, 3.1)) if enclosed else stage()[0]
+    one = replace(open_air, proxy=Deferred.of(mesh))
+
+    def frame(indirect: Indirect) -> LightingBuffer:
+        work = replace(one, render=replace(one.render, spp=4, indirect=indirect))
+        return mirelight.light(mirelight.prepare(work), work.cameras[1], work.lightings[0]).new
+
+    found = frame("auto").beauty
+    assert found.any()
+    assert np.array_equal(found, frame("surface" if enclosed else "traced").beauty)
+    assert not np.array_equal(found, frame("traced" if enclosed else "surface").beauty)
 
 
 class Shelf(NullCache):
@@ -141,9 +160,8 @@ def test_only_lights_that_changed_are_filled(monkeypatch: pytest.MonkeyPatch) ->
         lit(replace(one, render=changed), shelf)
     assert counts == [3, 1, 4, 1, 3, 3]
     lit(replace(one, cameras=one.cameras[:1]), shelf)
-    assert counts[6:] == [3] and len(shelf.found) == 2
     lit(replace(one, render=replace(one.render, spp=4)), shelf)
-    assert len(counts) == 7
+    assert len(counts) == 6 and len(shelf.found) == 1
 
 
 def test_glowing_surfaces_are_filled_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:

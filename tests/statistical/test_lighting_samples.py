@@ -64,7 +64,7 @@ def test_means_over_neighbours_err_less_than_pixels_on_their_own() -> None:
 def test_several_rays_of_a_first_hit_have_the_same_mean_and_less_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     proxy, lighting, view = stage()
     tracer = Tracer(proxy, RenderSettings(spp=16, indirect="surface"))
-    cache = tracer.fill(tracer.cells([view], 0.12), lighting, samples=64)
+    cache = tracer.fill(tracer.cells(0.12), lighting, samples=64)
 
     def made(rays: int, first_seed: int) -> tuple[Array, Array]:
         monkeypatch.setattr(frame, "FIRST_RAYS", rays)

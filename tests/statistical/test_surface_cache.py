@@ -34,7 +34,7 @@ def frames(indirect: Indirect, count: int, samples: int, *, spp: int = 32) -> li
     """Of independent seeds, each with a fill of its own."""
     proxy, lighting, view = stage()
     tracer = Tracer(proxy, RenderSettings(spp=spp, max_depth=DEPTH, indirect=indirect), aovs=False)
-    cells = tracer.cells([view], 0.12)
+    cells = tracer.cells(0.12)
     out = []
     for seed in range(count):
         cache = _seeded(tracer, seed).fill(cells, lighting, samples=samples)

@@ -57,8 +57,8 @@ class RenderTable(Table):
     indirect: Indirect = Field(
         default=_RENDER.indirect,
         description="Reflected light: traced anew for every picture; or gathered on the proxy once for all cameras and "
-        "read at a path's first hit (surface). docs/explanation/surface-light.md: what is gained and "
-        "lost.",
+        "read at a path's first hit (surface); auto: surface in rooms, traced under an open sky. "
+        "docs/explanation/surface-light.md: what is gained and lost.",
     )
     seed: int = Field(default=_RENDER.seed, ge=0, le=2**31 - 1, description="Same seed, same picture.")
     variant: Variant = Field(default=_RENDER.variant, description="Mitsuba's backend.")

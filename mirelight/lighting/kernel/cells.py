@@ -1,4 +1,4 @@
-"""Light on the surface, on the device: which cell a point lies in, what that cell holds, and paths that find cells."""
+"""Light on the surface, on the device: which cell a point lies in, what that cell holds, and how cells are found."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 
 from mirelight.lighting.kernel.film import Film, PathSums
 from mirelight.lighting.kernel.memory import floats, in_fours, integers, rgb
-from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
-from mirelight.lighting.kernel.rays import CameraRays, bounded_ray, vector
+from mirelight.lighting.kernel.rays import bounded_ray, vector
 from mirelight.lighting.kernel.samples import mix, pair
 from mirelight.lighting.kernel.sky_guiding import Spread
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.lighting.kernel.vertex import Vertex
-from mirelight.model import F32, F64, SurfaceCells
+from mirelight.model import F32, F64, I32, SurfaceCells
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -149,49 +148,45 @@ class DeviceCells:
 
 
 @dr.syntax
-def visit(
-    surface: DeviceProxy,
-    view: CameraRays | PointRays,
-    grid: Grid,
-    lanes: int,
-    pixels: int,
-    vertices: int,
-    seed: int,
-) -> tuple[NDArray[np.uint32], F32]:
-    """Where paths of a view go: `lanes` of them, drawn evenly over its pixels, up to `vertices` hits each.
+def look(
+    surface: DeviceProxy, faces: I32, corners: F32, normals: F32, grid: Grid, rays: int, far: float
+) -> tuple[NDArray[np.uint32], F32, NDArray[np.uint32]]:
+    """Places of the surface as one of its sides has them, and what is seen from there along some rays.
+
+    Args:
+        surface: the proxy.
+        faces: (n,) of the places.
+        corners: (n, 2) barycentric coordinates.
+        normals: (n, 3) of the faces, by their winding or against it: the side.
+        grid: the voxels.
+        rays: of each place.
+        far: world units.
 
     Returns:
-        (n, 3) key and face of every hit; (n, 8) its barycentric coordinates, its normal and the place above it.
+        (n, 2) key; (n, 3) the place above it; (n, 3) how many rays meet the front of a face, go farther than `far` to
+        one, and meet none.
     """
-    size = lanes * vertices
-    keys, values = dr.full(mi.UInt32, 0xFFFFFFFF, size * 3), dr.zeros(mi.Float, size * 8)
-    dr.eval(keys, values)
-    lane = dr.arange(mi.UInt32, lanes)
-    stream = mix(mi.UInt32(dr.opaque(mi.UInt32, seed)), 77)
-    pixel = mi.UInt32((mi.Float(lane) + 0.5) * (pixels / lanes))
-    pixel = dr.minimum(pixel, pixels - 1)
-    active, face, uv, d, _ = view.first_hit(surface, pixel, lane, stream)
-    depth = mi.UInt32(0)
-    count = dr.opaque(mi.UInt32, vertices)
-    while active & (depth < count):
-        at = surface.at(face, uv, d, active)
-        a, b = grid.key(mi.Vector3f(at.p), at.geometric_normal)
-        above, n = grid.above(surface, at, active), at.geometric_normal
-        entry = lane * count + depth
-        for k, number in enumerate((a, b, face)):
-            dr.scatter(keys, number, entry * 3 + k, active)
-        dr.scatter(values, mi.Vector4f(uv.x, uv.y, n.x, n.y), entry * 2, active)
-        dr.scatter(values, mi.Vector4f(n.z, above.x, above.y, above.z), entry * 2 + 1, active)
-        depth += 1
-        salt = mix(mix(stream, lane), depth)
-        d = mi.Frame3f(at.normal).to_world(mi.warp.square_to_cosine_hemisphere(pair(lane, salt)))
-        found = surface.nearest(mi.Ray3f(at.start, d), active & (depth < count))
-        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
-        active &= found.is_valid() & (depth < count)
-    dr.eval(keys, values)
-    flat = keys.numpy().reshape(-1, 3)
-    hit = flat[:, 2] != 0xFFFFFFFF
-    return flat[hit], values.numpy().reshape(-1, 8)[hit]
+    lane, count = dr.arange(mi.UInt32, len(faces)), dr.opaque(mi.UInt32, rays)
+    face, (u, v) = integers(faces), (floats(corners[:, k]) for k in range(2))
+    side, reach = in_fours(normals), dr.opaque(mi.Float, far)
+    at = surface.at(face, mi.Point2f(u, v), -rgb(side, lane, mi.Bool(True)), mi.Bool(True))
+    key, above = grid.key(mi.Vector3f(at.p), at.geometric_normal), grid.above(surface, at, mi.Bool(True))
+    fronts, distant, outside = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
+    number = mi.UInt32(0)
+    while number < count:
+        local = mi.warp.square_to_cosine_hemisphere(pair(number, mix(lane, 77)))
+        d = mi.Frame3f(at.geometric_normal).to_world(local)
+        found = surface.nearest(mi.Ray3f(at.start, d), mi.Bool(True))
+        hit = mi.Bool(found.is_valid())
+        fronts += dr.select(hit & surface.shows_front(mi.UInt32(found.prim_index), d, hit), mi.UInt32(1), mi.UInt32(0))
+        distant += dr.select(hit & (found.t > reach), mi.UInt32(1), mi.UInt32(0))
+        outside += dr.select(hit, mi.UInt32(0), mi.UInt32(1))
+        number += 1
+    dr.eval(key, above, fronts, distant, outside)
+    columns = (*key, fronts, distant, outside)
+    rows = np.stack([np.asarray(x.numpy()) for x in columns], axis=1).astype(np.uint32)
+    places = np.stack([np.asarray(x.numpy()) for x in (above.x, above.y, above.z)], axis=1)
+    return rows[:, :2], places.astype(np.float32), rows[:, 2:]
 
 
 def hidden(surface: DeviceProxy, starts: F32, ends: F32) -> NDArray[np.bool_]:

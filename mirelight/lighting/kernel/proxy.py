@@ -192,6 +192,14 @@ class DeviceProxy:
         i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
         return i, (1 - uv.x - uv.y, uv.x, uv.y)
 
+    def shows_front(self, face: UInt32, d: Vector3f, active: Bool) -> Bool:
+        """Whether a ray along d meets a face from the side that its winding points to."""
+        a, b, c = (
+            self._vector(self.vertices, dr.gather(mi.UInt32, self.faces, face * 3 + k, active), active)
+            for k in range(3)
+        )
+        return dr.dot(dr.cross(b - a, c - a), d) < 0
+
     def is_inserted(self, face: UInt32) -> Bool:
         """Whether a face is an object's."""
         return face >= self.first_inserted

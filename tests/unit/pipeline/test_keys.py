@@ -320,7 +320,7 @@ DECIDES: dict[str, set[str]] = {
     "relight.blend": FILES,
     "relight.brightness": set(),
     "relight.background": FILES,
-    "relight.texture_scale": ON_SURFACE | TRACED,
+    "relight.texture_scale": TRACED,
     "relight.delta": FILES,
     "relight.max_ratio": FILES,
     "relight.per": FILES,
@@ -460,7 +460,7 @@ IN_ROOM: dict[str, tuple[Job, set[str]]] = {
     ),
     "another camera": (
         replace(ROOM, cameras=(VIEW.resized(21, 10),)),
-        {"light", *ON_SURFACE, *FILES, *UNLIT},
+        {"light", *FILES, *UNLIT},
     ),
     "a lighting's own way of relighting": (
         replace(ROOM, lightings=(replace(DAY, relight=replace(ROOM.relight, max_ratio=3.0)),)),

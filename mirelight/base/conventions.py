@@ -101,6 +101,31 @@ def multiply_quaternions(a: ArrayLike, b: ArrayLike) -> Matrix:
     )
 
 
+def slerp(a: ArrayLike, b: ArrayLike, t: float) -> Matrix:
+    """Spherical interpolation of quaternions (4,) along the shorter arc (glTF appendix C.4); it goes on past both."""
+    p, q = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    p, q = p / np.linalg.norm(p), q / np.linalg.norm(q)
+    dot = float(p @ q)
+    angle = np.arccos(min(abs(dot), 1.0))
+    if angle < 1e-6:
+        return p
+    q = q if dot >= 0 else -q
+    return np.asarray((np.sin((1 - t) * angle) * p + np.sin(t * angle) * q) / np.sin(angle))
+
+
+def pose_at(poses: ArrayLike, at: float) -> Matrix:
+    """The rigid pose (4, 4) at a place between those of a sequence (n, 4, 4), at least two, counted from 0: straight on
+    and turning evenly from one to the next, and on in the same way before the first and after the last."""
+    every = np.asarray(poses, dtype=np.float64)
+    k = int(np.clip(np.floor(at), 0, len(every) - 2))
+    t = at - k
+    if t in (0.0, 1.0):
+        return np.array(every[k + int(t)])
+    first, second = (quaternion_from_rotation(x[:3, :3]) for x in every[k : k + 2])
+    turn = rotation_from_quaternion(slerp(first, second, t))
+    return compose((1 - t) * every[k, :3, 3] + t * every[k + 1, :3, 3], turn)
+
+
 def rotation_from_euler(degrees: ArrayLike) -> Matrix:
     """Rotation (3, 3) Rz Ry Rx from Euler angles (x, y, z) in degrees."""
     x, y, z = np.radians(np.asarray(degrees, dtype=np.float64))

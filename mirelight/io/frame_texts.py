@@ -178,6 +178,8 @@ def camera_of(path: Path, texts: Mapping[str, Any]) -> Camera:
     try:
         far = float("inf") if values["far"] is None else values["far"]
         lens = values.get("exposure")
+        if lens is not None and lens["shutter"] is not None:
+            lens["shutter"] = tuple(lens["shutter"])
         return Camera(
             exposure=None if lens is None else Exposure(**lens),
             **{name: values[name] for name in _CAMERA_FIELDS},

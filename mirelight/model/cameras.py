@@ -80,8 +80,9 @@ class Camera(ArrayHolder):
         if exposure is None:
             return (self,)
         out = []
+        poses = exposure.poses_at(self.world_from_camera, count)
         for k, (right, up) in enumerate(exposure.points(count)):
-            pose = self.world_from_camera.copy()
+            pose = poses[k].copy()
             pose[:3, 3] += right * pose[:3, 0] + up * pose[:3, 1]
             shift = right / exposure.focus_distance, up / exposure.focus_distance
             cx, cy = self.cx + self.fx * shift[0], self.cy - self.fy * shift[1]

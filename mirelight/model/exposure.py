@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirelight.base import conventions
 from mirelight.model.arrays import F64, ArrayHolder, freeze
 
 _GOLDEN = math.pi * (3 - math.sqrt(5))  # rad between neighbours of Vogel's spiral
@@ -19,11 +20,21 @@ class Exposure(ArrayHolder):
     aperture_radius: float = 0.0  # of the lens, world units
     focus_distance: float = 1.0  # world units along the view axis, to the plane that is sharp
     poses: F64 | None = None  # (n, 4, 4) world_from_camera at equal steps while it is open; None: it stands still
+    shutter: tuple[float, float] | None = None  # s after the camera's time that it opens and closes, where known
 
     def __post_init__(self) -> None:
         freeze(self, "poses", (None, 4, 4), np.float64)
         if not (0 <= self.aperture_radius < math.inf and 0 < self.focus_distance < math.inf):
             raise ValueError("aperture_radius must be 0 or more, and focus_distance above 0")
+
+    def poses_at(self, plain: F64, count: int) -> list[F64]:
+        """(4, 4) at the middles of `count` equal parts of the time that it is open, in an order (van der Corput's) that
+        has nothing to do with that of `points`; `plain` where it stands still."""
+        if self.poses is None or len(self.poses) < 2:
+            return [plain] * count
+        inverse = [_radical_inverse(k) for k in range(count)]
+        rank = np.argsort(np.argsort(inverse))
+        return [conventions.pose_at(self.poses, (r + 0.5) / count * (len(self.poses) - 1)) for r in rank]
 
     def points(self, count: int) -> F64:
         """(count, 2) points of the lens to the right of its middle and above it, world units: Vogel's spiral, which
@@ -32,3 +43,8 @@ class Exposure(ArrayHolder):
         radius, angle = self.aperture_radius * np.sqrt((k + 0.5) / count), _GOLDEN * k
         found = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return np.asarray(found - found.mean(axis=0))
+
+
+def _radical_inverse(k: int) -> float:
+    """The bits of a whole number behind the point, in reverse."""
+    return int(f"{k:b}"[::-1], 2) / 2 ** k.bit_length() if k else 0.0

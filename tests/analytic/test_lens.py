@@ -96,6 +96,25 @@ def test_a_far_splat_becomes_a_disc_of_the_right_radius_and_keeps_its_light(fold
     assert alpha[away > radius + 2.5].max() < 0.01 * alpha.max()
 
 
+def test_a_splat_beside_a_moving_camera_becomes_a_streak_of_the_right_length(folder: Path) -> None:
+    alone = replace(job(folder, 'splats = "point.ply"\nproxy = "cards.glb"'), lightings=(), proxy=None)
+    scene, camera = mirelight.prepare(alone), alone.cameras[0].pinhole
+    length, poses = 14.0, np.stack([camera.world_from_camera] * 2)
+    poses[:, :3, 3] += np.array([-0.5, 0.5])[:, None] * camera.world_from_camera[:3, 0] * length * 8 / camera.fx
+    made = frame(scene, replace(camera, exposure=Exposure(poses=poses)), None).rgba[..., 3].astype(np.float64)
+    sharp = frame(scene, camera, None).rgba[..., 3].astype(np.float64)
+    assert made.sum() == pytest.approx(sharp.sum(), rel=0.02)
+    x = np.arange(48) + 0.5 - camera.cx
+
+    def spread(alpha: np.ndarray) -> float:
+        return float((alpha.sum(axis=0) * x**2).sum() / alpha.sum())
+
+    assert spread(made) - spread(sharp) == pytest.approx(length**2 / 12, rel=0.02)  # of an even line
+    row = made.sum(axis=0)[np.abs(x) < length / 2 - 2.5]
+    assert row.max() < 1.05 * row.min()
+    np.testing.assert_allclose(made.sum(axis=1) / made.sum(), sharp.sum(axis=1) / sharp.sum(), atol=0.01)
+
+
 def test_files_keep_the_lens_and_what_is_said_of_the_surface_is_sharp(folder: Path) -> None:
     cards = job(folder, 'proxy = "cards.glb"', "render.lens_samples=4", "render.spp=16")
     scene, lighting = mirelight.prepare(cards), cards.lightings[0]

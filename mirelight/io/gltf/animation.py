@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.conventions import slerp
 from mirelight.base.errors import InputError
 from mirelight.io.gltf.accessors import read_accessor
 from mirelight.io.gltf.cameras import read_node_cameras
@@ -56,19 +57,8 @@ class Track:
                 + (t3 - t2) * in_tangent
             )
         if self.path == "rotation":
-            return _slerp(keys[k], keys[k + 1], t)
+            return slerp(keys[k], keys[k + 1], t)
         return np.asarray((1 - t) * keys[k] + t * keys[k + 1])
-
-
-def _slerp(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> NDArray[np.float64]:
-    """Spherical interpolation of unit quaternions along the shorter arc (glTF appendix C.4)."""
-    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
-    dot = float(a @ b)
-    angle = np.arccos(min(abs(dot), 1.0))
-    if angle < 1e-6:
-        return a
-    b = b if dot >= 0 else -b
-    return np.asarray((np.sin((1 - t) * angle) * a + np.sin(t * angle) * b) / np.sin(angle))
 
 
 def sample_cameras(

@@ -29,6 +29,11 @@ class GltfCamera:
     znear: float  # world units
     zfar: float  # world units; inf where the file gives none
 
+    @property
+    def shutter(self) -> tuple[float, float]:
+        """glTF has none: (0, 0)."""
+        return 0.0, 0.0
+
     def to_camera(self, width: int, height: int, world: Matrix | None = None) -> Camera:
         """The camera on a pixel grid.
 

@@ -12,6 +12,7 @@ from mirelight.io.job.fields import (
     NotNegative,
     Positive,
     Resolution,
+    Share,
     Table,
     one_way,
     path_as_table,
@@ -78,12 +79,24 @@ class ApertureTable(Table):
             radius = camera.fx / camera.width * sensor_width / 1000 / (2 * self.f_stop)
         if radius is None:
             return camera
+        moving = None if camera.exposure is None else replace(camera.exposure, aperture_radius=0.0)
         away = self.focus_distance or distance
-        lens = Exposure(aperture_radius=radius, focus_distance=away) if radius > 0 and away is not None else None
-        return replace(camera, exposure=lens)
+        if radius == 0 or away is None:
+            return replace(camera, exposure=moving if moving is not None and moving.poses is not None else None)
+        return replace(camera, exposure=replace(moving or Exposure(), aperture_radius=radius, focus_distance=away))
 
 
-class CamerasFromTable(ApertureTable):
+class ShutterTable(Table):
+    """Keys of a camera whose frames follow each other."""
+
+    shutter: Share | None = Field(
+        default=None,
+        description="Share of the time from frame to frame that the shutter is open around each frame's moment: 0.5 is "
+        "an angle of 180 degrees. Default: as OpenUSD's camera says, else 0.",
+    )
+
+
+class CamerasFromTable(ApertureTable, ShutterTable):
     """Cameras of a file or folder: glTF, still or animated, or of a capture."""
 
     path: GltfPath = Field(

@@ -19,6 +19,7 @@ from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
+from mirelight.io.job.shutters import open_between
 from mirelight.io.job.words import shown_path
 from mirelight.io.suffixes import SCENES, USD
 from mirelight.model import Camera
@@ -34,6 +35,7 @@ _FOR = {
     "fps": ("glTF", "OpenUSD", "SuperSplat"),
     "frames": ("glTF", "OpenUSD", "SuperSplat"),
     "distortion": ("COLMAP", "transforms.json"),
+    "shutter": ("glTF", "OpenUSD", "SuperSplat", "camera_path.json"),
 }
 
 
@@ -47,6 +49,10 @@ class SceneCamera(Protocol):
     @property
     def world(self) -> Matrix:
         """(4, 4) world_from_camera, perhaps with a scale."""
+
+    @property
+    def shutter(self) -> tuple[float, float]:
+        """Seconds after a frame's moment that it opens and closes; both 0 where the file says none."""
 
     def to_camera(self, width: int, height: int, world: Matrix | None = None) -> Camera:
         """The camera on a pixel grid, at another pose."""
@@ -122,14 +128,28 @@ def _of_scene(
     size = (table.resolution[0], table.resolution[1]) if table.resolution else resolution
     out: list[Camera] = []
     moving = table.fps is not None or table.frames is not None
+    if table.shutter and not moving:
+        wrong.append(Mistake((*at, "shutter"), "a shutter, but no frames that follow each other", "give fps or frames"))
     for i in _chosen([x.name for x in found], table, at, wrong, every=1 if moving else table.every):
         if not moving:
             out.append(found[i].to_camera(*size, m @ found[i].world))
             continue
         moments = files.sampled(table.path, found[i].name, table.fps, table.frames)
         still = [replace(one.to_camera(*size, m @ one.world), time=time) for time, one in moments]
+        still = _exposed(still, [one for _, one in moments], table)
         out += [replace(x, name=frame_name(x.name, n)) for n, x in enumerate(still, start=1)][:: table.every]
     return out
+
+
+def _exposed(cameras: list[Camera], of: Sequence[SceneCamera], table: CamerasFromTable) -> list[Camera]:
+    """The frames of an animated camera with its shutter, the job's or else the file's own."""
+    if table.shutter is not None:
+        return open_between(cameras, -table.shutter / 2, table.shutter / 2)
+    first, second = (x.time for x in cameras[:2]) if len(cameras) > 1 else (None, None)
+    if first is None or second is None:
+        return cameras
+    opens, closes = (x / (second - first) for x in of[0].shutter)
+    return open_between(cameras, opens, closes)
 
 
 def with_pictures(
@@ -193,7 +213,8 @@ def _captured(
     for camera in chosen:
         size = (table.resolution[0], table.resolution[1]) if table.resolution else camera.size(resolution)
         out.append(camera.to_camera(size, conventions.rigid_part(m @ camera.world_from_camera)))
-    return out
+    half = (table.shutter or 0.0) / 2
+    return open_between(out, -half, half)
 
 
 def _fitting(table: CamerasFromTable, at: Path, kind: str, wrong: list[Mistake]) -> bool:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from mirelight.io.job.camera_file_tables import MOST_CAMERAS, SENSOR_WIDTH, ApertureTable, Capture
+from mirelight.io.job.camera_file_tables import MOST_CAMERAS, SENSOR_WIDTH, ApertureTable, Capture, ShutterTable
 from mirelight.io.job.fields import (
     Bounds,
     Degrees,
@@ -130,7 +130,7 @@ class OrthographicTable(PosedCamera):
     ymag: Positive = Field(description="Half the height of the view, in world units (as in glTF).")
 
 
-class TurntableTable(LensTable):
+class TurntableTable(LensTable, ShutterTable):
     """A perspective camera that circles once around a point, counter-clockwise seen from above."""
 
     type: Literal["turntable"]
@@ -145,7 +145,7 @@ class TurntableTable(LensTable):
     start: Degrees = Field(default=0.0, description="Where the circle starts, in degrees from +Z towards +X.")
 
 
-class OrbitTable(LensTable):
+class OrbitTable(LensTable, ShutterTable):
     """A perspective camera that circles once around a point at one distance and one angle above it."""
 
     type: Literal["orbit"]

@@ -35,6 +35,7 @@ from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand
 from mirelight.io.job.scene_tables import SplatsTable
+from mirelight.io.job.shutters import MOMENTS, opened
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import SCENES
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
@@ -155,9 +156,24 @@ def _inline(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent,
                 out += _standing(table, name, size, around.stands(table, ("cameras", i)))
             case RandomTable():
                 out += _scattered(table, name, size, scene)
+            case TurntableTable() | OrbitTable():
+                out += _turning(table, name, size, scene)
             case _:
                 out += _standing(table, name, size, _stands(table, size, scene))
     return out
+
+
+def _turning(table: TurntableTable | OrbitTable, name: str, size: tuple[int, int], scene: Extent) -> list[Camera]:
+    """The frames of a circle; while a shutter is open, the camera goes on along it."""
+    found = _standing(table, name, size, _stands(table, size, scene))
+    if not table.shutter:
+        return found
+    turns = np.linspace(-0.5, 0.5, MOMENTS) * table.shutter * 360 / table.frames
+    moments = [
+        _standing(table, name, size, _stands(table.model_copy(update={"start": table.start + turn}), size, scene))
+        for turn in turns
+    ]
+    return [opened(x, [one[k].world_from_camera for one in moments]) for k, x in enumerate(found)]
 
 
 def _camera(table: PerspectiveTable | OrthographicTable, name: str, size: tuple[int, int]) -> Camera:

@@ -31,6 +31,11 @@ class UsdCamera:
         """Width / height of its aperture."""
         return self.row.apertures[0] / self.row.apertures[1]
 
+    @property
+    def shutter(self) -> tuple[float, float]:
+        """Seconds after a frame's moment that it opens and closes."""
+        return self.row.shutter[0], self.row.shutter[1]
+
     def to_camera(self, width: int, height: int, world: Matrix | None = None) -> Camera:
         """The camera on a pixel grid: what is seen from top to bottom stays, and pixels are square; offsets of the
         aperture move the picture's centre.
@@ -123,7 +128,8 @@ def _cameras(path: Path, rows: list[CameraRow]) -> tuple[UsdCamera, ...]:
 
 
 def _camera(path: Path, row: CameraRow, name: str) -> UsdCamera:
-    numbers = [*row.apertures, *row.offsets, row.focal, row.aperture_radius, row.focus_distance, *row.clipping]
+    lens = row.focal, row.aperture_radius, row.focus_distance
+    numbers = [*row.apertures, *row.offsets, *lens, *row.shutter, *row.clipping]
     if not np.isfinite(numbers[:-1]).all() or min(row.apertures) <= 0 or (row.focal <= 0 and not row.orthographic):
         found = f"a lens of focal length {row.focal:g} and apertures {row.apertures[0]:g}, {row.apertures[1]:g}"
         raise InputError(path, found, "give positive lengths", field=row.prim)

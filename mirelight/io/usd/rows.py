@@ -66,6 +66,7 @@ class CameraRow:
     moves: bool  # something is animated
     aperture_radius: float = 0.0  # metres; 0: a pinhole
     focus_distance: float = 0.0  # metres
+    shutter: list[float] = field(default_factory=lambda: [0.0, 0.0])  # s after a frame's moment: opens, closes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,12 +47,14 @@ def _row(stage: Stage, prim: Any, code: Any, exact: dict[str, Any] | None) -> Ca
         clipping=[float(near) * stage.unit, float(far) * stage.unit],
         unit=stage.unit / 10,
         moves=len(_samples(prim, _LENS)) > 1,
+        shutter=[number(x) / stage.rate for x in (camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr())],
         **_lens_of(camera, at, stage.unit),
     )
     lens = dict(exact or {})
     if row.moves or code is not None:
         near_by = [values for key, values in lens.pop("keys", ()) if abs(key - at.GetValue()) < _SAME]
-        lens = lens | near_by[0] if near_by else {}
+        at_key = near_by[0] if near_by else {}
+        lens = (lens if near_by else {}) | (at_key if isinstance(at_key, dict) else {"focal": at_key})
     return replace(row, **lens)
 
 

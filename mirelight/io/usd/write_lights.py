@@ -126,8 +126,12 @@ def add_camera(writer: StageWriter, cameras: Sequence[Camera], frames: Mapping[s
 
 
 def _add_lens(camera: Any, cameras: Sequence[Camera], codes: Sequence[float]) -> None:
-    """Aperture and focus of a camera, or at each of several moments; nothing of a pinhole."""
+    """Aperture and focus of a camera, or at each of several moments, and its shutter; nothing of a pinhole."""
     lenses = [x.exposure for x in cameras]
+    shutter = next((x.shutter for x in lenses if x is not None and x.shutter is not None), None)
+    if shutter is not None:
+        camera.CreateShutterOpenAttr(shutter[0] * _CODES)
+        camera.CreateShutterCloseAttr(shutter[1] * _CODES)
     if not any(x is not None and x.aperture_radius > 0 for x in lenses):
         return
     stop, focus = camera.CreateFStopAttr(), camera.CreateFocusDistanceAttr()

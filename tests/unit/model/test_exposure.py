@@ -45,6 +45,17 @@ def test_what_is_in_focus_stays_in_its_pixel_and_pinholes_share_the_samples() ->
     assert plain.exposure is None and plain.pinholes(8) == (plain,)
 
 
+def test_an_open_shutter_takes_every_place_once_in_no_order_of_the_lens() -> None:
+    ends = np.stack([CAMERA.world_from_camera] * 2)
+    ends[1, 0, 3] += 1.6
+    found = replace(CAMERA, exposure=Exposure(aperture_radius=RADIUS, focus_distance=FOCUS, poses=ends)).pinholes(16)
+    lens = Exposure(aperture_radius=RADIUS, focus_distance=FOCUS).points(16)
+    middles = [x.position - (x.world_from_camera[:3, :2] @ point) for x, point in zip(found, lens, strict=True)]
+    places = np.array([m[0] - CAMERA.position[0] for m in middles])
+    np.testing.assert_allclose(np.sort(places), 0.05 + 0.1 * np.arange(16), atol=1e-9)
+    assert abs(np.corrcoef(places, np.linalg.norm(lens, axis=1))[0, 1]) < 0.5
+
+
 def test_no_lens_without_perspective_or_a_size() -> None:
     with pytest.raises(ValueError, match="perspective"):
         replace(CAMERA, projection="orthographic")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.job.sampling import focus
+from mirelight.io.job.shutters import open_between
 from mirelight.model import Camera, ProxyMesh
 
 from ..cameras.views import POINTS, View, colmap_text, pixels_of, views, write_json, write_ssproj
@@ -67,6 +69,24 @@ def test_a_lens_by_its_f_stop_and_what_it_looks_at(write_job: WriteJob, tmp_path
     found = cameras(write_job(SCENE + f"cameras_from = {{ {more} }}\n"))
     assert all(x.exposure is not None and x.exposure.focus_distance == 7 for x in found)
     assert all(x.exposure is None for x in cameras(write_job(SCENE + 'cameras_from = "sparse"\n')))
+
+
+def test_an_open_shutter_follows_the_circle_and_the_frames_beside(write_job: WriteJob, tmp_path: Path) -> None:
+    orbit = '[[cameras]]\ntype = "orbit"\nframes = 8\nradius = 5\nelevation = 20\nshutter = 0.5\n'
+    for camera in cameras(write_job(SCENE + orbit)):
+        assert camera.exposure is not None and camera.exposure.poses is not None
+        places = camera.exposure.poses[:, :3, 3] - (camera.position - 5 * camera.world_from_camera[:3, 2])
+        np.testing.assert_allclose(np.linalg.norm(places, axis=1), 5, atol=1e-9)
+        turned = np.degrees(np.unwrap(np.arctan2(places[:, 0], places[:, 2])))
+        np.testing.assert_allclose(np.diff(turned), 45 * 0.5 / 4, atol=1e-9)
+        np.testing.assert_allclose(camera.exposure.poses[2], camera.world_from_camera, atol=1e-12)
+    line = [replace(Camera.look_at((k, 1, 4), (k, 1, 0), 8, 6), time=k / 12) for k in range(3)]
+    for k, camera in enumerate(open_between(line, -0.25, 0.5)):
+        assert camera.exposure is not None and camera.exposure.poses is not None
+        np.testing.assert_allclose(camera.exposure.poses[:, 0, 3], k + np.linspace(-0.25, 0.5, 5), atol=1e-12)
+        assert camera.exposure.shutter == pytest.approx((-0.25 / 12, 0.5 / 12))
+    with pytest.raises(InputError, match="no frames that follow each other"):
+        cameras(write_job(SCENE + 'cameras_from = { path = "proxy", shutter = 0.5 }\n'))
 
 
 def test_only_what_is_read_counts_as_input(write_job: WriteJob, tmp_path: Path) -> None:

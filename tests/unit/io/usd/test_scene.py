@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mirelight.io import job
 from mirelight.io.environment import write_environment
 from mirelight.io.mesh import read_mesh
 from mirelight.io.usd.cameras import read_cameras, sample_cameras
@@ -80,6 +81,8 @@ def Camera "shot"
     float verticalAperture = 24
     float horizontalApertureOffset = 3.6
     float fStop = 2.5
+    double shutter:open = -0.25
+    double shutter:close = 0.5
     float focusDistance.timeSamples = {{ 0: 5, 48: 9 }}
     float2 clippingRange = (0.1, 100)
     double3 xformOp:translate.timeSamples = {{ 0: (0, 0, 5), 48: (0, 0, 9) }}
@@ -142,7 +145,18 @@ def test_a_camera_moves_and_zooms_with_its_apertures(stage: Path) -> None:
     assert [x.aperture_radius for x in lenses if x] == pytest.approx([1, 1.5, 2])  # 50 tenths of a metre over 2 x 2.5
     twice = moments[0][1].to_camera(360, 240, np.diag([2.0, 2, 2, 1]) @ moments[0][1].world).exposure
     assert twice is not None and (twice.aperture_radius, twice.focus_distance) == pytest.approx((2, 10))
+    assert still.exposure is not None and still.exposure.poses is None
     assert len(sample_cameras(stage, "shot", fps=12)) == 25
+
+
+def test_the_shutter_of_a_moving_camera_is_followed(stage: Path, tmp_path: Path) -> None:
+    path = tmp_path / "job.toml"
+    (tmp_path / "proxy.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    light = 'lights = [{ type = "point", name = "lamp", position = [0, 2, 0] }]'
+    path.write_text(f'proxy = "proxy.obj"\n{light}\ncameras_from = {{ path = "{stage}", fps = 12 }}\n')
+    lens = job.load(path).cameras[3].exposure
+    assert lens is not None and lens.poses is not None and lens.shutter == pytest.approx((-0.25 / 24, 0.5 / 24))
+    np.testing.assert_allclose(lens.poses[:, 2, 3], 5 + (6 + np.linspace(-0.25, 0.5, 5)) / 12, atol=1e-9)
 
 
 def test_a_dome_is_turned_to_our_axes_and_a_screen_shows_its_picture(stage: Path) -> None:

@@ -12,6 +12,7 @@ from mirelight.apps.bake import write_stage
 from mirelight.base import colour
 from mirelight.base.conventions import look_at
 from mirelight.io import splats
+from mirelight.io.job.shutters import open_between
 from mirelight.io.mesh import read_mesh
 from mirelight.io.usd.cameras import read_cameras, sample_cameras
 from mirelight.io.usd.lights import read_lights
@@ -125,11 +126,12 @@ def test_cameras_of_an_animation_are_one_that_moves(tmp_path: Path) -> None:
     shots = [Camera.look_at([0, 1, 4 + k], [0, 0, 0], 64, 48, yfov=40 + k, name=f"dolly.{k + 1:04d}") for k in range(3)]
     lenses = [Exposure(aperture_radius=0.01, focus_distance=4.1 + k) for k in range(3)]
     timed = [replace(shot, time=k / 12, exposure=lenses[k]) for k, shot in enumerate(shots)]
+    open_ = open_between(timed, -0.25, 0.25)
     writer = StageWriter(tmp_path / "dolly.usdc")
-    add_camera(writer, timed, {shot.name: f"out/{shot.name}.night.exr" for shot in timed})
+    add_camera(writer, open_, {shot.name: f"out/{shot.name}.night.exr" for shot in timed})
     writer.save()
     found = sample_cameras(tmp_path / "dolly.usdc", "dolly", fps=12)
-    assert len(found) == 3
+    assert len(found) == 3 and found[0][1].shutter == pytest.approx((-0.25 / 12, 0.25 / 12))
     for (time, one), shot in zip(found, timed, strict=True):
         assert time == pytest.approx(shot.time)
         back = one.to_camera(64, 48)

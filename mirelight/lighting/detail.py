@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.albedo import DARKEST, FLOOR, irradiance_at
+from mirelight.lighting.albedo import DARKEST, irradiance_at
 from mirelight.lighting.observed import Deposits, observed
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
@@ -24,6 +24,7 @@ FINEST = 1 / 256  # of the distance to a mirror: steps that show no more
 SPP = 16  # of light at each point: a mirror's pixel shows several
 MIRRORS = 0.45  # roughness below which what is mirrored is told apart
 _MOST_STEPS = 512
+_DOUBT = 0.1  # of the mean light: as little tells no more than the vertices do
 _INSET = 0.25  # of a step: points of a lattice keep off the edges of their face, where other faces begin
 _ROUGH = 8  # steps of a first lattice that tells how near a face comes
 
@@ -85,10 +86,8 @@ def told(
     if len(some):
         there = Deposits(*(np.asarray(getattr(places, x))[some] for x in Deposits.__slots__))
         light = irradiance_at(there, mesh, tracer, captured, SPP)
-        floor = FLOOR * float(light.mean())
-        lit = light.max(axis=1) > floor
-        found = np.pi * shown[some] / np.maximum(light + floor, 1e-300)
-        colors[some[lit]] = np.clip(found[lit], DARKEST, BRIGHTEST)
+        doubt = max(_DOUBT * float(light.mean()), 1e-300)  # in the dark the vertices are believed
+        colors[some] = np.clip((np.pi * shown[some] + doubt * colors[some]) / (light + doubt), DARKEST, BRIGHTEST)
     return Detail(steps, _starts(steps), colors.astype(np.float32))
 
 

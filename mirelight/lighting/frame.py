@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mirelight.base.machine import uninterrupted
 from mirelight.lighting import error_estimate, grid
 from mirelight.lighting import lights as table
-from mirelight.lighting.adaptive import Estimate
+from mirelight.lighting.adaptive import Estimate, both_halves
 from mirelight.lighting.develop import Sums, develop
 from mirelight.lighting.layers import Layers, sun_shares
 from mirelight.model import Camera, Lighting, LightingBuffer, RenderSettings
@@ -199,6 +199,8 @@ class FrameInProgress:
     def estimate(self) -> Estimate:
         """How noisy each pixel is so far; every pixel has at least two batches."""
         sums, squares, hits, doubt = self._film.beauty()
+        if self._world.surface.has_objects:
+            sums, squares, hits = both_halves(sums, squares, hits, self.samples / self._batch)
         shape = self.camera.height, self.camera.width
         return Estimate.of(sums, squares, hits, self.samples, self._batch, shape, doubt)
 

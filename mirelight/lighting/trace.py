@@ -67,8 +67,7 @@ class Tracer:
         layers: False gives a single one, "beauty", and lights are sampled for the sum alone.
         aovs: False leaves sun visibility and ambient occlusion out.
         first_inserted: faces of the mesh from there on are inserted objects'; their light is traced and kept apart, in
-            `LightingBuffer.objects`. None: there are none. With some, light is read from no cache, and
-            `settings.noise` is None.
+            `LightingBuffer.objects`. None: there are none. With some, light is read from no cache.
         lobes: light is what the lobes of the materials reflect to the camera, of glTF's metallic-roughness model, and
             the albedo the metal's share of the surface; all else of the mesh is matt. Read from no cache, as above.
         detail: finer colours of the mesh's first faces, which mirrors show; with inserted objects or lobes.

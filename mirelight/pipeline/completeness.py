@@ -57,7 +57,6 @@ def _check_objects(job: Job) -> None:
             'give captured, and set relight.mode to "ratio"',
         ),
         (any(_asks_splats(x) for x in lit), "light that is found for splats", 'set relight.per to "pixel"'),
-        (job.render.noise is not None, "a noise target", "set render.spp instead of render.noise"),
     )
     for is_so, found, remedy in wrong:
         if is_so:

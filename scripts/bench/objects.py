@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +33,14 @@ from mirelight.base.backend import mitsuba
 from mirelight.io import job as jobs
 from mirelight.model import F32, Camera, Deferred, Inserted, Job, Lighting, LightingBuffer, Material, ProxyMesh
 from mirelight.pipeline import stages
+from mirelight.pipeline.artefact_cache import NullCache
+from mirelight.pipeline.codecs import Codec
 
+T = TypeVar("T")
 Bool = NDArray[np.bool_]
 ZONES = ("changed > 1 %", "> 10 %", "contact", "not changed", "edges")
 CONTACT = 4  # px round the objects
-TAKEN = (480, 270, 8)  # pixels and samples of each of the capture's pictures
+TAKEN = (480, 270, 8)  # pixels and samples of each of the capture's pictures, which are denoised
 EYE, TARGET = (0.9, 1.7, 6.2), (-1.35, 0.25, 2.4)
 
 
@@ -57,7 +61,7 @@ class Yard:
     """The courtyard with the objects, under the light of its capture and under the evening sun."""
 
     def __init__(self, size: tuple[int, int], truth_spp: int, spp: int, store: Store) -> None:
-        self._truth_spp, self._store = truth_spp, store
+        self._truth_spp, self._store, self._kept = truth_spp, store, _Kept()
         self.camera = Camera.look_at(EYE, TARGET, *size, yfov=38, name="objects")
         self.recipe = importlib.import_module("scenegen.courtyard").recipe()
         self.lightings: tuple[Lighting, ...] = (self.recipe.captured, self.recipe.lightings[0])
@@ -71,11 +75,11 @@ class Yard:
     def _job(self) -> Job:
         """The job with the capture's cameras and what they took."""
         width, height, spp = TAKEN if self.camera.width > 64 else (64, 36, 1)
-        cameras = tuple(x.resized(width, height) for x in self.recipe.orbit)
+        cameras = tuple(x.resized(width, height) for x in self.recipe.orbit[::2])
 
         def make() -> F32:
             scene = Truth(self._looks, self.recipe.captured)
-            return np.stack([scene.picture(x, spp, seed=5)[..., :3] for x in cameras])
+            return np.stack([_clean(scene.picture(x, spp, seed=5), self._surface(x, spp)) for x in cameras])
 
         where = [(x.world_from_camera, x.fx) for x in cameras]
         name = f"objects.taken.{width}x{height}.{spp}"
@@ -115,7 +119,7 @@ class Yard:
             lightings=(replace(lighting, relight=as_it_was),),
             captured=self.recipe.captured,
         )
-        scene = prepare(job)
+        scene = prepare(job, self._kept)
         lit = stages.light(scene, self.camera, job.lightings[0])
         frame = stages.relight(scene, stages.composite(scene, self.camera), lit)
         assert frame.factor is not None
@@ -156,12 +160,17 @@ class Yard:
                 for part in ("indirect", "total")
             )
             yield lighting.name, f"share of light on the {one.name} object that is reflected", f"{indirect / whole:.3f}"
-        mi = mitsuba()
-        aov = mi.load_dict({"type": "aov", "aovs": "a:albedo", "path": mi.load_dict({"type": "path", "max_depth": 2})})
-        true = Truth(self._looks, lighting)._rendered(aov, self.camera, 8, 1)[..., 4:7]
+        true = self._surface(self.camera, 8)[..., :3]
         ground = (new.coverage > 0.999) & (new.normal[..., 1] > 0.9) & (new.objects.coverage == 0)
         level = float((new.albedo[ground].mean(0) / true[ground].mean(0)).mean())
         yield lighting.name, "albedo of the ground, told from pictures, truth = 1", f"{level:.3f}"
+
+    def _surface(self, camera: Camera, spp: int) -> F32:
+        """(H, W, 6) true albedo and normals."""
+        mi = mitsuba()
+        path = mi.load_dict({"type": "path", "max_depth": 2})
+        aov = mi.load_dict({"type": "aov", "aovs": "a:albedo,n:sh_normal", "path": path})
+        return np.asarray(Truth(self._looks, self.recipe.captured)._rendered(aov, camera, spp, 1)[..., 4:10])
 
     def _zones(self, truth: Pictures, objects: LightingBuffer) -> dict[str, Bool]:
         """By name (H, W) pixels: of the capture by how far the objects change them, and of each object."""
@@ -181,6 +190,38 @@ class Yard:
             "edges": (share > 0) & ~inside,
         }
         return zones | {x.name: inside & (which == k) for k, x in enumerate(self.things)}
+
+
+class _Kept(NullCache):
+    """Artefacts in memory: colours and captured light are made once."""
+
+    def __init__(self) -> None:
+        self._there: dict[str, Any] = {}
+
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        """A kept one."""
+        return self._there.get(key)
+
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keep one."""
+        self._there[key] = value
+
+
+def _clean(picture: F32, surface: F32) -> F32:
+    """(H, W, 3) a noisy picture without its noise, guided by (H, W, 6) albedo and normals."""
+    import pyoidn  # type: ignore[import-untyped]
+
+    out = np.zeros_like(picture[..., :3])
+    guides = {"color": picture[..., :3], "albedo": surface[..., :3], "normal": surface[..., 3:]}
+    with pyoidn.Device() as device:
+        device.commit()
+        with pyoidn.Filter(device, "RT") as run:
+            for name, image in ({k: np.array(x, np.float32) for k, x in guides.items()} | {"output": out}).items():
+                run.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
+            run.set_bool("hdr", True)
+            run.commit()
+            run.execute()
+    return np.maximum(out, 0)
 
 
 def _inserted(thing: Thing, soup: Soup) -> Inserted:

@@ -250,6 +250,23 @@ def test_light_on_objects_and_beside_them_is_kept_apart() -> None:
     np.testing.assert_allclose(buffer.beauty[outside & ~shadow].max(), bare.beauty.max(), rtol=1e-5)
 
 
+def test_a_noise_target_is_reached_on_objects_too() -> None:
+    sun = SunLight(name="sun", direction=np.array([0.6, -0.8, 0.0]), intensity=2.0, angular_diameter=30.0)
+    placed = inserted([plate(base_color=BASE, roughness=0.5)], replace(FLOOR, albedo=np.full(3, 0.5)))
+
+    def light(**how: object) -> LightingBuffer:
+        settings = RenderSettings(max_depth=1, **how)  # type: ignore[arg-type]
+        tracer = Tracer(placed.mesh, settings, first_inserted=placed.first)
+        return tracer.trace(Lighting(name="one", lights=(sun,), environment=constant_sky(0.3)), CAMERA)
+
+    made, truth = light(noise=0.015, spp=32), light(spp=512)
+    assert made.objects is not None and truth.objects is not None and made.samples is not None
+    found, true = (x.beauty.astype(np.float64) + x.objects.beauty for x in (made, truth))  # type: ignore[union-attr]
+    error = np.sqrt(((found - true) ** 2 / (true**2 + 0.01 * true.mean() ** 2)).mean())
+    assert 0.005 < error < 0.02
+    assert len(np.unique(made.samples)) > 1
+
+
 def test_dropped_objects_stand_on_the_proxy_by_their_lowest_vertices() -> None:
     high = replace(plate(y=7.0), drop=True)
     placed = inserted([high], FLOOR)

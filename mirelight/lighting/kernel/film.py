@@ -193,10 +193,12 @@ class Film:
 
     def beauty(self) -> tuple[F32, F32, F32, F32 | None]:
         """NumPy arrays, flat: the beauty's sums (pixel, rgb), those of its squared batches, samples that hit, and the
-        beauty's doubt (pixel, rgb), None where nothing was read."""
+        beauty's doubt (pixel, rgb), None where nothing was read. Of a film that keeps objects apart, first those of the
+        surface, then those of objects."""
         size = dr.width(self._surface) // SURFACE * 3
-        lane = dr.arange(mi.UInt32, size)
-        total = _row_sums(self._light, lane, 2 * self._layers, 3 * self._pixels)
+        lane, row = dr.arange(mi.UInt32, size), 3 * self._pixels
+        half, rows = lane // row, 2 * self._layers // self._halves
+        total = _row_sums(self._light, lane + half * (rows - 1) * row, rows, row)
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
         doubt = None if self._doubt is None else self._doubt.numpy().reshape(-1, size).sum(axis=0)
         return total.numpy(), self._squares.numpy()[-size:], hits.numpy(), doubt

@@ -95,7 +95,6 @@ def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJ
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        ("[render]\nnoise = 0.05", "a noise target"),
         ('[relight]\nmode = "tint"', "a mode that does not compare with the captured light"),
         ('[relight]\nper = "splat"', "light that is found for splats"),
     ],

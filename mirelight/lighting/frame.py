@@ -217,8 +217,8 @@ class FrameInProgress:
 
         def made(of: Sums) -> LightingBuffer:
             sun = aovs and self._sun
-            kinds = {"sun": sun, "occlusion": aovs, "again": self._again}
-            return develop(self.camera, self.layers, of, self.samples, self._batch, **kinds)
+            count, batch = self.samples, self._batch
+            return develop(self.camera, self.layers, of, count, batch, sun=sun, occlusion=aovs, again=self._again)
 
         if not self._world.surface.has_objects:
             return made(sums)

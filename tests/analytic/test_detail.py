@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mirelight.lighting import detail
 from mirelight.model import Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
 
+Array = NDArray[np.float64]
 SIDE = 64
 
 
-def pattern(x: np.ndarray) -> np.ndarray:
+def pattern(x: Array) -> Array:
     """Albedo of stripes across x, far narrower than the floor's triangles."""
-    return 0.4 + 0.3 * np.sin(8 * x)
+    return np.asarray(0.4 + 0.3 * np.sin(8 * x))
 
 
 def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mirelight.model import Camera, Job, camera_checks
 from mirelight.pipeline import keys, peak, requirements, stages
+from mirelight.pipeline.frames import effort
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store, write
@@ -64,7 +65,10 @@ def forecast(plan: Plan) -> Forecast:
         sets, lights = _due(made, store, group, missing[group.name])
         traces += sets
         frames = 0 if group.layers else len(missing[group.name])
-        seconds += pixels * (cost.composite + sets * cost.trace * job.render.spp + frames * cost.finish)
+        pinholes, samples = effort(job, group.camera, group.tasks[0].lighting)
+        composites = 1 if pinholes == 1 else pinholes * frames
+        light = sets * samples * cost.trace * job.render.spp
+        seconds += pixels * (composites * cost.composite + light + frames * pinholes * cost.finish)
         size += pixels * frames * cost.bytes
         if job.output.store != "frames":
             size += pixels * (_COMPOSITE + sets * _GEOMETRY + lights * _LAYER)

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, LightLayer
+from mirelight.model import F32, Camera, Frame, Job, Lighting, LightingBuffer, LightLayer
 from mirelight.pipeline import requirements, stages
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.view_light import Progress
@@ -43,7 +43,7 @@ def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: 
     inner, count = scene.for_pinholes, scene.job.render.lens_samples
     middle = replace(camera.pinhole, share=(count, min(count, _SAMPLES_OF_MIDDLE)))
     whole = _Mean(count)
-    shares = _shares(scene, lighting, count)
+    shares = _shares(scene.job, lighting, count)
     for number, pinhole in enumerate(camera.pinholes(count)):
         one = replace(pinhole, share=(number, shares))
         report = None if progress is None else partial(_part, progress, number, count + 1)
@@ -54,13 +54,21 @@ def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: 
     return made if made.made_by is None else replace(made, made_by=replace(made.made_by, fingerprint=key))
 
 
-def _shares(scene: Scene, lighting: Lighting | None, count: int) -> int:
+def effort(job: Job, camera: Camera, lighting: Lighting | None) -> tuple[int, float]:
+    """How many pinholes a frame is made from, and how often all of a pixel's samples are taken for it."""
+    if camera.exposure is None:
+        return 1, 1.0
+    count = job.render.lens_samples
+    return count + 1, count / _shares(job, lighting, count) + 1 / min(count, _SAMPLES_OF_MIDDLE)
+
+
+def _shares(job: Job, lighting: Lighting | None, count: int) -> int:
     """Into how many shares a pixel's samples go: one for each pinhole, unless too few were left of them.
 
     A quotient of two lights is too bright where both are noisy, and the mean over pinholes is, too.
     """
-    compared = lighting is not None and requirements.compared_in(scene.job, lighting) is not None
-    return min(count, max(scene.job.render.spp // _LEAST_COMPARED, 1)) if compared else count
+    compared = lighting is not None and requirements.compared_in(job, lighting) is not None
+    return min(count, max(job.render.spp // _LEAST_COMPARED, 1)) if compared else count
 
 
 def _part(progress: Progress, number: int, count: int, done: int, total: int) -> None:

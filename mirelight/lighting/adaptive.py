@@ -90,13 +90,13 @@ class Estimate:
 
 
 def both_halves(sums: F32, squares: F32, hits: F32, batches: F64) -> tuple[F32, F32, F32]:
-    """Sums of the light of surface and inserted objects together, from those of the one and then of the other.
+    """Sums (N * 3), squares (N * 3) and hits (N) of surface and inserted objects together, from those of the one and
+    then of the other, (2 * N * 3) and (2 * N); `batches`: (N).
 
     A sample shows one or the other, so both as if they were independent overstate the noise where they meet.
     """
     (a, b), (aa, bb), (first, second) = (x.reshape(2, -1) for x in (sums, squares, hits))
-    both = 2 * a * b / np.repeat(batches, 3)
-    return a + b, np.asarray(aa + bb + both, np.float32), first + second
+    return a + b, np.asarray(aa + bb + 2 * a * b / np.repeat(batches, 3), np.float32), first + second
 
 
 def _sum_around(image: F64) -> F64:

@@ -8,15 +8,15 @@ colors", 2010), each as the capture shows it over the captured light there: the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirelight.lighting.albedo import DARKEST, irradiance_at
+from mirelight.lighting.lattices import Detail, lattice, points_of, starts
 from mirelight.lighting.observed import Deposits, observed
 from mirelight.lighting.trace import Tracer
-from mirelight.model import F32, F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
+from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 from mirelight.model.profiles import BRIGHTEST
 
 MOST_POINTS = 1 << 18  # of all lattices together
@@ -27,29 +27,6 @@ _MOST_STEPS = 512
 _DOUBT = 0.1  # of the mean light: as little tells no more than the vertices do
 _INSET = 0.25  # of a step: points of a lattice keep off the edges of their face, where other faces begin
 _ROUGH = 8  # steps of a first lattice that tells how near a face comes
-
-Int = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Detail:
-    """Colours on lattices of F faces: j * n of their v and i * n of their u, i + j <= n, row after row of i."""
-
-    steps: I32  # (F,) n of each; 0: there is none
-    first: I32  # (F,) row of its first colour
-    colors: F32  # (N, 3) linear albedo
-
-    def packed(self) -> F32:
-        """All of it as one array of floats, for files."""
-        both = self.steps.astype(np.int32), self.colors.ravel()
-        return np.concatenate([np.array([len(both[0])], np.float32), both[0].astype(np.float32), both[1]])
-
-    @staticmethod
-    def unpacked(values: F32) -> Detail:
-        """From what `packed` gave."""
-        faces = int(values[0])
-        steps = values[1 : 1 + faces].astype(np.int32)
-        return Detail(steps, _starts(steps), np.ascontiguousarray(values[1 + faces :].reshape(-1, 3)))
 
 
 def told(
@@ -75,7 +52,7 @@ def told(
     """
     tracer = Tracer(mesh, replace(settings, noise=None, denoise=False), layers=False, aovs=False)
     steps = _steps(mesh, mirrors)
-    face, corners = _lattice(steps)
+    face, corners = lattice(steps)
     assert mesh.vertex_colors is not None
     colors = (mesh.vertex_colors[mesh.faces[face]] * corners[:, :, None]).sum(axis=1)
     moved = corners * (1 - _INSET / steps[face, None]) + _INSET / 3 / steps[face, None]
@@ -88,7 +65,7 @@ def told(
         light = irradiance_at(there, mesh, tracer, captured, SPP)
         doubt = max(_DOUBT * float(light.mean()), 1e-300)  # in the dark the vertices are believed
         colors[some] = np.clip((np.pi * shown[some] + doubt * colors[some]) / (light + doubt), DARKEST, BRIGHTEST)
-    return Detail(steps, _starts(steps), colors.astype(np.float32))
+    return Detail(steps, starts(steps), colors.astype(np.float32))
 
 
 def _steps(mesh: ProxyMesh, mirrors: Sequence[tuple[F64, float]]) -> I32:
@@ -96,7 +73,7 @@ def _steps(mesh: ProxyMesh, mirrors: Sequence[tuple[F64, float]]) -> I32:
     v = mesh.vertices[mesh.faces].astype(np.float64)
     edge = np.sqrt(((v - np.roll(v, 1, axis=1)) ** 2).sum(axis=2).max(axis=1))
     away = np.full(len(v), np.inf)
-    _, weights = _lattice(np.array([_ROUGH], np.int32))
+    _, weights = lattice(np.array([_ROUGH], np.int32))
     for centre, radius in mirrors:
         for w in weights:
             apart = np.linalg.norm(np.einsum("fkc,k->fc", v, w) - centre, axis=1)
@@ -107,36 +84,9 @@ def _steps(mesh: ProxyMesh, mirrors: Sequence[tuple[F64, float]]) -> I32:
         return np.where((n > 1) & np.isfinite(away), n, 0).astype(np.int32)
 
     low, high = FINEST, FINEST * 2.0**20
-    if _points(at(low)).sum() <= MOST_POINTS:
+    if points_of(at(low)).sum() <= MOST_POINTS:
         return at(low)
     for _ in range(40):
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if _points(at(middle)).sum() > MOST_POINTS else (low, middle)
+        low, high = (middle, high) if points_of(at(middle)).sum() > MOST_POINTS else (low, middle)
     return at(high)
-
-
-def _points(steps: I32) -> Int:
-    """(F,) points of lattices."""
-    n = steps.astype(np.int64)
-    return np.where(n > 0, (n + 1) * (n + 2) // 2, 0)
-
-
-def _starts(steps: I32) -> I32:
-    ends = np.cumsum(_points(steps))
-    return (ends - _points(steps)).astype(np.int32)
-
-
-def _lattice(steps: I32) -> tuple[I32, F64]:
-    """(N,) face and (N, 3) barycentric weights of the points of all lattices."""
-    faces, corners = [], []
-    for n in np.unique(steps[steps > 0]):
-        j, i = (x.ravel() for x in np.mgrid[: n + 1, : n + 1])
-        i, j = i[i + j <= n], j[i + j <= n]
-        of = np.flatnonzero(steps == n)
-        faces.append(np.repeat(of, len(i)))
-        corners.append(np.tile(np.stack([n - i - j, i, j], axis=1) / n, (len(of), 1)))
-    if not faces:
-        return np.zeros(0, np.int32), np.zeros((0, 3))
-    face = np.concatenate(faces)
-    order = np.argsort(face, kind="stable")
-    return face[order].astype(np.int32), np.concatenate(corners)[order]

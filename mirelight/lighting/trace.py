@@ -36,12 +36,12 @@ from mirelight.model import (
 
 if TYPE_CHECKING:
     from mirelight.lighting.budget import Noise
-    from mirelight.lighting.detail import Detail
     from mirelight.lighting.kernel.cells import DeviceCells
     from mirelight.lighting.kernel.probes import PointRays
     from mirelight.lighting.kernel.proxy import DeviceProxy
     from mirelight.lighting.kernel.rays import SomePixels
     from mirelight.lighting.kernel.sky import Sky
+    from mirelight.lighting.lattices import Detail
 
 ROOM = 0.1  # of the sky, that the surface of a room sees at most
 CELL_SAMPLES = 256  # of each cell of a surface cache

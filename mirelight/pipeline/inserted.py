@@ -19,7 +19,7 @@ from mirelight.pipeline.view_light import Progress
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
-    from mirelight.lighting.detail import Detail
+    from mirelight.lighting.lattices import Detail
     from mirelight.lighting.objects import Placed
 
 
@@ -62,7 +62,7 @@ class SceneWithObjects(Prepared):
     @cached_property
     def _mirrored(self) -> Detail | None:
         """What smooth objects show of the capture; None where there are none, or the proxy has colours of its own."""
-        from mirelight.lighting import detail
+        from mirelight.lighting import detail, lattices
 
         job, proxy = self.job, self._bare.proxy
         boxes = [box for one, box in zip(job.objects, self.placed.boxes, strict=True) if _mirrors(one)]
@@ -77,7 +77,7 @@ class SceneWithObjects(Prepared):
             made = detail.told(proxy, near, self._bare.splats, self._bare.views, captured, job.render)
             found = made.packed()
             self.kept.put(self.keys.mirrored, found, ARRAY)
-        return detail.Detail.unpacked(found)
+        return lattices.Detail.unpacked(found)
 
     def light_key(self, light_set: LightSet, seen: Camera) -> str:
         """The key of a set's traced buffer; `seen` is the lighting's camera."""

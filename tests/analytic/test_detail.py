@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mirelight.lighting import detail
+from mirelight.lighting import detail, lattices
 from mirelight.model import Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
 
 Array = NDArray[np.float64]
@@ -43,11 +43,11 @@ def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch
     found = detail.told(
         floor, [(np.array([0.2, 0.3, 0.0]), 0.2)], splats, (), Lighting(name="day", environment=sky), RenderSettings()
     )
-    assert detail._points(found.steps).sum() == len(found.colors) <= 3000
-    kept = detail.Detail.unpacked(found.packed())
+    assert lattices.points_of(found.steps).sum() == len(found.colors) <= 3000
+    kept = lattices.Detail.unpacked(found.packed())
     assert all(np.array_equal(getattr(kept, k), getattr(found, k)) for k in ("steps", "first", "colors"))
 
-    face, corners = detail._lattice(found.steps)
+    face, corners = lattices.lattice(found.steps)
     places = (floor.vertices[floor.faces[face]] * corners[:, :, None]).sum(1)
     inside = np.abs(places).max(1) < 0.95
     error = found.colors[inside, 1] - pattern(places[inside, 0])
@@ -58,7 +58,7 @@ def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch
 
     from mirelight.lighting.kernel.detail import DeviceDetail
 
-    linear = detail.Detail(found.steps, found.first, (places @ np.diag([1, 0, 1]) + 2).astype(np.float32))
+    linear = lattices.Detail(found.steps, found.first, (places @ np.diag([1, 0, 1]) + 2).astype(np.float32))
     rng = np.random.default_rng(3)
     u, v = rng.random((2, 500))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)

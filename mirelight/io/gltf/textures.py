@@ -37,7 +37,7 @@ class Texture:
 
 
 def texture_of(document: Document, info: Fields, images: dict[int, F32]) -> Texture:
-    """The texture that a textureInfo names, decoded as colours; `images` holds those that were read before.
+    """The texture that a textureInfo names, decoded as colours (h, w, 3); `images` holds those read before, by index.
 
     Raises:
         InputError: it cannot be decoded, or a value is outside the specification.

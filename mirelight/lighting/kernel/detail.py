@@ -1,13 +1,13 @@
-"""Colours of faces finer than at their corners (`mirelight.lighting.detail`), on the device."""
+"""Colours of faces finer than at their corners (`mirelight.lighting.lattices`), on the device."""
 
 from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
 
-from mirelight.lighting.detail import Detail
 from mirelight.lighting.kernel.memory import in_fours, integers, rgb
 from mirelight.lighting.kernel.types import Bool, Point2f, UInt32, Vector3f
+from mirelight.lighting.lattices import Detail
 
 
 class DeviceDetail:

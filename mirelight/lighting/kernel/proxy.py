@@ -8,7 +8,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mirelight.lighting.detail import Detail
 from mirelight.lighting.kernel.detail import DeviceDetail
 from mirelight.lighting.kernel.fresnel import fresnel, of_coat
 from mirelight.lighting.kernel.memory import floats, integers
@@ -27,6 +26,7 @@ from mirelight.lighting.kernel.types import (
     Vector3f,
     Weights,
 )
+from mirelight.lighting.lattices import Detail
 from mirelight.lighting.materials import (
     ALPHA,
     BASE_COLOR,

@@ -6,20 +6,33 @@ reflect goes straight on, tinted by its base colour, however rough it is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
 
 from mirelight.lighting.kernel.samples import mix, number
-from mirelight.lighting.kernel.types import Bool, Float, Hit, Ray3f, Vector3f
-
-if TYPE_CHECKING:
-    from mirelight.lighting.kernel.proxy import DeviceProxy
+from mirelight.lighting.kernel.types import Bool, Float, Hit, MitsubaScene, Point2f, Ray3f, UInt32, Vector3f
 
 MOST = 0.75  # of rays pass glass: the others see what it mirrors, which is little, without much noise
 OFFSET = 2.0**-18  # as `proxy.OFFSET`
 _LAYERS = 64  # that a ray passes of what is not wholly there
+
+
+class Surface(Protocol):
+    """What is asked of a surface with objects (`proxy.DeviceProxy`)."""
+
+    scene: MitsubaScene
+    glassy: bool  # some of it is glass
+
+    def is_inserted(self, face: UInt32) -> Bool:
+        """Whether a face is an object's."""
+
+    def alpha(self, face: UInt32, uv: Point2f, active: Bool) -> tuple[Float, Float]:
+        """(how much of a point is there, below which alpha nothing is; 0: as much as alpha says)."""
+
+    def through(self, face: UInt32, uv: Point2f, d: Vector3f, active: Bool) -> Vector3f:
+        """What of light along d goes straight on behind a point of glass."""
 
 
 class Passed(NamedTuple):
@@ -35,7 +48,7 @@ def tinted(light: Vector3f, tint: Vector3f | None) -> Vector3f:
 
 
 @dr.syntax
-def beyond(surface: DeviceProxy, found: Hit, ray: Ray3f, active: Bool, most: float) -> tuple[Hit, Passed]:
+def beyond(surface: Surface, found: Hit, ray: Ray3f, active: Bool, most: float) -> tuple[Hit, Passed]:
     """The hit, or the first one behind it that the ray does not pass."""
     passing, tint, cover = _passes(surface, found, ray, active, most)
     layers = mi.UInt32(0)
@@ -56,7 +69,7 @@ def beyond(surface: DeviceProxy, found: Hit, ray: Ray3f, active: Bool, most: flo
     return found, Passed(tint, cover)
 
 
-def _passes(surface: DeviceProxy, found: Hit, ray: Ray3f, active: Bool, most: float) -> tuple[Bool, Vector3f, Float]:
+def _passes(surface: Surface, found: Hit, ray: Ray3f, active: Bool, most: float) -> tuple[Bool, Vector3f, Float]:
     """(whether a ray goes on behind a hit, the tint of what it was chosen to do, how much it counts)."""
     face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
     hit = active & found.is_valid() & surface.is_inserted(face)

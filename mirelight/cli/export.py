@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mirelight.base.layouts import LAYOUTS
 from mirelight.cli import options, say
 from mirelight.cli.command import Command
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from mirelight.model import DatasetSettings, Job, Layout
     from mirelight.store import Store
 
-LAYOUTS = ("nerf", "colmap", "tensoir", "olat", "hub", "coco")
 STAGE = "usd"
 _CLAIM = "the data sets"
 

@@ -18,24 +18,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight import relighting
 from mirelight.base.errors import InputError
+from mirelight.dataset.far_light import FarLight
 from mirelight.dataset.planes import Planes, ReadyView, SeenObjects, planar, surface_of
-from mirelight.io.environment import read_environment
 from mirelight.model import (
     F32,
     F64,
     Camera,
-    DirectionalLight,
     LightingBuffer,
     LightLayer,
     Profile,
     RelightSettings,
     SplatLayer,
-    SunLight,
 )
-from mirelight.pipeline.captured_sun import one_distant, strongest, sun_of
+from mirelight.pipeline.captured_sun import strongest, sun_of
 from mirelight.pipeline.codecs import ARRAY, composite_of, light_of, matte_of
-from mirelight.relighting import backdrop
-from mirelight.relighting.surroundings import Map, Sun, Surroundings
+from mirelight.relighting.surroundings import Sun, Surroundings
 from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
@@ -82,6 +79,7 @@ class DataSet:
             )
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)
+        self._far = FarLight(self.folder, self._index, self._scene, _REMEDY)
         there = self._kept.there()
         placed = [
             (i, v)
@@ -163,73 +161,21 @@ class DataSet:
         found = self.surroundings(lighting)
         return None if found is None else found.picture(rows)
 
-    def surroundings(self, lighting: int | str, with_ground: bool = False) -> Surroundings | None:
-        """The maps and suns of a lighting; None where it has none.
-
-        Args:
-            lighting: index or name.
-            with_ground: the ground that sky models count on lies below their horizon, as backgrounds show it; it
-                sends no light into the scene.
+    def surroundings(self, lighting: int | str) -> Surroundings | None:
+        """The maps and suns of a lighting, by index or name; None where it has none.
 
         Raises:
             InputError: a map was not kept.
         """
-        weighted = self._index.lightings[self._at(lighting, self.lightings, "lighting")]
-        maps: list[Map] = []
-        suns: list[Sun] = []
-        for place, weight in zip(weighted.units, weighted.weights, strict=True):
-            unit, factor = self.lights[place], np.asarray(weight, dtype=np.float64)
-            for light in unit.lights:
-                if isinstance(light, DirectionalLight | SunLight):
-                    sun = Sun.of(light)
-                    suns.append(replace(sun, lux=factor * sun.lux))
-            for around in unit.around:
-                of_sky = self.suns(around)
-                if of_sky is None:
-                    strength = factor * around.intensity * np.asarray(around.color)
-                    sky = self._kept_array(around.key)
-                    if with_ground and around.ground is not None:
-                        sky = backdrop.with_lit_ground(sky, np.zeros(3), np.asarray(around.ground))
-                    maps.append(Map(sky, around.rotation, strength))
-                    continue
-                of_sky = tuple(replace(sun, lux=factor * sun.lux) for sun in of_sky)
-                suns += of_sky
-                if with_ground and around.ground is not None:
-                    maps.append(backdrop.ground_under(of_sky, np.asarray(around.ground)))
-        return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
+        return self._far.of(self._index.lightings[self._at(lighting, self.lightings, "lighting")])
 
     def background(self, camera: int, lighting: int, alpha: F32) -> F32 | None:
         """(H, W, 3) linear light behind a frame of that alpha (H, W), as its job shows it; None: a plain colour."""
-        view, how = self._views[camera], self._index.display.backdrop
-        if how is None or self._behind is None:
-            return None
-        behind = self._behind.of(
-            view.camera, self._index.lightings[lighting], lambda: self.surroundings(lighting, True)
-        )
-        if behind is None or view.composite is None:
-            return behind
-        return backdrop.without_leaks(behind, alpha)
-
-    @cached_property
-    def _behind(self) -> backdrop.Behind | None:
-        how = self._index.display.backdrop
-        return None if how is None else backdrop.Behind(how, read_environment)
+        return self._far.behind(self._views[camera], self._index.lightings[lighting], alpha)
 
     def suns(self, around: Around) -> tuple[Sun, ...] | None:
         """The suns that light from far away was kept as; None where it is a map. Raises InputError."""
-        values = self._kept_array(around.key)
-        if values.ndim == 3:
-            return None
-        wide, strength = values.astype(np.float64), around.intensity * np.asarray(around.color)
-        return tuple(Sun(row[:3], row[3:6] * strength, float(row[6])) for row in wide)
-
-    def _kept_array(self, key: str) -> F32:
-        found = self._scene.get(key, ARRAY)
-        if found is None and self._scene.has(key, ARRAY):
-            raise InputError(self.folder, "a kept map, sun or level is damaged", _REMEDY)
-        if found is None:
-            raise InputError(self.folder, "a map or sun was not kept", "render the job again: nothing else is made")
-        return found
+        return self._far.suns(around)
 
     def composite(self, camera: int | str) -> SplatLayer | None:
         """The splats as that camera sees them; None where the job has none."""
@@ -247,7 +193,7 @@ class DataSet:
     def boxes(self) -> F64:
         """(n, 4, 4) round each object the least box along its own axes: world from the cube of side 1 about 0."""
         key = self._index.boxes
-        return np.zeros((0, 4, 4)) if key is None else self._kept_array(key).astype(np.float64)
+        return np.zeros((0, 4, 4)) if key is None else self._far.array(key).astype(np.float64)
 
     def shares(self, camera: int | str) -> F32:
         """(n, H, W) how much of each pixel an object is seen to cover: not what splats in front of it veil."""
@@ -352,7 +298,7 @@ class DataSet:
             captured = replace(buffers[index.captured.groups[0]], layers=(layer,), noisy=())
         level = None  # there is none where the machine that rendered could not tell it
         if index.captured_level is not None and self._scene.has(index.captured_level, ARRAY):
-            level = self._kept_array(index.captured_level)
+            level = self._far.array(index.captured_level)
         surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
 
         @cache
@@ -403,20 +349,11 @@ class DataSet:
         found: list[relighting.Sun] = []
         for place, weight in zip(captured.units, captured.weights, strict=True):
             unit = self._index.units[place]
-            lamp = self._distant_lamp(unit)
+            lamp = self._far.lamp(unit)
             own = [x for x in buffers[unit.group].layers if x.name == unit.layer]
             if lamp is not None and own:
                 found.append(sun_of(lamp, own[0].direct, np.asarray(weight, np.float32)))
         return strongest(found)
-
-    def _distant_lamp(self, unit: UnitLight) -> DirectionalLight | SunLight | None:
-        if unit.kind != "sun":
-            return None
-        if unit.lights:
-            return one_distant(unit.lights)
-        suns = [sun for around in unit.around for sun in self.suns(around) or ()]
-        lamps = [SunLight(name="sun", direction=x.direction, color=x.lux, angular_diameter=x.diameter) for x in suns]
-        return one_distant(lamps)
 
     def _light_camera(self, view: indexing.KeptView) -> Camera:
         rows, columns = view.light_size

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from mirelight.base.backend import Variant
 from mirelight.base.colour import ToneCurve
+from mirelight.base.layouts import Layout
 from mirelight.model.arrays import F32, F64, I32, frozen_array
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
@@ -47,7 +48,6 @@ from mirelight.model.settings import (
     HeldOut,
     Indirect,
     Job,
-    Layout,
     OutputSettings,
     RenderSettings,
     Sort,

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 from mirelight.base.backend import Variant
 from mirelight.base.colour import ToneCurve
+from mirelight.base.layouts import Layout
 from mirelight.base.primaries import ColorSpace
 from mirelight.model.arrays import F32
 from mirelight.model.cameras import Camera
@@ -25,7 +26,6 @@ from mirelight.model.scene import ProxyMesh, SplatCloud, SplatColorSpace, SplatF
 Indirect: TypeAlias = Literal["auto", "traced", "surface"]
 Sort: TypeAlias = Literal["depth", "radial"]
 Compression: TypeAlias = Literal["zip", "dwaa", "none"]
-Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "coco"]
 HeldOut: TypeAlias = Literal["camera", "lighting", "both"]
 HdrFormat: TypeAlias = Literal["111110F", "RGBA16F", "RGBA32F"]  # pixels as the real-time engine names them
 

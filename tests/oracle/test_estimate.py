@@ -109,7 +109,7 @@ def sphere_map(rows: int) -> F64:
 
 @cache
 def found() -> Estimate:
-    return estimate(painted(yard(), LIGHT, 4000), yard(), SETTINGS)
+    return estimate(painted(yard(), LIGHT, 2400), yard(), SETTINGS)
 
 
 def apart(a: F64, b: F64) -> float:
@@ -188,7 +188,7 @@ def painted_room() -> tuple[SplatCloud, NDArray[np.int64]]:
     middle = room().vertices[room().faces].astype(np.float64).mean(axis=1) - (0, 1.1, 0)
     inside = (np.abs(middle) < (2.01, 1.11, 2.01)).all(axis=1)
     inside &= (np.einsum("nk,nk->n", face_normals(room()), middle) < 0) | (np.arange(len(middle)) >= len(middle) - 24)
-    splats = painted(room(), Lighting(lights=(ROOMS_SUN,), environment=sky), 5000, inside)
+    splats = painted(room(), Lighting(lights=(ROOMS_SUN,), environment=sky), 3200, inside)
     return splats, np.arange(len(middle)) // 12
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
 
+from mirelight.base.layouts import LAYOUTS, Layout
 from mirelight.dataset.layouts.coco import check_coco, write_coco
 from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
 from mirelight.dataset.layouts.files import Files
@@ -20,7 +20,7 @@ from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
 from mirelight.dataset.layouts.world import world_of
-from mirelight.model import Camera, Layout
+from mirelight.model import Camera
 
 __all__ = [
     "LAYOUTS",
@@ -40,8 +40,6 @@ __all__ = [
     "write_olat",
     "write_tensoir",
 ]
-
-LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Watts and cones of Blender against what Cycles rendered (`scripts/measure_blender_lights.py` made the data)."""
+"""Watts and cones of Blender against what Cycles rendered (`tests/blender/measure_lights.py` made the data)."""
 
 from __future__ import annotations
 

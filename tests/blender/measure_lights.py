@@ -2,7 +2,7 @@
 """Blender's lamps on a white floor, rendered by Cycles: the data that tests hold cones, watts and their units against.
 
     pip install bpy    # Blender as a Python package: GPL, a tool for this script and no part of mirelight
-    python scripts/measure_blender_lights.py tests/data/blender/lights.json
+    python tests/blender/measure_lights.py tests/data/blender/lights.json
 
 Every lamp hangs 2 m above the middle of a matte floor of albedo 0.8 and shines down; an orthographic camera above looks
 at 8 m of it, direct light alone, without view transform. Written are the radiance of each pixel of the row nearest to
@@ -25,7 +25,7 @@ ABOVE, ALBEDO, SAMPLES = 2.0, 0.8, 256
 def main() -> int:
     """Measure all lamps and write them."""
     if len(sys.argv) != 2:
-        print("usage: measure_blender_lights.py FILE.json", file=sys.stderr)
+        print("usage: measure_lights.py FILE.json", file=sys.stderr)
         return 2
     try:
         import bpy
@@ -46,7 +46,7 @@ def main() -> int:
     step = ACROSS / WIDTH
     found = {
         "made_with": f"Blender {bpy.app.version_string}, Cycles, CPU, {SAMPLES} samples, box filter of one pixel",
-        "script": "scripts/measure_blender_lights.py",
+        "script": "tests/blender/measure_lights.py",
         "height": ABOVE,
         "albedo": ALBEDO,
         "x": [(i + 0.5) * step - ACROSS / 2 for i in range(WIDTH)],

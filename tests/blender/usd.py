@@ -2,8 +2,8 @@
 """What Blender makes of UsdLux lights, of cameras and of splats: what docs/guides/hand-over.md says of it.
 
     pip install bpy    # Blender as a Python package: GPL, a tool for this script and no part of mirelight
-    python scripts/usd_in_blender.py            # imports a stage with one light of each kind and prints what came
-    python scripts/usd_in_blender.py STAGE      # imports another stage and lists its objects
+    python tests/blender/usd.py            # imports a stage with one light of each kind and prints what came
+    python tests/blender/usd.py STAGE      # imports another stage and lists its objects
 
 Of each light Cycles renders a white matte plane 3 m in front: printed is the irradiance there (pi times what the image
 holds) over the closed form of UsdLux in lux. Without bpy it says so and ends with 0.

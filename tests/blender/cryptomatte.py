@@ -2,7 +2,7 @@
 """Opens a Cryptomatte of ours in Blender's compositor, without a window, and holds its matte against the file's own.
 
     pip install bpy OpenEXR    # Blender as a Python package: GPL, a tool for this script and no part of mirelight
-    python scripts/cryptomatte_in_blender.py FRAME.exr NODE
+    python tests/blender/cryptomatte.py FRAME.exr NODE
 
 FRAME.exr has the layer `cryptomatte_node`, and NODE is one of its names. Exits 1 where Blender's matte differs from the
 sum of the coverages that the file holds for that name. Without bpy it says so and ends with 0.
@@ -23,7 +23,7 @@ import OpenEXR
 def main() -> int:
     """Compare both mattes."""
     if len(sys.argv) != 3:
-        print("usage: cryptomatte_in_blender.py FRAME.exr NODE", file=sys.stderr)
+        print("usage: cryptomatte.py FRAME.exr NODE", file=sys.stderr)
         return 2
     try:
         import bpy

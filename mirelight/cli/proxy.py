@@ -137,9 +137,14 @@ def _made(
         return how, made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
     looked = seen_by(cameras) if cameras else None
-    before = judge(cloud, mesh, looked, source=args.splats)
+    before = judge(cloud, mesh, looked, captured=cameras, source=args.splats)
     fitted = register(cloud, mesh, report, cameras=cameras, source=args.fit)
-    return f"{args.fit} fitted to the splats", fitted, judge(cloud, fitted, looked, source=args.splats), before
+    return (
+        f"{args.fit} fitted to the splats",
+        fitted,
+        judge(cloud, fitted, looked, captured=cameras, source=args.splats),
+        before,
+    )
 
 
 def _cameras(path: str) -> list[Camera]:
@@ -163,6 +168,7 @@ _METHODS = {"cells": "cells of the splats' planes", "depth": "depth maps"}
 
 def table(quality: ProxyQuality, before: ProxyQuality | None = None, *, own: bool = False) -> Iterator[str]:
     """The figures, a line each, and the advice; `own`: the mesh was made from the splats."""
+    from mirelight.cli.report import pictures_line
     from mirelight.proxy.advice import UNEXPLAINED
 
     size = quality.size
@@ -184,6 +190,13 @@ def table(quality: ProxyQuality, before: ProxyQuality | None = None, *, own: boo
             f"({quality.gap_median / size:.2%} and {quality.gap_95 / size:.2%} of the size"
             f"{was(lambda x: x.gap_median / x.size)})"
         )
+    if not math.isnan(quality.wavy):
+        yield (
+            f"  planes       {quality.wavy:.1f}° off in the median, {quality.wavy_90:.1f}° at 90 %"
+            f"{'' if before is None or math.isnan(before.wavy) else f', {before.wavy:.1f}° before'}"
+        )
+    if not math.isnan(quality.pictures.apart):
+        yield f"  colours      {pictures_line(quality)}{was(lambda x: x.pictures.apart / x.size)}"
     yield f"  leaks        {quality.leaks:.1%} of the proxy's pixels show no splats{was(lambda x: x.leaks)}"
     other = (
         "the splats have no clear surface there"

@@ -85,8 +85,18 @@ def fit_lines(found: Check) -> Iterator[str]:
         if quality.gap_median == quality.gap_median:
             share = quality.gap_median / quality.size
             yield f"               and lies {quality.gap_median:.3g} units from them, median ({share:.2%} of the size)"
+        if quality.wavy == quality.wavy:
+            yield f"               on large planes {quality.wavy:.1f}° off, median, and {quality.wavy_90:.1f}° at 90 %"
+        if quality.pictures.apart == quality.pictures.apart:
+            yield f"               {pictures_line(quality)}"
     for finding in found.findings:
         yield f"  ! {printable(str(finding))}"
+
+
+def pictures_line(quality: ProxyQuality) -> str:
+    """Where the capture's pictures agree."""
+    apart, own = quality.pictures.apart / quality.size, quality.pictures.splats_apart / quality.size
+    return f"pictures agree best {apart:.2%} of the size off it ({own:.2%} off the splats' own surface)"
 
 
 def fit_json(found: Check) -> dict[str, object]:
@@ -110,6 +120,9 @@ def quality_json(quality: ProxyQuality) -> dict[str, object]:
         "gap_95": quality.gap_95,
         "size": quality.size,
         "leaks": quality.leaks,
+        "waves": quality.wavy,
+        "waves_90": quality.wavy_90,
+        "pictures": asdict(quality.pictures),
     }
 
 

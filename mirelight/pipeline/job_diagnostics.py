@@ -69,7 +69,8 @@ def check(job: Job, *, every_camera: bool = False) -> Check:
     if splats is not None and mesh is not None and cameras:
         settings = ProxySettings(variant=job.render.variant, threads=job.render.threads)
         try:
-            quality = judge(splats, mesh, cameras, settings=settings, source=job.source)
+            took = () if job.made_proxy is None else job.made_proxy.cameras
+            quality = judge(splats, mesh, cameras, captured=took, settings=settings, source=job.source)
         except InputError as refused:  # fog, a handful of splats: frames are made, but there is no surface to fit
             found.append(Finding("gap", f"the splats have no surface to compare with: {refused.found}", refused.remedy))
         else:

@@ -11,12 +11,14 @@ from mirelight.base import conventions
 from mirelight.model import F64, ProxyMesh
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.sampling import spread
-from mirelight.proxy.types import Int
+from mirelight.proxy.types import Agreement, Int
 from mirelight.proxy.views import turned
 
 MOST_UNCOVERED = 0.18  # share of splat pixels that a right proxy may leave off (right ones 3-13 %, wrong ones 24 % up)
 MOST_GAP = 0.004  # of the capture's size, as a median: 1 % of error costs relighting 11 dB
 MOST_LEAKS = 0.5  # share of the mesh's pixels past the splats: a right one may have what no camera saw (measured: 28 %)
+MOST_WAVES = 5.0  # degrees, median (exact proxies 0.3 to 0.6, with noise of 0.2 % of the size 11)
+MOST_APART, LEAST_APART = 1.5, 1e-3  # of how far the splats' own surface is from where pictures agree, and of the size
 UNEXPLAINED = "nothing simple explains it: see the heat map, and try --fit, or a proxy made from the splats"
 _POINTS = 6_000  # on each side of a comparison
 _BETTER = 0.5  # a guess must lower the distance to this share to be worth saying
@@ -31,16 +33,35 @@ class _Guess:
     cost: float  # how much better it must be than a simpler one
 
 
-def advice_on(capture: Capture, mesh: ProxyMesh, uncovered: float, gap: float, leaks: float) -> tuple[str, ...]:
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a mesh is judged by, as in `ProxyQuality`."""
+
+    uncovered: float
+    gap: float  # median
+    leaks: float
+    wavy: float  # median
+    pictures: Agreement
+
+
+def advice_on(capture: Capture, mesh: ProxyMesh, figures: Figures) -> tuple[str, ...]:
     """Sentences for a mesh with such figures, in the capture's space; none where it fits."""
     wrong = []
+    uncovered, gap, leaks = figures.uncovered, figures.gap, figures.leaks
     if not uncovered <= MOST_UNCOVERED:
         wrong.append(f"{uncovered:.0%} of the splats' pixels are off the proxy, where right ones leave 3 to 13 %")
     size = 2 * capture.radius
-    if gap > max(MOST_GAP * size, 0.5 * capture.spacing):
+    if gap > max(MOST_GAP * size, (0.5 if capture.surfels else 1.25) * capture.spacing):
         wrong.append(f"the proxy lies {gap:.3g} units ({gap / size:.1%} of the size) from the splats' surface")
     if leaks > MOST_LEAKS:
         wrong.append(f"{leaks:.0%} of the proxy's pixels show no splats")
+    if figures.wavy > MOST_WAVES:
+        wrong.append(f"it waves: half of it is {figures.wavy:.0f}° and more off the planes that the splats show")
+    if figures.pictures.apart > MOST_APART * figures.pictures.splats_apart + LEAST_APART * size:
+        wrong.append(
+            f"the capture's pictures agree best {figures.pictures.apart / size:.1%} of the size off it "
+            f"({figures.pictures.splats_apart / size:.1%} off the splats' own surface)"
+        )
     if not wrong:
         return ()
     better = _explained(capture, mesh)

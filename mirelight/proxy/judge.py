@@ -11,17 +11,26 @@ from numpy.typing import NDArray
 
 from mirelight.compositor import Compositor
 from mirelight.lighting.sight import Sight
-from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, SplatLayer
-from mirelight.proxy.advice import advice_on
+from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, SplatLayer, triangles
+from mirelight.proxy.advice import Figures, advice_on
+from mirelight.proxy.agreement import agreement
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
+from mirelight.proxy.flats import flats_of
+from mirelight.proxy.slanted import slanted
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxyQuality, ProxySettings, ViewQuality
 from mirelight.proxy.views import LEAST_PIXELS, around, moved, rays
 
 VIEWS = 12  # looked from, without cameras
+WAVES = 6  # of these, by which planes are told
 PIXELS = 256  # along a view's longer side, at most
 EMPTY = 0.1  # alpha below which a pixel shows no splats
 WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yellow
+SURE = (
+    0.2  # trust in a pixel's depth, from which it shows a surface (with a sky, an exact mesh misses 21 %, and so 4 %)
+)
+NEAR = 3.0  # spacings of the splats along the view: where mesh and splats are so near to each other normals compare
 _DEFAULT = ProxySettings()
 
 
@@ -30,6 +39,7 @@ def judge(
     mesh: ProxyMesh,
     cameras: Sequence[Camera] | None = None,
     *,
+    captured: Sequence[Camera] = (),
     settings: ProxySettings = _DEFAULT,
     source: str | Path = "splats",
 ) -> ProxyQuality:
@@ -39,6 +49,8 @@ def judge(
         splats: the capture, in world space.
         mesh: the proxy, in the same space.
         cameras: where to look from, with `LEAST_PIXELS` to `PIXELS` along the longer side; None: from `VIEWS` sides.
+        captured: cameras of the capture's pictures, by which it is told whether these agree on the mesh; none: it is
+            not told.
         settings: the variant that it runs on.
         source: whom to name in an error.
 
@@ -48,10 +60,11 @@ def judge(
     """
     capture = look_at_capture(splats, source)
     there = None if cameras is None else tuple(moved(_small(c), -capture.middle) for c in cameras)
+    took = tuple(moved(c, -capture.middle) for c in captured)
     local = replace(
         mesh, vertices=(mesh.vertices.astype(np.float64) - capture.middle).astype(np.float32), normals=None, uvs=None
     )
-    return judged(capture, DepthMaps(capture, settings), local, there, settings)
+    return judged(capture, DepthMaps(capture, settings), local, there, settings, took)
 
 
 def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
@@ -63,33 +76,47 @@ def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
 
 def judged(
-    capture: Capture, maps: DepthMaps, mesh: ProxyMesh, cameras: Sequence[Camera] | None, settings: ProxySettings
+    capture: Capture,
+    maps: DepthMaps,
+    mesh: ProxyMesh,
+    cameras: Sequence[Camera] | None,
+    settings: ProxySettings,
+    captured: Sequence[Camera] = (),
 ) -> ProxyQuality:
     """As :func:`judge`, of a capture that is known, everything in its space."""
     chosen = around(capture.splats.means, capture.radius, VIEWS, PIXELS) if cameras is None else cameras
     sight = Sight(mesh, settings.variant, settings.threads)
     compositor = Compositor(capture.splats, variant=settings.variant, threads=settings.threads)
-    seen = [_compared(compositor.composite(camera, depth=False), maps.of(camera), sight) for camera in chosen]
+    views = [maps.of(camera) for camera in chosen]
+    normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
+    seen = [_compared(compositor.composite(x.camera, depth=False), x, sight, normals) for x in views]
+    some = slice(None, None, -(-len(views) // WAVES))
+    waves = _waves([slanted(x, capture.spacing) for x in views[some]], seen[some], capture)
+    wavy, wavy_high = _quantiles(waves, (0.5, 0.9))
+    pictures = agreement(compositor, captured, sight, 2 * capture.radius)
     shown = sum(x.shown for x in seen)
     covered = sum(x.covered for x in seen)
     leaked, hit = sum(x.leaked for x in seen), sum(x.hit for x in seen)
     gaps = np.concatenate([x.gaps for x in seen])
     size = 2 * capture.radius
     uncovered = 1 - covered / shown if shown else 1.0
-    median, high = (float(x) for x in np.quantile(gaps, [0.5, 0.95])) if len(gaps) else (float("nan"), float("nan"))
+    median, high = _quantiles(gaps, (0.5, 0.95))
     leaks = leaked / hit if hit else 0.0
-    views = tuple(x.quality(camera.name, WRONG * size) for x, camera in zip(seen, chosen, strict=True))
+    by_view = tuple(x.quality(camera.name, WRONG * size) for x, camera in zip(seen, chosen, strict=True))
     return ProxyQuality(
         uncovered=uncovered,
         gap_median=median,
         gap_95=high,
         leaks=leaks,
+        wavy=wavy,
+        wavy_90=wavy_high,
+        pictures=pictures,
         size=size,
         triangles=len(mesh.faces),
         views=len(views),
-        by_view=views,
-        advice=advice_on(capture, mesh, uncovered, median, leaks),
-        heat=_sheet([x.heat for x in views]),
+        by_view=by_view,
+        advice=advice_on(capture, mesh, Figures(uncovered, median, leaks, wavy, pictures)),
+        heat=_sheet([x.heat for x in by_view]),
     )
 
 
@@ -99,16 +126,18 @@ class _Compared:
 
     alpha: F32  # (H, W)
     gray: F32  # (H, W) how bright the splats look, display values, premultiplied
+    surface: NDArray[np.bool_]  # (H, W) where splats show one: no fog, and no sky of a few large ones
     on_mesh: NDArray[np.bool_]  # (H, W)
+    normal: F64  # (H, W, 3) of the mesh, unit
     gap: F64  # (H, W) how far behind the mesh the splats' surface lies along the view, NaN where one is not
 
     @property
     def shown(self) -> int:
-        return int((self.alpha > OPAQUE).sum())
+        return int(self.surface.sum())
 
     @property
     def covered(self) -> int:
-        return int(((self.alpha > OPAQUE) & self.on_mesh).sum())
+        return int((self.surface & self.on_mesh).sum())
 
     @property
     def leaked(self) -> int:
@@ -139,13 +168,13 @@ class _Compared:
         out = np.repeat(gray, 3, axis=2).astype(np.float64)
         off = np.nan_to_num(np.clip(np.abs(self.gap) / wrong, 0, 1))[..., None]
         out = out * (1 - off) + off * (1.0, 0.85, 0.1)
-        opaque = self.alpha > OPAQUE
-        out[opaque & ~self.on_mesh] = 0.25 * out[opaque & ~self.on_mesh] + 0.75 * np.array((1.0, 0.1, 0.05))
+        missed = self.surface & ~self.on_mesh
+        out[missed] = 0.25 * out[missed] + 0.75 * np.array((1.0, 0.1, 0.05))
         out[(self.alpha < EMPTY) & self.on_mesh] = (0.15, 0.35, 1.0)
         return np.rint(np.clip(out, 0, 1) * 255).astype(np.uint8)
 
 
-def _compared(layer: SplatLayer, view: DepthMap, sight: Sight) -> _Compared:
+def _compared(layer: SplatLayer, view: DepthMap, sight: Sight, normals: F64) -> _Compared:
     origins, directions = rays(view.camera)
     shape = view.depth.shape
     starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
@@ -155,7 +184,33 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight) -> _Compared:
     depth = np.where(both, distance.reshape(shape), 0.0)
     long = np.linalg.norm(directions, axis=-1)
     gap = np.where(both, (view.depth - depth) * long, np.nan)
-    return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), on_mesh, gap)
+    normal = np.zeros(directions.shape)
+    normal[on_mesh] = normals[face[face >= 0]]
+    surface = (layer.transmittance < 1 - OPAQUE) & (view.trust > SURE)
+    return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), surface, on_mesh, normal, gap)
+
+
+def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Capture) -> F64:
+    """(P,) degrees between the mesh's normals and those of the large planes that pixels of the splats lie on."""
+    out = []
+    flats = flats_of(views, capture.spacing, capture.radius)
+    for view, own in zip(views, seen, strict=True):
+        origins, directions = rays(view.camera)
+        points = origins + directions * view.depth[..., None]
+        left = own.on_mesh & (view.depth > 0) & (np.abs(own.gap) < NEAR * capture.spacing)
+        for flat in flats:
+            on = left & (np.abs(flat.off(points)) < TUNING.plane_tolerance * capture.spacing) & flat.inside(points)
+            on &= np.abs(np.einsum("hwi,i->hw", view.normal, flat.normal)) > TUNING.plane_cosine
+            cosine = np.abs(np.einsum("pi,i->p", own.normal[on], flat.normal))
+            out.append(np.degrees(np.arccos(np.minimum(cosine, 1))))
+            left &= ~on
+    return np.concatenate(out) if out else np.zeros(0)
+
+
+def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:
+    """Two quantiles; NaN where there is nothing."""
+    low, high = np.quantile(values, shares) if len(values) else (np.nan, np.nan)
+    return float(low), float(high)
 
 
 def _small(camera: Camera) -> Camera:

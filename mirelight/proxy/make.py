@@ -83,7 +83,7 @@ def make(
         report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
     report("judging the proxy", 0.9)
-    quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings)
+    quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
     whole = soup
     if cameras:
         whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0)))

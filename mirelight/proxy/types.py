@@ -43,6 +43,15 @@ class ViewQuality:
         freeze(self, "heat", (None, None, 3), np.uint8)
 
 
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How well neighbouring pictures of a capture agree on a surface. NaN all: they tell nothing."""
+
+    explained: float = np.nan  # correlation on the mesh relative to the best along the way, at most 1
+    apart: float = np.nan  # mean way from the mesh to where they agree best, world units
+    splats_apart: float = np.nan  # the same of the surface that the splats themselves show
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProxyQuality:
     """How well a mesh fits splats, over all pixels of some views. Splat pixels are those of alpha above 0.5."""
@@ -51,6 +60,9 @@ class ProxyQuality:
     gap_median: float  # median distance between splats and mesh along the view, world units; NaN: nothing to compare
     gap_95: float  # its 95th percentile
     leaks: float  # share of the mesh's pixels where the splats' alpha is below 0.1, 0..1
+    wavy: float  # median angle between the mesh and the large planes that splats show, degrees; NaN: there are none
+    wavy_90: float  # its 90th percentile
+    pictures: Agreement  # how well those of the capture agree on it, where its cameras are known
     size: float  # what gaps compare with: the diagonal of the box that holds the splats, world units
     triangles: int
     views: int  # how many were looked from

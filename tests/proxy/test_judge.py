@@ -17,6 +17,7 @@ from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.views import turned
 
 from .clouds import on_surface
+from .meshes import split
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -108,6 +109,33 @@ def test_what_is_missing_counts_as_uncovered() -> None:
     quality = judge(splats(), lower)
     assert 0.2 < quality.uncovered < 0.7
     assert "off the proxy" in quality.advice[0]
+
+
+def test_a_rough_mesh_is_told_to_wave() -> None:
+    """Where it lies is right in the mean; its normals are not."""
+    sides = [Camera.look_at(way, (1.2, 0.6, 0.1), 160, 90, yfov=40) for way in ((1.2, 1.5, 5), (1.2, 5, 2), (6, 3, 3))]
+    fine = split(mesh(), 4)
+    _, place = np.unique(fine.vertices, axis=0, return_inverse=True)
+    noise = np.random.default_rng(0).normal(size=(int(place.max()) + 1, 3))[place.ravel()]
+    rough = replace(fine, vertices=(fine.vertices + 0.02 * noise).astype(np.float32))
+    right, wrong = (judge(splats(), x, sides) for x in (fine, rough))
+    assert right.wavy < 0.5 and right.fits
+    assert wrong.wavy > 10 and "it waves" in wrong.advice[0]
+
+
+def test_pictures_tell_where_a_mesh_is_off() -> None:
+    """Speckled splats, as seen from six places, and a mesh that stands before them."""
+    cloud = splats()
+    speckled = np.random.default_rng(0).uniform(-1.5, 1.5, (len(cloud), 1, 1)) * np.ones((1, 1, 3))
+    cloud = replace(cloud, sh=speckled.astype(np.float32))
+    eyes = [(1.2 + x, 1 + y, 4) for x in (-2, 0, 2) for y in (0, 2)]
+    took = [Camera.look_at(eye, (1.2, 0.4, 0.5), 192, 108, yfov=25) for eye in eyes]
+    apart = []
+    for away in (0.0, 0.03):
+        found = judge(cloud, transform(mesh(), conventions.compose((0, 0, away))), took[:1], captured=took)
+        apart.append(found.pictures.apart / found.size)
+    assert apart[0] < 0.002
+    assert apart[1] == pytest.approx(0.01, abs=0.004)
 
 
 def test_a_mesh_without_faces_covers_nothing() -> None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mirelight.base import colour
+from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError, one_line, printable
 from mirelight.io.suffixes import GLTF, MESHES
-from mirelight.model import F64, Deferred, PointLight, ProxyMesh, SplatCloud, SplatLayer, SpotLight
+from mirelight.model import F64, Camera, Deferred, PointLight, ProxyMesh, SplatCloud, SplatLayer, SpotLight
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import FileCamera
@@ -27,6 +27,7 @@ _NEAR = 0.02  # of the capture's size: so near does its proxy lie to most splats
 _MOST = 0.8
 _SHARE = 0.002  # of the splats, that a camera of theirs has in its picture at the least
 _LOOKED_AT = 20  # cameras
+_SIZE = (960, 540)  # pixels of cameras whose file gives none
 _SUN = 3.5  # lux that a light of a file is brought to at the capture's middle
 
 LightKind = Literal["panorama", "glTF"]
@@ -68,6 +69,11 @@ class Cameras:
     path: Path
     cameras: tuple[FileCamera, ...]  # at least one
 
+    def placed(self, turn: F64) -> tuple[Camera, ...]:
+        """The cameras in the world, as pinholes: `turn` (3, 3) is from the splats' axes to the world."""
+        m = conventions.compose(rotation=turn)
+        return tuple(one.to_camera(one.size(_SIZE), m @ one.world_from_camera) for one in self.cameras)
+
     def views(self, world: SplatCloud, turn: F64) -> tuple[SplatLayer, ...]:
         """What they see, in the colours of their pictures where those lie there.
 
@@ -80,10 +86,9 @@ class Cameras:
         from mirelight.proxy.capture_views import capture_views
 
         pictures = find_all(open_file(self.path), self.cameras)
-        m = np.eye(4)
-        m[:3, :3] = turn
+        m = conventions.compose(rotation=turn)
         cameras = [
-            one.to_camera(one.size((960, 540)) if picture is None else picture.lens.size, m @ one.world_from_camera)
+            one.to_camera(one.size(_SIZE) if picture is None else picture.lens.size, m @ one.world_from_camera)
             for one, picture in zip(self.cameras, pictures, strict=True)
         ]
         taken = [None if x is None else Deferred("", x.read, keep=False) for x in pictures]
@@ -161,7 +166,7 @@ def look_at(found: Cameras, cloud: SplatCloud) -> bool:
     means = solid[:: max(1, len(solid) // _POINTS)]
     sees = []
     for one in found.cameras[:: -(-len(found.cameras) // _LOOKED_AT)]:
-        camera = one.to_camera(one.size((960, 540)))
+        camera = one.to_camera(one.size(_SIZE))
         local = (means - camera.position) @ camera.world_from_camera[:3, :3]
         away = np.maximum(-local[:, 2], 1e-9)
         x = np.abs(local[:, 0] / away * camera.fx) < camera.width / 2

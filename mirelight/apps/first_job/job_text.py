@@ -76,8 +76,9 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     m[:3, :3] = turn
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
     proxy, misfit = beside.proxy(capture, cloud, turn)
-    seen = view.best(world, str(capture), outside=cameras is not None and beside.around(cameras, cloud))
     looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
+    outside = cameras is not None and beside.around(cameras, cloud)
+    seen = view.best(world, str(capture), () if looking is None else looking.placed(turn), outside=outside)
     known = None if proxy is None else captured.find(world, proxy, looking, turn)
     named = Names(folder)
     if proxy is None:

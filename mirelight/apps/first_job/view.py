@@ -10,6 +10,7 @@ import numpy as np
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.model import F64, Camera, SplatCloud, SplatLayer
+from mirelight.proxy.depth import pixels_of
 
 YFOV = 40.0  # degrees
 ROOM_YFOV = 60.0
@@ -18,6 +19,8 @@ _AZIMUTHS = np.arange(0, 360, 30.0)
 _ELEVATIONS = (12.0, 25.0)
 _ENCLOSED = 0.9  # mean alpha around the middle, above which a capture is a room
 _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
+_MOST_CAPTURED = 24  # cameras of the capture that are tried
+_STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
 _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
 _FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
@@ -47,7 +50,7 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     Args:
         cloud: in the world, +Y up.
         source: whom to name in an error.
-        captured: cameras of the capture in the same world; where there are any, one of these is chosen.
+        captured: cameras of the capture in the same world; where there are any, it stands where one of these did.
         outside: whether it is known to be no room, closed as it may be.
 
     Raises:
@@ -66,14 +69,16 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     points = solid[((solid >= low) & (solid <= high)).all(axis=1)]
     points = points[:: max(1, len(points) // 4000)] if len(points) else solid
     compositor = Compositor(cloud)
-    room = False
-    if captured:
-        views = [_small(c) for c in captured[:: max(1, len(captured) // 24)]]
-    else:
-        room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+    room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+    views = [x for c in captured[:: -(-len(captured) // _MOST_CAPTURED) or 1] if (x := _within(c, radius)) is not None]
+    worth = [_share(points, x) for x in views]
+    if not views:
         views = list(_inside(low, high) if room else _outside(points, middle))
+        worth = [1.0 for _ in views]
     shown = (compositor.composite(camera, depth=True) for camera in views)
-    score, layer = max(((_score(x, middle, radius), x) for x in shown), key=lambda x: x[0])
+    score, layer = max(
+        ((_score(x, middle, radius) * y, x) for x, y in zip(shown, worth, strict=True)), key=lambda x: x[0]
+    )
     if not score > 0:
         raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")
     on = layer.transmittance < 0.5
@@ -91,9 +96,25 @@ def _bounds(points: F64) -> tuple[F64, F64]:
     return np.where(low - least <= beyond, least, low), np.where(most - high <= beyond, most, high)
 
 
-def _small(camera: Camera) -> Camera:
-    share = min(_WIDTH / max(camera.width, camera.height), 1.0)
-    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+def _within(camera: Camera, radius: float) -> Camera | None:
+    """A level picture, as wide as the first one, of what a camera of the capture saw; None where it looks up or down.
+
+    Where it stood splats were seen from, and past the rims of its picture there may be none.
+    """
+    ahead = -camera.world_from_camera[:3, 2]
+    if abs(ahead[1]) > _STEEP:
+        return None
+    half = min(camera.height / 2 / camera.fy, camera.width / 2 / camera.fx * _HEIGHT / _WIDTH)
+    yfov = 2 * float(np.degrees(np.arctan(half)))
+    return Camera.look_at(
+        camera.position, camera.position + ahead, _WIDTH, _HEIGHT, yfov=yfov, near=1e-3 * radius, name=camera.name
+    )
+
+
+def _share(points: F64, camera: Camera) -> float:
+    """Of points (N, 3), that a camera has in its picture: an overview has many, and a detail few."""
+    m = camera.camera_from_world
+    return float((pixels_of(camera, (points @ m[:3, :3].T + m[:3, 3]).astype(np.float32)) >= 0).mean())
 
 
 def _around(middle: F64, radius: float) -> Iterable[Camera]:

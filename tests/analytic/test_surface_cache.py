@@ -81,21 +81,17 @@ def test_a_white_sky_on_a_ball_is_white_and_none_of_it_is_indirect() -> None:
     assert buffer.layers[0].indirect.max() < 1e-6
 
 
-THICK = (0.001, 0.004, 0.015, 0.06, 0.25, 1.0)
-
-
-@pytest.mark.parametrize("thick", THICK)
-def test_a_wall_of_any_thickness_on_a_continuous_floor_does_not_leak(thick: float) -> None:
+@pytest.mark.parametrize(("thick", "size"), [(0.001, 0.3), (0.015, 0.11), (0.25, 0.3)])
+def test_a_wall_of_any_thickness_on_a_continuous_floor_does_not_leak(thick: float, size: float) -> None:
     """Two rooms under one box, a wall between, a lamp in one of them: the other is black to the bit."""
     whole, wall = room((-3, 0, -2), (3, 2.5, 2)), room((-thick / 2, -0.1, -2.1), (thick / 2, 2.6, 2.1))
     lit = Camera.look_at([-2.8, 1.8, 1.5], [-0.5, 0, -1], 32, 24, yfov=75)
     dark = Camera.look_at([2.8, 1.8, 1.5], [0.5, 0, -1], 32, 24, yfov=75)
     tracer = Tracer(join(whole, wall), SURFACE)
     lighting = Lighting(lights=(lamp((-1.5, 1.5, 0)),))
-    for size in (0.3, 0.11):
-        bright, black = read(tracer, lighting, [lit, dark], size)
-        assert bright.beauty[bright.coverage > 0].min() > 0
-        assert not black.beauty.any()
+    bright, black = read(tracer, lighting, [lit, dark], size)
+    assert bright.beauty[bright.coverage > 0].min() > 0
+    assert not black.beauty.any()
 
 
 @pytest.mark.parametrize("gap", [0.0005, 0.01, 0.2])

@@ -64,7 +64,8 @@ def told(
         there = Deposits(*(np.asarray(getattr(places, x))[some] for x in Deposits.__slots__))
         light = irradiance_at(there, mesh, tracer, captured, SPP)
         doubt = max(_DOUBT * float(light.mean()), 1e-300)  # in the dark the vertices are believed
-        colors[some] = np.clip((np.pi * shown[some] + doubt * colors[some]) / (light + doubt), DARKEST, BRIGHTEST)
+        reflected = np.minimum(np.pi * shown[some], BRIGHTEST * light)
+        colors[some] = np.maximum((reflected + doubt * colors[some]) / (light + doubt), DARKEST)
     return Detail(steps, starts(steps), colors.astype(np.float32))
 
 

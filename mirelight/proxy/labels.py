@@ -22,9 +22,19 @@ _TURNED = 0.3  # 1 - cosine between a pixel's normal and the plane's that costs 
 _FACING = 0.03  # cosine to the ray below which a plane is not seen
 
 
-def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> DepthMap:
-    """The view with the pixels that lie on planes moved onto them; they count in full. Of others those that blend over
-    a depth, fog before a sky or before what pictures tell nothing of, show no surface."""
+def fog_of(views: Sequence[DepthMap]) -> float:
+    """The trust below which pixels on no plane show no surface: 0 unless the views show a sky.
+
+    What pictures show of a sky hangs anywhere, and so does what they tell nothing else of; without a sky, as in a room,
+    a surface in a wrong place shuts out more wrong light than none.
+    """
+    deep = sum(int(((view.depth > 0) & (view.trust < TUNING.sky_trust)).sum()) for view in views)
+    return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
+
+
+def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: float) -> DepthMap:
+    """The view with the pixels that lie on planes moved onto them; they count in full. Others of less trust than `fog`
+    show no surface."""
     from scipy.ndimage import binary_fill_holes
 
     _, directions = rays(view.camera)
@@ -38,7 +48,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> DepthM
         side = -np.sign((directions[on] * flat.normal).sum(axis=-1))
         normal[on] = side[:, None] * flat.normal
         trust[on] = 1
-    return replace(view, depth=np.where(trust < TUNING.fog, np.float32(0), depth), normal=normal, trust=trust)
+    return replace(view, depth=np.where(trust < fog, np.float32(0), depth), normal=normal, trust=trust)
 
 
 def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:

@@ -18,7 +18,7 @@ from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.inside import HIDDEN, hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
-from mirelight.proxy.labels import flattened
+from mirelight.proxy.labels import flattened, fog_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.openings import AWAY, opened, windows_of
 from mirelight.proxy.slanted import slanted
@@ -134,7 +134,8 @@ def _fused(
     if windows:
         views = [opened(view, windows, capture.spacing, AWAY * capture.radius) for view in views]
         flats = flats_of(views, capture.spacing, capture.radius)
-    views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing) for view in views]
+    fog = fog_of(views)
+    views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog) for view in views]
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.8, 0.9))
     report("finding the surface", 0.9)

@@ -45,10 +45,10 @@ class Tuning:
     label_step: int = 2  # px
     label_color: float = 0.12  # display values, summed over channels
     label_free: float = 0.45  # cost of lying on none; one off by two tolerances costs 1
-    fog: float = (
-        0.05  # trust, below which a pixel on no plane shows no surface: 0.5 of those are sky, the others' depths
-    )
-    # off by 6 to 30 spacings in the median; at 0.1 a room's ceiling has holes, at 0 skies are walls that shut out light
+    # skies (`labels`)
+    sky_trust: float = 0.02  # of pixels that hang anywhere
+    sky_share: float = 0.03  # of pixels, from which there is a sky: 0.17 with one, 0.0006 in a room, 0.005 in a yard
+    fog: float = 0.1  # trust of pixels that are left out then: a third, off by 3 to 30 spacings in the median
 
     cell: float = 0.6  # of the grid that maps are fused in
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import flats_of
-from mirelight.proxy.labels import flattened
+from mirelight.proxy.labels import flattened, fog_of
 from mirelight.proxy.views import rays
 
 SPACING = 0.05
@@ -36,20 +38,13 @@ def test_the_floor_is_a_plane_and_no_cut_through_the_heap_is() -> None:
     assert floor.offset == pytest.approx(0, abs=0.01)
 
 
-def test_what_blends_over_a_depth_shows_no_surface_unless_a_plane_lies_there() -> None:
+def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:
     seen = view(0.0)
     left = np.arange(160) < 40
-    sky = DepthMap(
-        seen.camera,
-        seen.color,
-        seen.alpha,
-        seen.depth,
-        seen.normal,
-        seen.depth * left,
-        np.where(left, 0.02, seen.trust),
-    )
-    assert not flattened(sky, [], SPACING).depth[:, left].any()
-    np.testing.assert_array_equal(flattened(sky, [], SPACING).depth[:, ~left], seen.depth[:, ~left])
+    sky = replace(seen, trust=np.where(left, 0.01, seen.trust).astype(np.float32), spread=seen.depth * left)
+    fog = fog_of([sky, seen])
+    assert fog_of([seen]) == 0 < fog
+    np.testing.assert_array_equal(flattened(sky, [], SPACING, fog).depth, seen.depth * ~left)
     (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
-    kept = np.abs(flattened(sky, [floor], SPACING).depth - seen.depth)[10:-10, 10:40] < 0.02
+    kept = np.abs(flattened(sky, [floor], SPACING, fog).depth - seen.depth)[10:-10, 10:40] < 0.02
     assert kept.mean() > 0.95

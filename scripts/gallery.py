@@ -257,6 +257,7 @@ PICTURES: dict[str, Kind] = {
     "gels": Kind(frame),
     "softbox": Kind(frame),
     "sky": Kind(frame),
+    "lens": Kind(frame),
     "sun": replace(SHEET, tiles=views),
     "one": SHEET,
     "panorama": SHEET,

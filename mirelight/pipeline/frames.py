@@ -17,7 +17,7 @@ from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.view_light import Progress
 
 _OPAQUE = np.float32(1e-6)  # light behind a frame that lets less through does not count
-_LEAST_COMPARED = 8  # samples of a pinhole's pixel, where light is divided by captured light: 0.3 % too bright
+_LEAST_COMPARED = 8  # samples of a pinhole, where light is divided by captured light: docs/benchmarks/relighting.md
 _SAMPLES_OF_MIDDLE = 4  # one part in so many of a pixel's samples, for what is said of the middle of the lens
 
 

@@ -16,7 +16,7 @@ from mirelight.model import Camera
 from .test_dataset_view import make_scene
 
 ROOT = Path(__file__).resolve().parents[2]
-TOY = ("render.spp=1", "render.denoise=false")
+TOY = ("render.spp=1", "render.denoise=false", "render.lens_samples=2")
 
 
 def make_clone(folder: Path) -> None:

@@ -62,7 +62,12 @@ class Track:
 
 
 def sample_cameras(
-    path: str | Path, name: str | None = None, *, fps: float | None = None, count: int | None = None
+    path: str | Path,
+    name: str | None = None,
+    *,
+    fps: float | None = None,
+    count: int | None = None,
+    time: float | None = None,
 ) -> tuple[tuple[float, Matrix], ...]:
     """The path of an animated camera.
 
@@ -72,7 +77,8 @@ def sample_cameras(
         path: a .glb or .gltf file.
         name: which camera, as `read_scene` names it; None: the first one that moves.
         fps: samples per second from the first key on, or
-        count: this many samples, evenly from the first key to the last (exactly one of both).
+        count: this many samples, evenly from the first key to the last, or
+        time: one sample, at that moment in s (exactly one of the three).
 
     Returns:
         (time in s, world_from_camera (4, 4) with whatever scale the hierarchy has) each; `GltfCamera.to_camera` takes
@@ -80,10 +86,14 @@ def sample_cameras(
 
     Raises:
         InputError: no such camera, one that nothing moves, or a damaged animation.
-        ValueError: neither or both of fps and count, or one that is not positive.
+        ValueError: none or several of fps, count and time, or one that is not positive.
     """
-    if (fps is None) == (count is None) or (fps is not None and fps <= 0) or (count is not None and count < 1):
-        raise ValueError("give either fps > 0 or count >= 1")
+    if (
+        sum(x is not None for x in (fps, count, time)) != 1
+        or (fps is not None and fps <= 0)
+        or (count is not None and count < 1)
+    ):
+        raise ValueError("give either fps > 0, count >= 1, or time")
     document = read_document(path)
     nodes = place_nodes(document)
     cameras = {camera.name: camera.node for camera in read_node_cameras(document, nodes.values())}
@@ -97,7 +107,7 @@ def sample_cameras(
         raise InputError(path, f"nothing moves the camera {name!r}", "name an animated one or use it as a still")
     start = min(float(t.times[0]) for t in moving[name])
     end = max(float(t.times[-1]) for t in moving[name])
-    times = sample_times(document, start, end, fps, count)
+    times = sample_times(document, start, end, fps, count) if time is None else [time]
     return tuple((float(t), world_at(nodes, cameras[name], moving[name], float(t))) for t in times)
 
 

@@ -138,20 +138,20 @@ class Assets:
         return read_cameras(file), default
 
     def sampled(
-        self, path: str, name: str, fps: float | None, frames: int | None
+        self, path: str, name: str, fps: float | None, frames: int | None, time: float | None = None
     ) -> tuple[tuple[float, SceneCamera], ...]:
         """As :class:`cameras.CameraFiles` describes it."""
         file, _ = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.cameras import sample_cameras as sampled_stage
 
-            return sampled_stage(file, name, fps=fps, count=frames)
+            return sampled_stage(file, name, fps=fps, count=frames, time=time)
         from mirelight.io.gltf.animation import sample_cameras
         from mirelight.io.gltf.scene import read_cameras
 
-        poses = sample_cameras(file, name, fps=fps, count=frames)  # says where there is no such camera
+        poses = sample_cameras(file, name, fps=fps, count=frames, time=time)  # says where there is no such camera
         camera = next(x for x in read_cameras(file) if x.name == name)
-        return tuple((time, replace(camera, world=pose)) for time, pose in poses)
+        return tuple((moment, replace(camera, world=pose)) for moment, pose in poses)
 
     def camera_file(self, path: str) -> CameraFile:
         """See :class:`cameras.CameraFiles`. Of a folder, the digests are those of the files that are read."""

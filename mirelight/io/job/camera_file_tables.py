@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from mirelight.io.job.fields import (
     GltfPath,
     NotNegative,
+    Number,
     Positive,
     Resolution,
     Share,
@@ -141,9 +142,13 @@ class CamerasFromTable(ApertureTable, ShutterTable):
         description="glTF, SuperSplat: samples the animation at this many equal steps; instead of fps.",
     )
 
+    time: Number | None = Field(
+        default=None, description="glTF, OpenUSD: the animation at this moment alone, in seconds; instead of fps."
+    )
+
     @model_validator(mode="after")
     def _check(self) -> CamerasFromTable:
-        one_way(self, ("fps",), ("frames",))
+        one_way(self, ("fps",), ("frames",), ("time",))
         self.require_focus()
         placed = self.transform
         if isinstance(placed, Transform) and placed.matrix and not is_similarity(placed.matrix):

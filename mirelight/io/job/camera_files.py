@@ -34,6 +34,7 @@ _FOR = {
     "world": ("transforms.json", "camera_path.json"),
     "fps": ("glTF", "OpenUSD", "SuperSplat"),
     "frames": ("glTF", "OpenUSD", "SuperSplat"),
+    "time": ("glTF", "OpenUSD"),
     "distortion": ("COLMAP", "transforms.json"),
     "shutter": ("glTF", "OpenUSD", "SuperSplat", "camera_path.json"),
 }
@@ -67,9 +68,9 @@ class CameraFiles(Protocol):
         """The cameras of a glTF file or a stage ("proxy": the proxy's), and the transform that they have by default."""
 
     def sampled(
-        self, path: str, name: str, fps: float | None, frames: int | None
+        self, path: str, name: str, fps: float | None, frames: int | None, time: float | None = None
     ) -> tuple[tuple[float, SceneCamera], ...]:
-        """Times (s) of an animated camera, and the camera then."""
+        """Times (s) of an animated camera, and the camera then: at a rate, so many, or at one time."""
 
     def camera_file(self, path: str) -> CameraFile:
         """A file or folder of cameras of any other format."""
@@ -128,14 +129,18 @@ def _of_scene(
     size = (table.resolution[0], table.resolution[1]) if table.resolution else resolution
     out: list[Camera] = []
     moving = table.fps is not None or table.frames is not None
+    timed = moving or table.time is not None
     if table.shutter and not moving:
         wrong.append(Mistake((*at, "shutter"), "a shutter, but no frames that follow each other", "give fps or frames"))
     for i in _chosen([x.name for x in found], table, at, wrong, every=1 if moving else table.every):
-        if not moving:
+        if not timed:
             out.append(found[i].to_camera(*size, m @ found[i].world))
             continue
-        moments = files.sampled(table.path, found[i].name, table.fps, table.frames)
+        moments = files.sampled(table.path, found[i].name, table.fps, table.frames, table.time)
         still = [replace(one.to_camera(*size, m @ one.world), time=time) for time, one in moments]
+        if not moving:
+            out += still
+            continue
         still = _exposed(still, [one for _, one in moments], table)
         out += [replace(x, name=frame_name(x.name, n)) for n, x in enumerate(still, start=1)][:: table.every]
     return out

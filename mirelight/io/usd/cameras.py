@@ -81,7 +81,7 @@ def read_cameras(path: str | Path) -> tuple[UsdCamera, ...]:
 
 
 def sample_cameras(
-    path: str | Path, name: str, *, fps: float | None = None, count: int | None = None
+    path: str | Path, name: str, *, fps: float | None = None, count: int | None = None, time: float | None = None
 ) -> tuple[tuple[float, UsdCamera], ...]:
     """An animated camera, lens and place, from the stage's first time code to its last (or from key to key).
 
@@ -89,7 +89,8 @@ def sample_cameras(
         path: the stage.
         name: which camera.
         fps: pictures a second, or
-        count: so many pictures.
+        count: so many pictures, or
+        time: one, at that moment (s).
 
     Returns:
         (time in s, the camera then) each.
@@ -104,10 +105,10 @@ def sample_cameras(
         raise InputError(path, f"no camera {name!r}", f"its cameras: {', '.join(names) or 'none'}")
     if not ends:
         raise InputError(path, f"nothing moves the camera {name!r}", "leave fps and frames out, or animate it")
-    times = moments(path, ends, fps, count)
+    times = moments(path, ends, fps, count) if time is None else [time]
     with ask(path, Request(path=str(path), part="cameras", times=times)) as read:
         rows = read.answer.cameras[names.index(name) :: len(names)]
-        return tuple((time, _camera(Path(path), row, name)) for time, row in zip(times, rows, strict=True))
+        return tuple((moment, _camera(Path(path), row, name)) for moment, row in zip(times, rows, strict=True))
 
 
 def moments(path: str | Path, ends: list[float], fps: float | None, count: int | None) -> list[float]:

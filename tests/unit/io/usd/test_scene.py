@@ -155,6 +155,9 @@ def test_the_shutter_of_a_moving_camera_is_followed(stage: Path, tmp_path: Path)
     light = 'lights = [{ type = "point", name = "lamp", position = [0, 2, 0] }]'
     path.write_text(f'proxy = "proxy.obj"\n{light}\ncameras_from = {{ path = "{stage}", fps = 12 }}\n')
     lens = job.load(path).cameras[3].exposure
+    path.write_text(path.read_text().replace("fps = 12", "time = 0.25"))
+    (then,) = job.load(path).cameras
+    assert (then.name, then.time) == ("shot", 0.25) and then.position[2] == pytest.approx(5.5)
     assert lens is not None and lens.poses is not None and lens.shutter == pytest.approx((-0.25 / 24, 0.5 / 24))
     np.testing.assert_allclose(lens.poses[:, 2, 3], 5 + (6 + np.linspace(-0.25, 0.5, 5)) / 12, atol=1e-9)
 

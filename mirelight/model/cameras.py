@@ -50,7 +50,8 @@ class Camera(ArrayHolder):
         unit = "px" if self.projection == "perspective" else "px a unit"
         return (
             f"Camera({shown.view(self)}, {self.projection}, focal {self.fx:.6g} {self.fy:.6g} {unit}, "
-            f"at {shown.point(self.position)}, looks along {shown.point(-self.world_from_camera[:3, 2])})"
+            f"at {shown.point(self.position)}, looks along {shown.point(-self.world_from_camera[:3, 2])}"
+            f"{'' if self.exposure is None else f', {self.exposure}'})"
         )
 
     @property

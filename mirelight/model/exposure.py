@@ -27,6 +27,11 @@ class Exposure(ArrayHolder):
         if not (0 <= self.aperture_radius < math.inf and 0 < self.focus_distance < math.inf):
             raise ValueError("aperture_radius must be 0 or more, and focus_distance above 0")
 
+    def __repr__(self) -> str:
+        lens = f"aperture {self.aperture_radius:.4g}, sharp at {self.focus_distance:.4g}"
+        parts = [lens] if self.aperture_radius > 0 else []
+        return ", ".join([*parts, *(["moving"] if self.poses is not None else [])]) or "a pinhole"
+
     def poses_at(self, plain: F64, count: int) -> list[F64]:
         """(4, 4) at the middles of `count` equal parts of the time that it is open, in an order (van der Corput's) that
         has nothing to do with that of `points`; `plain` where it stands still."""

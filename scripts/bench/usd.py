@@ -72,7 +72,8 @@ STAGE = "".join(
         light_prim(
             "SphereLight",
             "warm",
-            "float inputs:radius = 0.4\nbool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = 3000",
+            "float inputs:radius = 0.4\nbool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = 3000"
+            "\nrel collection:lightLink:includes = </rect>",
         ),
         light_prim("DomeLight", "dome", "color3f inputs:color = (1, 0.5, 0.25)"),
     ]

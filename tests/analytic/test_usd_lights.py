@@ -95,6 +95,7 @@ def test_shaping_follows_the_angle(found: tuple[UsdLights, float]) -> None:
     assert at("soft", 30) == pytest.approx(0.5, rel=5e-3)
     assert at("soft", 41) == 0
     assert at("focused", 35) == pytest.approx(math.cos(math.radians(35)) ** 5, rel=5e-3)
+    assert lights.notes == ("/warm: light linking, which is not followed; it lights everything",)
     assert names["warm"].color[0] == 1 > names["warm"].color[1] > names["warm"].color[2]
 
 

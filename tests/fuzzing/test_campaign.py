@@ -18,10 +18,10 @@ WITHOUT = {"doctor", "watch"}  # one takes nothing, the other ends when it is to
 
 
 def test_hostile_input_is_read_or_refused() -> None:
-    """Of the first five hundred cases those of commands that trace nothing."""
+    """Of the first four hundred cases those of commands that trace nothing."""
 
-    verdicts = list(run(case for case in cases(500) if case.arguments[0] in QUICK))
-    assert len(verdicts) > 200
+    verdicts = list(run(case for case in cases(400) if case.arguments[0] in QUICK))
+    assert len(verdicts) > 150
     assert [x for x in verdicts if x.kind in BAD] == []
     assert any(x.kind == "ok" for x in verdicts)
 

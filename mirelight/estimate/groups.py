@@ -27,7 +27,7 @@ _OFF = 0.1  # of the distance: how far off the plane
 _UNLIKE = 1.25  # factor between the light of an even sky at a place and around it
 _ALBEDO = 0.35  # by which that sky is as bright as the colours ask for
 _GUESSED = 0.3  # share of the surfaces that a place faces, beyond which too few are shown by splats
-_LEAST = 0.3  # share of the places that must be left
+_LEAST = 0.5  # share of the places that must be left: in a room seen from inside most of what places face is guessed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -187,7 +187,8 @@ def places_of(
     shown = _Shown.of(seen.deposits(SHOWN), mesh, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
     spread = _along(few.spread[sound], normals, MOST_SPREAD / LIFT * lift)
-    even = np.maximum(evened(seen.samples, color, points, normals, spread), DARKEST)
+    # single splats are uneven; colours of pictures are medians of many pixels
+    even = color if views else np.maximum(evened(seen.samples, color, points, normals, spread), DARKEST)
     start = points + lift * normals
     around, met, guessed = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3)), np.zeros(len(start))
     step = max(_CHUNK // RAYS, 1)

@@ -28,6 +28,7 @@ GRAZING = 0.15  # cosine below which a pixel covers too much of the surface
 STEP = 4.0  # footprints: pixels whose neighbours hit the mesh farther off than on a plane at `GRAZING` lie on outlines
 MOST_AROUND = 1 << 18  # samples that are kept to average over
 _TOGETHER = 8  # samples whose mean is the colour at a place
+_ASKED = 16  # pixels whose median is the colour at a place
 _CELLS = 64  # along the diagonal: cells of the surface that are shown alike often
 _KNOWN = 1e-3  # weight of what is seen about a place, from which it is known
 _PLANE = 0.7  # least cosine between faces of one surface
@@ -199,7 +200,8 @@ class _Pictures:
         self._pixels = _Pixels(*together)
 
     def deposits(self, most: int) -> Deposits:
-        """At pixels, each with the mean colour of those about it, in whichever picture."""
+        """At pixels, each with the median colour of those about it, in whichever picture: highlights that few of them
+        show, and what poses that are a little off mix in from beyond an edge, have no part in it."""
         pixels = self._pixels
         if not len(pixels.face):
             raise RenderError(
@@ -209,9 +211,10 @@ class _Pictures:
         rows = self._even(most)
         some = pixels.taken(rows)
         own = self._normals[some.face]
-        near, weight = self._around(some.points, own, some.footprint[:, None])
-        weight[:, 0] += 1e-9  # itself, or one at the same place
-        color, _ = _weighed(weight, pixels.color[near])
+        near, _ = self._near(some.points, _ASKED)
+        plane = self._in_plane(near, own)
+        plane[:, 0] = True  # itself, or one at the same place
+        color = np.nanmedian(np.where(plane[:, :, None], pixels.color[near], np.nan), axis=1)
         return Deposits(
             face=some.face,
             corners=triangles.barycentric(self._mesh.vertices[self._mesh.faces[some.face]].astype(float), some.points),
@@ -220,19 +223,17 @@ class _Pictures:
             spread=conventions.frame_around(own)[:, :2] * some.footprint[:, None, None] * np.sqrt(0.5),
         )
 
-    def _around(self, points: F64, normals: F64, footprint: F64 | None) -> tuple[Int, F64]:
-        """(N, K) rows of the pixels about points, and (N, K) what each counts within a footprint; None: its own."""
-        pixels = self._pixels
-        near, distance = self._near(points, _TOGETHER)
-        width = pixels.footprint[near] if footprint is None else footprint
-        weight = pixels.cosine[near] * np.exp(-0.5 * (distance / width) ** 2)
-        weight *= np.abs(np.einsum("nkj,nj->nk", self._normals[pixels.face[near]], normals)) > _PLANE
-        return near, weight
-
     def at(self, points: F64, normals: F64) -> tuple[F64, NDArray[np.bool_]]:
         """Of the pixels about each point, in whichever picture."""
-        near, weight = self._around(points, normals, None)
-        return _weighed(weight, self._pixels.color[near])
+        pixels = self._pixels
+        near, distance = self._near(points, _TOGETHER)
+        weight = pixels.cosine[near] * np.exp(-0.5 * (distance / pixels.footprint[near]) ** 2)
+        return _weighed(weight * self._in_plane(near, normals), pixels.color[near])
+
+    def _in_plane(self, near: Int, normals: F64) -> NDArray[np.bool_]:
+        """(N, K) which of pixels (N, K) show a surface that looks along normals (N, 3), or away from them."""
+        planes = self._normals[self._pixels.face[near]]
+        return np.asarray(np.abs(np.einsum("nkj,nj->nk", planes, normals)) > _PLANE)
 
     @cached_property
     def samples(self) -> Samples:

@@ -57,20 +57,20 @@ def described(found: Estimate) -> Iterator[str]:
         yield f"             and explains {c.held_out:.0%} of the differences in the other half"
 
 
-def doubted(found: Estimate) -> bool:
-    """Whether anything but what is true of every estimate speaks against this one: then it may be worse than none."""
+def doubts(found: Estimate) -> Iterator[str]:
+    """What speaks against it, and not against every estimate, a line each: it may be worse than none."""
     c = found.confidence
-    return _lost(found) or not c.halves_apart <= HALVES_AGREE or _blank(found)
+    if found.sun.any() and not c.sun_beaten <= BEATEN:
+        yield "where the sun stood: edges of its shadows speak for another one, so its direction is a guess"
+    if not c.halves_apart <= HALVES_AGREE:
+        yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
+    if not found.sun.any() and c.held_out < LITTLE:  # one with a sun is judged by its shadows' edges
+        yield "whether this is the light at all: it explains hardly more than even light from everywhere"
 
 
-def _lost(found: Estimate) -> bool:
-    """Whether shadows' edges speak for another sun than the one that was found."""
-    return bool(found.sun.any()) and not found.confidence.sun_beaten <= BEATEN
-
-
-def _blank(found: Estimate) -> bool:
-    """Whether a light without a sun explains hardly anything. One with a sun is judged by its shadows' edges."""
-    return not found.sun.any() and found.confidence.held_out < LITTLE
+def doubted(found: Estimate) -> bool:
+    """Whether any of :func:`doubts` does."""
+    return next(doubts(found), None) is not None
 
 
 def unknown(found: Estimate) -> Iterator[str]:
@@ -81,15 +81,10 @@ def unknown(found: Estimate) -> Iterator[str]:
             f"how bright: only {c.blocked:.0%} of the view is blocked, so little light goes from surface to surface; "
             "the scale is a guess that makes the mean albedo 0.35: set it with --exposure"
         )
-    if _lost(found):
-        yield "where the sun stood: edges of its shadows speak for another one, so its direction is a guess"
+    yield from doubts(found)
     low, high = c.sun_disc
     if found.sun.any() and high - low > DISC_KNOWN:
         yield f"how wide the sun's disc is: anything from {low:.2g}° to {high:.2g}° explains about as much"
-    if not c.halves_apart <= HALVES_AGREE:
-        yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
-    if _blank(found):
-        yield "whether this is the light at all: it explains hardly more than even light from everywhere"
     if c.albedo[2] > 1:
         yield "the light where albedos come out above 1: glow, gloss, or a proxy that misfits there"
     yield "its colour: it is taken as white in the mean; a sunset's or a lamp's colour stays in the surfaces"

@@ -171,6 +171,7 @@ class Prepared:
     def _estimated(self, sky: EstimatedSky) -> Lighting:
         """The light that the splats were captured under: found where it was kept, or estimated."""
         from mirelight.estimate import estimate, lighting_of
+        from mirelight.estimate.describe import doubts
 
         key = self.keys.estimate(sky)
         known = self._estimates.get(key)
@@ -182,6 +183,8 @@ class Prepared:
                 self._tell("estimating the captured light from the splats; it is kept for the next time")
                 settings = replace(self.job.render, seed=sky.seed)
                 found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
+                for doubt in doubts(found):
+                    self._tell(f'the captured light is not known: {doubt}; relight.mode = "tint" needs none')
                 packed = self.keep_estimate(sky, found)
             known = self._estimates[key] = lighting_of(packed.astype(np.float64), sky.lights)
         return known

@@ -95,6 +95,16 @@ def told(sun: float, *named: PointLight) -> Estimate:
     )
 
 
+def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sure = told(2.0)
+    for found, times in ((sure, 0), (replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0)), 1)):
+        monkeypatch.setattr("mirelight.estimate.estimate", lambda *_, found=found: found)
+        work, said = loaded(folder, f"captured={{ estimate = true, exposure = {times} }}"), list[str]()  # none is kept
+        assert work.captured is not None
+        prepare(work, Shelf(), said.append).resolved(work.captured)
+        assert sum("not known: where the sun stood" in x for x in said) == times
+
+
 def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same to the bit whoever asks for it."""
     monkeypatch.setattr(transport, "RAYS", 96)  # a toy is plain

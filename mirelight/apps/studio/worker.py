@@ -20,7 +20,7 @@ from mirelight.base.errors import MirelightError
 from mirelight.batch import executor
 from mirelight.batch.preview import Previews
 from mirelight.estimate import estimate
-from mirelight.estimate.describe import described, doubted, unknown
+from mirelight.estimate.describe import described, doubts
 from mirelight.io import job as jobs
 from mirelight.model import EstimatedSky, Frame
 from mirelight.pipeline.plan import FrameTask, Group, plan
@@ -65,11 +65,10 @@ def _estimate(scene: Scene, say: Say) -> None:
     say(line="finding the captured light")
     found = estimate(scene.splats, scene.mesh, scene.job.render, views=scene.views)
     scene.keep_estimate(sky, found)
-    sound = not doubted(found)
+    against = [f"not known: {x}" for x in doubts(found)][:1]
+    sound = not against
     level = scene.captured_level if sound else None
-    lines = [" ".join(x.split()) for x in described(found)]
-    if not sound:
-        lines = [f"not known: {x}" for x in unknown(found)][:1] + lines
+    lines = [*against, *(" ".join(x.split()) for x in described(found))]
     seen = base64.b64encode(around.shown(found.radiance)).decode()
     say(estimate={"sound": bool(sound and level), "level": level or 1.0, "lines": lines, "picture": seen})
 

@@ -35,6 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 JOBS = ROOT / "docs" / "gallery"
 TRUTH = ROOT / "scenes" / "courtyard" / "truth" / "front.evening.png"
 CLIP = ROOT / "docs" / "pictures" / "courtyard.webp"  # the only film
+CARD = CLIP.with_name("card.jpg")  # what is shown of a link to the site
 MOST_BYTES = 60_000  # of a picture: a page of a dozen still loads at once
 
 Pixels = NDArray[np.uint8]  # (H, W, 3) display values
@@ -362,6 +363,8 @@ def clip(work: Work) -> Path:
         work.render("--camera", camera.name, "--lighting", lighting.name)
         path = work.folder / f"{camera.name}.{lighting.name}.png"
         shots.append(Image.fromarray(wiped(unlit(path), picture(path), 1.2 - k / 10)))
+    card = shots[9].crop((0, 24, 1280, 696)).resize((1200, 630), Image.Resampling.LANCZOS)
+    card.save(CARD, quality=84, optimize=True, progressive=True)
     times = [100] * (len(shots) - 1) + [1500]
     with atomic_path(CLIP) as fresh:
         shots[0].save(

@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,10 +21,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mirelight.model import Camera, EstimatedSky, Job, Light, Lighting
+    from mirelight.pipeline.scene import Scene
 
 WIDEST = 480  # pixels of each of the three pictures
 SPP = 64  # noise would be taken for misfits
 _MOST_STOPS = 20.0
+_SHEETS = (  # what the pictures show, of the light and of materials
+    "captured | irradiance | captured / irradiance (no shadows should be left)",
+    "the surface's colours | gloss (smooth is bright, metal yellow) | what it mirrors",
+)
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +39,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--exposure", metavar="STOPS", type=_stops, default=0.0, help="make the light stronger by so many stops (0)"
     )
     parser.add_argument("--camera", metavar="NAME", help="the picture's camera (the job's first)")
+    parser.add_argument(
+        "--materials",
+        metavar="FILE",
+        help="write the proxy with the gloss of its parts, too (.glb), told by how the capture's pictures change",
+    )
     options.add_machine(parser)
     options.add_json(parser)
     options.add_quiet(parser)
@@ -42,7 +53,6 @@ def run_estimate(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.estimate import estimate
     from mirelight.estimate.describe import described, unknown
-    from mirelight.io import job
     from mirelight.io.environment import write_environment
     from mirelight.io.gltf.write import check_light
     from mirelight.io.png import write_png
@@ -50,13 +60,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     from mirelight.pipeline.artefact_cache import NullCache
     from mirelight.pipeline.scene import Scene
 
-    out = outputs.named(args.out, "light is", ".toml", *GLTF)
-    work = job.load(args.job, options.overrides(args))
-    if work.splats is None or work.proxy is None:
-        missing = "splats" if work.splats is None else "proxy"
-        remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
-        raise InputError(work.source, f"no {missing}", remedy, field=missing)
-    outputs.spare([out, *(out.with_suffix(suffix) for suffix in (".exr", ".png"))], outputs.files_of(work))
+    work, out, glossy = _asked(args)
     camera = _camera(work, args.camera)
     asked = work.captured.sky if work.captured is not None else None
     lights = asked.lights if isinstance(asked, EstimatedSky) else ()
@@ -75,16 +79,24 @@ def run_estimate(args: argparse.Namespace) -> int:
     notes = ["Captured light, estimated from splats and proxy.", *lines, *(f"not known: {line}" for line in doubts)]
     write_environment(exr, sky.pixels)
     use, files = _written(out, exr, work, found.lighting, notes)
-    picture = None
     if camera is not None:
-        picture = out.with_suffix(".png")
-        write_png(picture, _picture(work, found.lighting, camera), {})
-        files.append(picture)
+        files.append(out.with_suffix(".png"))
+        write_png(files[-1], _picture(work, found.lighting, camera), {})
+    if glossy is not None:
+        lines += _materials(work, scene, found.lighting, glossy, camera, files, None if args.quiet else say.remark)
+    _tell(args, files, use, found.lighting, lines, doubts)
+    return 0
+
+
+def _tell(
+    args: argparse.Namespace, files: list[Path], use: str, light: Lighting, lines: list[str], doubts: list[str]
+) -> None:
+    """What was written, found and doubted."""
     if args.json:
         from mirelight.apps.inspect.facts import as_json, lighting_facts
         from mirelight.cli.report import print_json
 
-        captured = as_json(lighting_facts(found.lighting))
+        captured = as_json(lighting_facts(light))
         print_json({"files": files, "captured": captured, "use": use, "notes": lines, "unknown": doubts})
     elif not args.quiet:
         say.result(use)
@@ -92,11 +104,28 @@ def run_estimate(args: argparse.Namespace) -> int:
             say.result(f"  {line}")
         for line in doubts:
             say.result(f"  ? not known  {line}")
-        if picture is not None:
-            say.result(
-                f"  picture      {picture}: captured | irradiance | captured / irradiance (no shadows should be left)"
-            )
-    return 0
+        for path, shown in zip([x for x in files if x.suffix == ".png"], _SHEETS, strict=False):
+            say.result(f"  picture      {path}: {shown}")
+
+
+def _asked(args: argparse.Namespace) -> tuple[Job, Path, Path | None]:
+    """The job, and the files to write: light and, where asked for, materials."""
+    from mirelight.io import job
+
+    out = outputs.named(args.out, "light is", ".toml", *GLTF)
+    glossy = None if args.materials is None else outputs.named(args.materials, "materials are", ".glb")
+    work = job.load(args.job, options.overrides(args))
+    if work.splats is None or work.proxy is None:
+        missing = "splats" if work.splats is None else "proxy"
+        remedy = "both are needed: splats show the light, the proxy's shadows tell where it came from"
+        raise InputError(work.source, f"no {missing}", remedy, field=missing)
+    if glossy is not None and not work.capture_cameras:
+        remedy = "materials are told by its pictures; name its cameras beside the proxy"
+        raise InputError(work.source, "no cameras of the capture", remedy, field="proxy.cameras")
+    written = [out, *(out.with_suffix(suffix) for suffix in (".exr", ".png"))]
+    written += [] if glossy is None else [glossy, glossy.with_suffix(".png")]
+    outputs.spare(written, outputs.files_of(work))
+    return work, out, glossy
 
 
 COMMAND = Command(
@@ -115,6 +144,40 @@ COMMAND = Command(
     call=run_estimate,
     page="captured light",
 )
+
+
+def _materials(
+    work: Job,
+    scene: Scene,
+    light: Lighting,
+    out: Path,
+    camera: Camera | None,
+    files: list[Path],
+    report: Callable[[str], None] | None,
+) -> list[str]:
+    """Write the proxy with its materials, and a picture of them; a line on each part that has a gloss."""
+    from mirelight.estimate import finish
+    from mirelight.estimate.pictures import finish_sheet
+    from mirelight.io.gltf.write import write_glb
+    from mirelight.io.png import write_png
+    from mirelight.lighting import colored_by
+
+    splats, mesh, views = scene.splats, scene.mesh, scene.views
+    assert splats is not None and mesh is not None
+    if not views:
+        found, remedy = "splats that are discs", "materials are told by pictures, which are not looked at for those"
+        raise InputError(work.source, found, remedy, field="splats")
+    colored = replace(colored_by(splats, mesh, light, work.render, views), albedo=None)
+    regions, names = finish.regions_of(colored, work.render.seed)
+    told = finish.finishes(colored, regions, names, light, views, work.render, report)
+    glossy = finish.finished(colored, regions, told)
+    write_glb(out, glossy)
+    files.append(out)
+    if camera is not None:
+        files.append(out.with_suffix(".png"))
+        write_png(files[-1], finish_sheet(glossy, light, _small(camera), work.render), {})
+    none = "all matt: no part's colours change with the view as a gloss makes them change"
+    return [f"materials    {line}" for line in [x.line for x in told if x.is_told] or [none]]
 
 
 def _sky(work: Job, exposure: float, lights: tuple[Light, ...]) -> EstimatedSky:
@@ -170,8 +233,7 @@ def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]
     from mirelight.pipeline.scene import prepare
     from mirelight.relighting import unlit_rgba
 
-    scale = min(WIDEST / camera.width, 1.0)
-    camera = camera.resized(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))
+    camera = _small(camera)
     scene = prepare(
         replace(
             work,
@@ -183,6 +245,12 @@ def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]
     )
     layer = scene.compositor.composite(camera)
     return sheet(unlit_rgba(layer), scene.tracer.trace(lighting, camera))
+
+
+def _small(camera: Camera) -> Camera:
+    """As large as a picture to judge by is."""
+    scale = min(WIDEST / camera.width, 1.0)
+    return camera.resized(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))
 
 
 def _stops(text: str) -> float:

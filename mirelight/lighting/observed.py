@@ -168,9 +168,10 @@ class _Splats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Pixels:
-    """N pixels of all pictures that show the mesh."""
+class Pixels:
+    """N pixels of pictures that show the mesh."""
 
+    pixel: Int  # (N,) row of each in its picture, (y, x) as y * width + x
     points: F64  # (N, 3) where their rays meet it
     face: I32  # (N,)
     cosine: F64  # (N,) between ray and face
@@ -182,9 +183,9 @@ class _Pixels:
         """Area of the surface that each pixel shows (N,)."""
         return np.asarray(self.footprint**2 / self.cosine)
 
-    def taken(self, rows: Int) -> _Pixels:
-        """The same of some pixels."""
-        return _Pixels(*(getattr(self, name)[rows] for name in self.__slots__))
+    def taken(self, rows: Int) -> Pixels:
+        """The same of some pixels, by their rows (M,)."""
+        return Pixels(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
 class _Pictures:
@@ -195,9 +196,9 @@ class _Pictures:
         self._normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
         low, high = mesh.bounds
         self._size = float(np.linalg.norm(high.astype(np.float64) - low))
-        parts = [_pixels_of(view, tracer, self._normals, self._size) for view in views]
-        together = (np.concatenate([getattr(x, name) for x in parts]) for name in _Pixels.__slots__)
-        self._pixels = _Pixels(*together)
+        parts = [pixels_of(view, tracer, self._normals, self._size) for view in views]
+        together = (np.concatenate([getattr(x, name) for x in parts]) for name in Pixels.__slots__)
+        self._pixels = Pixels(*together)
 
     def deposits(self, most: int) -> Deposits:
         """At pixels, each with the median colour of those about it, in whichever picture: highlights that few of them
@@ -269,8 +270,15 @@ def _weighed(weight: F64, color: F64) -> tuple[F64, NDArray[np.bool_]]:
     return np.einsum("nk,nkc->nc", weight, color) / np.maximum(whole, 1e-300)[:, None], whole > _KNOWN
 
 
-def _pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> _Pixels:
-    """Those of a picture in which splats and mesh lie at one depth, but for outlines."""
+def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> Pixels:
+    """Those of a picture in which splats and mesh lie at one depth, but for outlines.
+
+    Args:
+        view: from a camera of the capture.
+        tracer: of the mesh.
+        normals: (F, 3) unit, of its faces.
+        size: world units, of its bounds' diagonal.
+    """
     camera = view.camera
     origins, directions = camera.rays()
     shape = directions.shape[:2]
@@ -289,7 +297,7 @@ def _pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> _
     shown = view.color.reshape(-1, 3)[rows] / alpha[rows, None]
     color = shown if view.linear else colour.srgb_decode(np.maximum(shown, 0))
     points = starts[rows] + depth[rows, None] * ways[rows]
-    return _Pixels(points, face[rows], cosine[rows], footprint[rows], color.astype(np.float64))
+    return Pixels(rows, points, face[rows], cosine[rows], footprint[rows], color.astype(np.float64))
 
 
 def _outlines(depth: F64, step: F64) -> NDArray[np.bool_]:

@@ -27,6 +27,7 @@ from mirelight.base.version import __version__
 PARTS = {
     "truth": "how close frames come to path-traced truth: proxies, captured light, samples, denoising",
     "objects": "objects in a capture beside path-traced truth",
+    "gloss": "highlights beside path-traced truth, materials given and told from pictures",
     "modes": "ways of relighting on the shipped scenes, and what formats lose of a bake",
     "lighting": "error and CPU time of this tracer, Mitsuba's path and Blender Cycles",
     "noise": "what layers, AOVs and noise targets cost, and whether error bars are true",

@@ -123,6 +123,9 @@ PLANS = (
     _Plan(
         "plinth", "plinth", "plinth, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
     ),
+    _Plan(
+        "glazed", "glazed", "glazed, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -133,6 +136,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "interior": ((1.85, 1.45, 1.75), (-0.8, 0.85, -0.75), 58),
     "sunroom": ((1.65, 1.5, 1.4), (-0.75, 0.75, -0.6), 58),
     "plinth": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
+    "glazed": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
 }
 
 

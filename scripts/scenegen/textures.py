@@ -19,6 +19,7 @@ class Surface:
     texture: F32  # (h, w, 3) linear albedo
     size: float = 2.0  # metres covered by the texture
     roughness: float | None = None  # Beckmann alpha of a clear coat (index 1.5); None: diffuse
+    metal: bool = False  # of that roughness, the texture its reflectance, in place of a coat
 
 
 def srgb(red: float, green: float, blue: float) -> F64:

@@ -57,7 +57,14 @@ def _texture(mi: Any, surface: Surface) -> Any:
 def _bsdf(mi: Any, surface: Surface) -> Any:
     texture = _texture(mi, surface)
     inner: dict[str, Any] = {"type": "diffuse", "reflectance": texture}
-    if surface.roughness is not None:
+    if surface.metal:
+        inner = {
+            "type": "roughconductor",
+            "material": "none",
+            "alpha": surface.roughness,
+            "specular_reflectance": texture,
+        }
+    elif surface.roughness is not None:
         inner = {"type": "roughplastic", "diffuse_reflectance": texture, "alpha": surface.roughness, "int_ior": 1.5}
     return mi.load_dict({"type": "twosided", "bsdf": inner})
 

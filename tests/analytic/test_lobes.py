@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.base.errors import InputError
 from mirelight.lighting import Tracer
-from mirelight.model import DirectionalLight, Lighting, LightingBuffer, Material, RenderSettings
+from mirelight.model import Camera, DirectionalLight, Lighting, LightingBuffer, Material, RenderSettings
 from mirelight.model.dressing import Dress, dressed
 
 from .lighting_scenes import FLOOR, constant_sky, overhead
@@ -49,6 +49,19 @@ def test_a_mirror_of_metal_shows_the_sky_in_its_colour_and_matt_parts_show_nothi
     glowing = replace(FLOOR, materials=(Material(roughness=0.3, emissive=np.ones(3)),))
     tracer = Tracer(glowing, RenderSettings(spp=4), aovs=False, lobes=True)
     assert not tracer.trace(Lighting(), CAMERA).beauty.any()  # what it sends out itself is no reflection
+
+
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, 0.4, 0.9])
+def test_nothing_glossy_is_brighter_than_a_white_furnace(metallic: float, roughness: float) -> None:
+    """A white surface in light of 1 from everywhere: (1 - m)(1 - S') + S, of captured and new light of other noise."""
+    white = replace(FLOOR, albedo=np.ones(3), materials=(Material(metallic=metallic, roughness=roughness),))
+    sky, slanted = Lighting(environment=constant_sky(1.0)), Camera.look_at((0, 1, 3), (0, 0, 0), 12, 8, yfov=20)
+    new, captured = (
+        mean(Tracer(white, RenderSettings(spp=64, max_depth=2, seed=k), lobes=True, aovs=False).trace(sky, slanted))
+        for k in (1, 2)
+    )
+    assert ((1 - metallic) * (1 - captured) + new <= 1.01).all()
 
 
 def test_a_job_dresses_faces_by_name_and_by_box() -> None:

@@ -161,8 +161,8 @@ class GlbBuilder:
     def add_material(self, material: Material) -> int:
         shape: dict[str, Any] = {
             "baseColorFactor": [*material.base_color.tolist(), 1.0],
-            "metallicFactor": 0.0,
-            "roughnessFactor": 1.0,
+            "metallicFactor": material.metallic,
+            "roughnessFactor": material.roughness,
         }
         if material.base_color_texture is not None:
             shape["baseColorTexture"] = self.add_texture(material.base_color_texture, material.base_color_wrap)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from mirelight.apps.realtime import browser
@@ -129,6 +130,13 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         page.evaluate("studio.then(x => { x.view.resize(160, 120); x.go(x.cameras().at(-1)); })")
         settled(page, page.locator("#view"))
         found["picture"] = page.evaluate("document.getElementById('view').toDataURL()")
+        page.click("#mesh")
+        page.wait_for_selector("#mesh[aria-pressed=true]")
+        settled(page, page.locator("#view"))
+        found["mesh"] = page.evaluate("document.getElementById('view').toDataURL()")
+        page.click("#mesh")
+        found["sky"] = page.evaluate("import('./model.mjs').then(x => x.toSky(x.fromSky([40, 150])))")
+        found["turned"] = page.evaluate("import('./model.mjs').then(x => x.turn({ path: 'a.hdr', rotation: 170 }, 20))")
         page.click("#misfit")
         page.wait_for_selector("#misfit[aria-pressed=true]")
         settled(page, page.locator("#view"))
@@ -182,6 +190,24 @@ def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path
     png = io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))
     shown = np.asarray(Image.open(png).convert("RGB"), np.float32) / 255
     assert decibels(shown, displayed(frame, 0)) >= 28
+
+
+def pixels(address: str) -> NDArray[np.float32]:
+    """(H, W, 3) of a picture in an address."""
+    with Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))) as found:
+        return np.asarray(found.convert("RGB"), np.float32)
+
+
+def test_the_mesh_is_drawn_over_the_capture(seen: dict[str, Any]) -> None:
+    change = pixels(seen["mesh"]) - pixels(seen["picture"])
+    drawn = np.abs(change).max(axis=-1) > 10
+    assert 0.005 < drawn.mean() < 0.9
+    assert change[drawn, 2].mean() > change[drawn, 0].mean()  # its edges are blue
+
+
+def test_far_light_is_turned(seen: dict[str, Any]) -> None:
+    assert seen["sky"] == pytest.approx([40, 150], abs=1e-3)
+    assert seen["turned"] == {"path": "a.hdr", "rotation": -170}
 
 
 def test_the_proxys_fit_is_shown(seen: dict[str, Any]) -> None:

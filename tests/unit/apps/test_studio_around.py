@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from mirelight.apps.studio import around
@@ -13,7 +14,7 @@ from mirelight.base import conventions
 from mirelight.model import Environment, Lighting, SunLight
 
 
-def brightest(lighting: Lighting) -> np.ndarray:
+def brightest(lighting: Lighting) -> NDArray[np.float64]:
     """Unit direction of the mean of the brightest pixels."""
     pixels = np.asarray(Image.open(io.BytesIO(around.picture(lighting))).convert("L"), dtype=np.float64)
     ways = conventions.map_pixels(len(pixels))[pixels == pixels.max()]
@@ -30,7 +31,7 @@ def test_a_panorama_is_shown_as_it_is_turned(rotation: float, way: tuple[float, 
 
 
 def test_a_sun_is_shown_where_it_stands() -> None:
-    sun = SunLight(name="sun", direction=(0.6, -0.8, 0), intensity=1.0, angular_diameter=np.radians(20))
+    sun = SunLight(name="sun", direction=np.array([0.6, -0.8, 0]), angular_diameter=20.0)
     np.testing.assert_allclose(brightest(Lighting(lights=(sun,))), (-0.6, 0.8, 0), atol=0.1)
 
 

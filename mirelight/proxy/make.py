@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, SplatCloud
-from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, pixels_of
@@ -162,7 +162,8 @@ def _guessed(
 def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | Path) -> None:
     """Raises InputError: cameras that are another capture's, as they have little of this one in their pictures.
 
-    How much of a proxy they see tells nothing: the far sides of a room's walls are none of theirs.
+    How much of a proxy they see tells nothing: the far sides of a room's walls are none of theirs. Nor do splats far
+    from all others, as many as they may be: what was seen is dense.
     """
     if not cameras:
         return
@@ -172,7 +173,7 @@ def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | 
             capture.splats.means - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4")
         )
         shown |= pixels_of(camera, own) >= 0
-    weight = capture.splats.opacities.astype(np.float64)
+    weight = capture.splats.opacities * density(capture.splats.means.astype(np.float64))
     seen = float(weight[shown].sum() / weight.sum())
     if seen < LEAST_SEEN:
         found = f"its {len(cameras):,} cameras have {seen:.0%} of it in their pictures"

@@ -14,10 +14,12 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import MadeProxy, make
 from mirelight.proxy.backs import connected_area
-from mirelight.proxy.capture import take
+from mirelight.proxy.capture import look_at_capture, take
+from mirelight.proxy.make import refuse_strangers
 from mirelight.proxy.types import Soup
+from mirelight.proxy.views import moved
 
-from .clouds import box_shell, on_surface, square
+from .clouds import ball, box_shell, on_surface, square
 
 F64 = NDArray[np.float64]
 SIDE = 4.0  # of a room about the origin, whose wall at +z, behind the cameras, nobody saw
@@ -271,6 +273,29 @@ def test_cameras_of_something_else_are_refused() -> None:
     away = [Camera.look_at((0, 0, 30), (0, 0, 60), 64, 48, yfov=40, name="away")]
     with pytest.raises(InputError, match="its 1 cameras have 0% of it in their pictures"):
         make(room(), cameras=away)
+
+
+def test_cameras_are_not_refused_for_floaters_past_their_pictures() -> None:
+    """Ten for each splat of a ball, in a space that is twenty times as wide."""
+    rng, thing = np.random.default_rng(0), ball(1000)
+    n = rng.normal(size=(10_000, 3))
+    far = on_surface(rng.uniform(-20, 20, n.shape), n / np.linalg.norm(n, axis=1)[:, None], 0.04, thin=0.5)
+    cloud = SplatCloud(
+        means=np.concatenate([thing.means, far.means]),
+        quats=np.concatenate([thing.quats, far.quats]),
+        scales=np.concatenate([thing.scales, far.scales]),
+        opacities=np.concatenate([thing.opacities, far.opacities]),
+        sh=np.concatenate([thing.sh, far.sh]),
+    )
+    capture = look_at_capture(cloud, "splats")
+    for target, right in (((0, 0, 0), True), ((0, 0, 40), False)):
+        eye = (0, 0, 5 if right else 30)
+        cameras = [moved(Camera.look_at(eye, target, 96, 72, yfov=35), -capture.middle)]
+        if right:
+            refuse_strangers(capture, cameras, "splats")
+        else:
+            with pytest.raises(InputError, match="of it in their pictures"):
+                refuse_strangers(capture, cameras, "splats")
 
 
 def test_the_same_bits_every_time() -> None:

@@ -163,6 +163,11 @@ def views(work: Work) -> Tiles:
     return [("", picture(path)) for _, path in work.frames()]
 
 
+def by_light(work: Work) -> Tiles:
+    """A tile for every lighting, under its name."""
+    return [(name, picture(path)) for name, path in work.frames()]
+
+
 def hours(work: Work) -> Tiles:
     """A tile for every time of a day, which is the end of the lighting's name."""
     return [(f"{name[-6:-4]}:{name[-4:-2]}", picture(path)) for name, path in work.frames()]
@@ -259,6 +264,7 @@ PICTURES: dict[str, Kind] = {
     "softbox": Kind(frame),
     "sky": Kind(frame),
     "lens": Kind(frame),
+    "objects": Kind(by_light, columns=2, width=480, settings=("resolution_scale=0.75",)),
     "sun": replace(SHEET, tiles=views),
     "one": SHEET,
     "panorama": SHEET,

@@ -1,6 +1,6 @@
 """What a batch costs beside its light: many lightings of few traces, ten thousand frames, two workers.
 
-    python scripts/bench batch [--only light plan again workers]
+    python scripts/bench batch [--only light plan again workers budget]
 
 The scene is `scenes/stage` on an orbit: 24 cameras under 50 lightings of 8 lamps and an HDRI at 320 x 180 and 16
 samples, as a sweep makes them. Every part runs in a process of its own; CPU seconds are those of all its threads.
@@ -37,7 +37,7 @@ from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "stage"
-PARTS = ("light", "plan", "again", "workers")
+PARTS = ("light", "plan", "again", "workers")  # beside "budget", which has a table of its own
 Figures = dict[str, float]
 
 
@@ -268,6 +268,61 @@ def workers(size: Size, folder: Path) -> Figures:
     }
 
 
+BUDGETS = {  # what is kept, and how the job says so
+    "frames: PNG and EXR": "",
+    "layers, mixed when they are read": "output.store=layers",
+    "layers, indirect light gathered on the surface": "output.store=layers render.indirect=surface",
+}
+_MACHINES = (4, 16, 64)  # cores
+
+
+def budget(quick: bool) -> Table:
+    """What the 10,000 frames of docs/tutorials/slurm.md take: its first two cameras are rendered under its hundred
+    lightings, and what the second one took counts a hundred times; what comes before it counts once."""
+    page = (SCENE.parents[1] / "docs" / "tutorials" / "slurm.md").read_text(encoding="utf-8")
+    body = page.partition("```toml\n# film.toml\n")[2].partition("```")[0]
+    rows = []
+    for name, more in BUDGETS.items():
+        folder = Path(tempfile.mkdtemp(prefix="bench-batch-"))
+        try:
+            text = body.replace('"scenes/', f'"{SCENE.parent.as_posix()}/').replace(
+                "out/film", f"{folder.as_posix()}/out"
+            )
+            text = text.replace("count = 100", "count = 2")
+            for setting in more.split():
+                table_, _, rest = setting.partition(".")
+                key, _, value = rest.partition("=")
+                text = text.replace(f"[{table_}]\n", f'[{table_}]\n{key} = "{value}"\n')
+            if quick:
+                text = text.replace("[256, 256]", "[16, 16]").replace("spp = 32", "spp = 1")
+            found = child("counted", written(folder, text))
+        finally:
+            shutil.rmtree(folder)
+        hours = (found["before"] + 100 * found["camera"]) / 3600
+        machines = [f"{hours / cores:.2g} h" for cores in _MACHINES]
+        rows.append((name, f"{hours:.2g}", f"{100 * found['bytes'] / 1e9:.2g} GB", *machines))
+    columns = ("what is kept", "CPU hours", "on disk", *(f"{x} cores" for x in _MACHINES))
+    return table("A budget for 10,000 frames", columns, rows)
+
+
+def counted(path: Path) -> Figures:
+    """Render a job of two cameras; CPU seconds of the second, of all before it, and the bytes that it left."""
+    ended: dict[str, float] = {}
+    job = mirelight.load(path)
+
+    class Heard(executor.Progress):
+        def finished(self, task: FrameTask, skipped: bool) -> None:
+            ended[task.camera.name] = time.process_time()
+
+    store = Store(job)
+    store.open()
+    executor.run(plan(job), store, Heard())
+    store.close()
+    first, second = ended.values()
+    size = sum(x.stat().st_size for x in job.output.directory.rglob("*") if x.is_file())
+    return {"camera": second - first, "before": 2 * first - second, "bytes": size / 2}
+
+
 # --- running them -----------------------------------------------------------------------------------------------------
 
 RUN: dict[str, Callable[[Size, Path], Figures]] = {
@@ -276,7 +331,7 @@ RUN: dict[str, Callable[[Size, Path], Figures]] = {
     "again": again,
     "workers": workers,
 }
-CHILD: dict[str, Callable[[Path], Figures]] = {"made": made, "planning": planning}
+CHILD: dict[str, Callable[[Path], Figures]] = {"made": made, "planning": planning, "counted": counted}
 
 
 def written(folder: Path, text: str) -> Path:
@@ -314,7 +369,7 @@ def goal(name: str, value: float) -> str:
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--only", nargs="+", choices=(*PARTS, "budget"), default=PARTS)
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
 
 
@@ -324,6 +379,8 @@ def run(chosen: argparse.Namespace) -> list[Table]:
         name, path = chosen.child
         print(json.dumps(CHILD[name](Path(path))))
         sys.exit()
+    if list(chosen.only) == ["budget"]:
+        return [budget(chosen.quick)]
     figures: Figures = {}
     for name in chosen.only:
         folder = Path(tempfile.mkdtemp(prefix="bench-batch-"))

@@ -162,11 +162,7 @@ def places_of(
         RenderError: fewer than `FEWEST` splats show, lie on the proxy and have a colour.
         BackendError: the variant cannot be used on this machine.
     """
-    if int((splats.opacities >= SOLID).sum()) < FEWEST:
-        raise RenderError(
-            f"fewer than {FEWEST} splats show (opacity {SOLID} and more), too few to tell the captured light from; "
-            "check the capture, or describe the light in the job"
-        )
+    _refuse_few(splats)
     mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, 0.5))
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     seen = observed(splats, views, mesh, tracer)
@@ -223,6 +219,14 @@ def places_of(
         named=named,
         sight=sight,
     )
+
+
+def _refuse_few(splats: SplatCloud) -> None:
+    if int((splats.opacities >= SOLID).sum()) < FEWEST:
+        raise RenderError(
+            f"fewer than {FEWEST} splats show (opacity {SOLID} and more), too few to tell the captured light from; "
+            "check the capture, or describe the light in the job"
+        )
 
 
 def _from_lights(mesh: ProxyMesh, lights: Sequence[Light], points: F64, normals: F64, settings: RenderSettings) -> F64:

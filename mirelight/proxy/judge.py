@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base import conventions
 from mirelight.compositor import Compositor
 from mirelight.lighting.sight import Sight
 from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, SplatLayer, triangles
@@ -27,10 +28,11 @@ WAVES = 6  # of these, by which planes are told
 PIXELS = 256  # along a view's longer side, at most
 EMPTY = 0.1  # alpha below which a pixel shows no splats
 WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yellow
-SURE = (
-    0.2  # trust in a pixel's depth, from which it shows a surface (with a sky, an exact mesh misses 21 %, and so 4 %)
-)
+SURE = 0.2  # trust in a pixel's depth, from which it shows a surface: else an exact mesh under a sky misses 21, not 4 %
 NEAR = 3.0  # spacings of the splats along the view: where mesh and splats are so near to each other normals compare
+_FEWEST = 50  # pixels on a plane
+_EVEN = 0.05  # spacings, deviation from a plane: less is flat, however it bends
+_BENT = 0.5  # share of the variance about a plane that a quadric leaves: with less it is the cap of something round
 _DEFAULT = ProxySettings()
 
 
@@ -193,18 +195,34 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight, normals: F64) -> 
 def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Capture) -> F64:
     """(P,) degrees between the mesh's normals and those of the large planes that pixels of the splats lie on."""
     out = []
-    flats = flats_of(views, capture.spacing, capture.radius)
-    for view, own in zip(views, seen, strict=True):
-        origins, directions = rays(view.camera)
-        points = origins + directions * view.depth[..., None]
-        left = own.on_mesh & (view.depth > 0) & (np.abs(own.gap) < NEAR * capture.spacing)
-        for flat in flats:
-            on = left & (np.abs(flat.off(points)) < TUNING.plane_tolerance * capture.spacing) & flat.inside(points)
-            on &= np.abs(np.einsum("hwi,i->hw", view.normal, flat.normal)) > TUNING.plane_cosine
-            cosine = np.abs(np.einsum("pi,i->p", own.normal[on], flat.normal))
+    places = [origins + ways * x.depth[..., None] for x in views for origins, ways in [rays(x.camera)]]
+    left = [
+        own.on_mesh & (x.depth > 0) & (np.abs(own.gap) < NEAR * capture.spacing)
+        for x, own in zip(views, seen, strict=True)
+    ]
+    for flat in flats_of(views, capture.spacing, capture.radius):
+        normals, points = [], []
+        for free, place, own in zip(left, places, seen, strict=True):
+            on = free & (np.abs(flat.off(place)) < TUNING.plane_tolerance * capture.spacing) & flat.inside(place)
+            on &= np.abs(np.einsum("hwi,i->hw", own.normal, flat.normal)) > TUNING.plane_cosine
+            normals.append(own.normal[on])
+            points.append(place[on])
+            free &= ~on
+        if not _is_bent(np.concatenate(points), flat.normal, capture.spacing):
+            cosine = np.abs(np.concatenate(normals) @ flat.normal)
             out.append(np.degrees(np.arccos(np.minimum(cosine, 1))))
-            left &= ~on
     return np.concatenate(out) if out else np.zeros(0)
+
+
+def _is_bent(points: F64, normal: F64, spacing: float) -> bool:
+    """Whether points (P, 3) beside a plane lie on the cap of something round: then their distances from the plane bend
+    as a whole, where those of an uneven plane go up and down."""
+    if len(points) < _FEWEST:
+        return True
+    x, y, off = ((points - points.mean(axis=0)) @ conventions.frame_around(normal[None])[0].T).T
+    bent = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+    rest = off - bent @ np.linalg.lstsq(bent, off, rcond=None)[0]
+    return bool(off.std() > _EVEN * spacing and rest.var() < _BENT * off.var())
 
 
 def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:

@@ -109,6 +109,7 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("turntable", "start", "{}", (-3600, 3600)),
     ("turntable", "yfov", "{}", (0.01, 179)),
     ("render", "spp", "{}", (1, 1_000_000)),
+    ("render", "lens_samples", "{}", (1, 4096)),
     ("render", "noise", "{}", (None, 1)),
     ("render", "max_depth", "{}", (1, 1000)),
     ("render", "seed", "{}", (0, 2**31 - 1)),

@@ -119,7 +119,7 @@ def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) 
     return len(due), sum(max(1, len(s.units)) for s in due)
 
 
-def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> keys.FrameNeeds | None:
+def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> requirements.FrameNeeds | None:
     """What the missing frames of a camera need; None where none of them is lit."""
     wanted = [t.lighting for t in missing if t.lighting is not None]
     return made.needs(group.camera, wanted) if wanted else None

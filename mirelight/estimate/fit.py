@@ -9,6 +9,7 @@ sun (not what surfaces send, which has their colour) is drawn to white in the me
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -16,6 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.sky import ABOVE, PATCHES, RING_OF, RINGS
 from mirelight.model import F64
 
@@ -316,3 +318,22 @@ class _Compared:
             d = of_channel[self.pairs.a]
             d -= of_channel[self.pairs.b]
             yield surely(d, first, second)
+
+
+def differ(one: F64, other: F64) -> float:
+    """The median factor, less 1, between lights (N, 3) of the same places; a place that meets black ones alone has none
+    and tells nothing. NaN where no place has light."""
+    lit = np.minimum(one, other).min(axis=1) > 0
+    if not lit.any():
+        return math.nan
+    return float(np.expm1(np.median(np.abs(np.log(one[lit] / other[lit])))))
+
+
+def albedos(color: F64, light: F64) -> tuple[float, float, float]:
+    """5 %, median and 95 % of what places that have light (N, 3) are like, as luminance."""
+    lit = light.min(axis=1) > 0
+    if not lit.any():
+        return math.nan, math.nan, math.nan
+    albedo = (color[lit] / light[lit]) @ REC709_LUMINANCE.astype(np.float64)
+    low, middle, high = (float(x) for x in np.quantile(albedo, [0.05, 0.5, 0.95]))
+    return low, middle, high

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.base.errors import RenderError
 from mirelight.estimate import fit, lamps, sun
 from mirelight.estimate.fit import Fitted, Pairs
@@ -118,10 +117,10 @@ def estimate(
         sun_apart=_apart(suns),
         sun_beaten=math.nan if best.sun is None else sun.beaten(Search.of(halves[0], pairs[0]), best.sun.to_sun),
         sun_disc=(_diameter(radii[0]), _diameter(radii[1])),
-        halves_apart=_differ(*both),
+        halves_apart=fit.differ(*both),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
         lamps_gain=tuple(lamp_gains),
-        albedo=_albedos(places.color, light),
+        albedo=fit.albedos(places.color, light),
     )
     strength = scale * 2.0**exposure
     return Estimate(
@@ -138,25 +137,6 @@ def estimate(
 def _diameter(radius: float) -> float:
     """Degrees: no disc is narrower than the sun's own."""
     return max(2 * radius, _LEAST_DISC)
-
-
-def _differ(one: F64, other: F64) -> float:
-    """The median factor, less 1, between lights (N, 3) of the same places; a place that meets black ones alone has none
-    and tells nothing. NaN where no place has light."""
-    lit = np.minimum(one, other).min(axis=1) > 0
-    if not lit.any():
-        return math.nan
-    return float(np.expm1(np.median(np.abs(np.log(one[lit] / other[lit])))))
-
-
-def _albedos(color: F64, light: F64) -> tuple[float, float, float]:
-    """5 %, median and 95 % of what places that have light (N, 3) are like, as luminance."""
-    lit = light.min(axis=1) > 0
-    if not lit.any():
-        return math.nan, math.nan, math.nan
-    albedo = (color[lit] / light[lit]) @ REC709_LUMINANCE.astype(np.float64)
-    low, middle, high = (float(x) for x in np.quantile(albedo, [0.05, 0.5, 0.95]))
-    return low, middle, high
 
 
 def _searched(half: Places, pairs: Pairs, rng: np.random.Generator) -> Sun | None:
@@ -380,7 +360,7 @@ def _scaled(found: _Found, scale: float) -> _Found:
 
 
 def _scale_for_albedo(places: Places, found: _Found) -> float:
-    """The factor that makes the mean albedo `MEAN_ALBEDO`: twenty halvings of a range of 1/64 to 64."""
+    """The factor that makes the mean albedo `MEAN_ALBEDO`: 24 halvings of a range of 1/64 to 64."""
     direct = found.at(places) - places.met
     low, high = -6.0, 6.0
     for _ in range(24):

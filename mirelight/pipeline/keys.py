@@ -9,41 +9,16 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import cached_property
 
 from mirelight import relighting
-from mirelight.model import (
-    Camera,
-    Environment,
-    EstimatedSky,
-    Job,
-    Lighting,
-    RelightSettings,
-    SkyModel,
-    digest,
-)
+from mirelight.model import Camera, Environment, EstimatedSky, Job, Lighting, RelightSettings, SkyModel, digest
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
 from mirelight.pipeline import provenance, reads, requirements
 
 FILE_SUFFIXES = (".exr", ".png")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrameNeeds:
-    """What frames of one camera are made from."""
-
-    composite: str | None  # its key; None: there are no splats
-    sets: tuple[LightSet, ...]  # of unit lights, each once; those of the captured light come last
-    lights: tuple[str, ...]  # keys of their traced buffers, in the same order
-    veiled: tuple[str, ...] = ()  # keys of which inserted objects are seen, and of the splats in front of them
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Of all that frames are mixed from."""
-        own = (*self.lights, *self.veiled)
-        return own if self.composite is None else (self.composite, *own)
 
 
 class Keys:
@@ -76,7 +51,7 @@ class Keys:
         if not requirements.colors_proxy(job):
             return job.proxy.digest
         assert job.splats is not None and job.captured is not None
-        parts = job.proxy.digest, *self._shown, _light(job.captured), job.render.seed, job.render.max_depth
+        parts = job.proxy.digest, *self._shown, reads.light(job.captured), job.render.seed, job.render.max_depth
         return digest("colours", *parts, self._device)
 
     @cached_property
@@ -84,7 +59,7 @@ class Keys:
         """How bright the captured light is over the scene, one number."""
         job = self.job
         assert job.captured is not None
-        parts = *self._shown, self.proxy, _light(job.captured), job.render.seed
+        parts = *self._shown, self.proxy, reads.light(job.captured), job.render.seed
         return digest("level", *parts, job.render.max_depth, job.render.profile, self._device)
 
     def estimate(self, sky: EstimatedSky) -> str:
@@ -116,7 +91,7 @@ class Keys:
         """Where each splat lies on the proxy, and on which side."""
         job = self.job
         assert job.splats is not None
-        parts = job.splats.digest, self.proxy, job.captured and _light(job.captured), job.render.seed
+        parts = job.splats.digest, self.proxy, job.captured and reads.light(job.captured), job.render.seed
         return digest("places", *parts, job.render.max_depth, self._device)
 
     @cached_property
@@ -165,15 +140,15 @@ class Keys:
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""
-        return self._light(light_set, view(camera))
+        return self._light(light_set, reads.view(camera))
 
     def light_with_objects(self, light_set: LightSet, camera: Camera) -> str:
         """The same with the job's inserted objects in the scene."""
-        return self._light(light_set, view(camera), self._objects)
+        return self._light(light_set, reads.view(camera), self._objects)
 
     def light_of_lobes(self, light_set: LightSet, camera: Camera) -> str:
         """Key of what the proxy's materials mirror of it."""
-        return self._light(light_set, view(camera), self._lobes)
+        return self._light(light_set, reads.view(camera), self._lobes)
 
     @cached_property
     def _lobes(self) -> str:
@@ -244,7 +219,7 @@ class Keys:
         job = self.job
         if job.render.noise is None:
             return ()
-        views = [view(x) for x in requirements.lighting_cameras(job)]
+        views = [reads.view(x) for x in requirements.lighting_cameras(job)]
         return job.render.noise, requirements.keeps_lights_apart(job), views
 
     def _on_surface(self, every: Iterable[LightSet]) -> Iterator[str]:
@@ -265,7 +240,7 @@ class Keys:
         if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
-    def needs(self, camera: Camera, lightings: Iterable[Lighting | None]) -> FrameNeeds:
+    def needs(self, camera: Camera, lightings: Iterable[Lighting | None]) -> requirements.FrameNeeds:
         """What the frames of a camera under some lightings are made from; what glows is known when it is lit."""
         job = self.job
         seen = relighting.lighting_camera(camera, job.relight)
@@ -278,7 +253,7 @@ class Keys:
         veiled: tuple[str, ...] = ()
         if job.objects:
             veiled = (self.object_matte(camera), *(() if composite is None else (self.in_front(camera),)))
-        return FrameNeeds(composite, tuple(lights.values()), tuple(lights), veiled)
+        return requirements.FrameNeeds(composite, tuple(lights.values()), tuple(lights), veiled)
 
     # --- frames ---
 
@@ -324,7 +299,7 @@ class Keys:
         found = self._eyes.get(id(camera))
         if found is None or found[0] is not camera:
             seen = relighting.lighting_camera(camera, self.job.relight)
-            found = self._eyes[id(camera)] = (camera, view(camera), view(seen))
+            found = self._eyes[id(camera)] = (camera, reads.view(camera), reads.view(seen))
         return found[1:]
 
     def mixture(self, lighting: Lighting) -> Mixture:
@@ -364,7 +339,7 @@ class Keys:
         settings = replace(how, picture=None), how.picture is not None
         if how.picture is not None or around is None:
             return [digest("backdrop", settings, self._versions("numpy"))]
-        return [digest("backdrop", settings, _light(around), self._device)]
+        return [digest("backdrop", settings, reads.light(around), self._device)]
 
     @cached_property
     def _writing(self) -> dict[str, str]:
@@ -410,16 +385,6 @@ class Keys:
     @cached_property
     def _all_versions(self) -> dict[str, str]:
         return provenance.versions()
-
-
-def view(camera: Camera) -> str:
-    """What a camera sees: all of it but its name and time."""
-    return digest("view", reads.read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
-
-
-def _light(lighting: Lighting) -> str:
-    """Digest of a lighting without its names."""
-    return digest("lighting", [(x.unit.digest, x.weight) for x in terms(lighting)])
 
 
 def _joined(*parts: str) -> str:

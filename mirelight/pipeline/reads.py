@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import fields, replace
 
-from mirelight.model import CompositorSettings, DisplaySettings, Job, OutputSettings
+from mirelight.model import Camera, CompositorSettings, DisplaySettings, Job, Lighting, OutputSettings, digest
 from mirelight.model.profiles import rules_of
+from mirelight.model.unit_lights import terms
 from mirelight.pipeline import requirements
 
 
@@ -26,6 +27,16 @@ def display_reads(settings: DisplaySettings) -> tuple[object, ...]:
     if view is None:
         return (settings,)
     return replace(settings, view=None), view.display, view.view, view.identity
+
+
+def view(camera: Camera) -> str:
+    """Digest of what a camera sees: all of it but its name and time."""
+    return digest("view", read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
+
+
+def light(lighting: Lighting) -> str:
+    """Digest of a lighting without its names."""
+    return digest("lighting", [(x.unit.digest, x.weight) for x in terms(lighting)])
 
 
 def compositor_reads(settings: CompositorSettings) -> set[str]:

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, Job, Lighting
 from mirelight.model.planes import MATTES, OBJECT_MATTE
 from mirelight.model.profiles import rules_of
-from mirelight.model.unit_lights import Rules
+from mirelight.model.unit_lights import LightSet, Rules
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameNeeds:
+    """What frames of one camera are made from."""
+
+    composite: str | None  # its key; None: there are no splats
+    sets: tuple[LightSet, ...]  # of unit lights, each once; those of the captured light come last
+    lights: tuple[str, ...]  # keys of their traced buffers, in the same order
+    veiled: tuple[str, ...] = ()  # keys of which inserted objects are seen, and of the splats in front of them
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Of all that frames are mixed from."""
+        own = (*self.lights, *self.veiled)
+        return own if self.composite is None else (self.composite, *own)
 
 
 def compares(job: Job) -> bool:

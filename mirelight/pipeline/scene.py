@@ -19,7 +19,7 @@ from mirelight.model import (
     SplatLayer,
 )
 from mirelight.model.planes import OBJECT_MATTE
-from mirelight.pipeline import keys, requirements
+from mirelight.pipeline import reads, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache
 from mirelight.pipeline.backdrops import Backdrops
 from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
@@ -135,7 +135,7 @@ class Scene(Prepared):
 
     def view_light(self, seen: Camera) -> ViewLight:
         """The light of a view, `seen` the lighting's camera; that of the last view is kept."""
-        if self._view is None or self._view.is_broken or keys.view(self._view.camera) != keys.view(seen):
+        if self._view is None or self._view.is_broken or reads.view(self._view.camera) != reads.view(seen):
             self._view = ViewLight(self, seen)
         return self._view
 
@@ -144,14 +144,14 @@ class Scene(Prepared):
         if not self.job.objects:
             return self.view_light(seen)
         view = self._view_with_objects
-        if view is None or view.is_broken or keys.view(view.camera) != keys.view(seen):
+        if view is None or view.is_broken or reads.view(view.camera) != reads.view(seen):
             self._view_with_objects = view = ViewLight(self._with_objects, seen)
         return view
 
     def lobes(self, seen: Camera) -> ViewLight:
         """What the proxy's materials mirror to a view; that of the last one is kept."""
         view = self._view_of_lobes
-        if view is None or view.is_broken or keys.view(view.camera) != keys.view(seen):
+        if view is None or view.is_broken or reads.view(view.camera) != reads.view(seen):
             self._view_of_lobes = view = ViewLight(self._of_lobes, seen)
         return view
 
@@ -222,7 +222,7 @@ class Scene(Prepared):
         wanted = requirements.mattes(self.job)
         if not wanted:
             return ()
-        if self._mattes is None or keys.view(self._mattes[0]) != keys.view(camera):
+        if self._mattes is None or reads.view(self._mattes[0]) != reads.view(camera):
             own = self._matte_rays.of
             made = (self.object_matte(camera) if name == OBJECT_MATTE else own(camera, name) for name in wanted)
             self._mattes = (camera, tuple(made))

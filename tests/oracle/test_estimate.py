@@ -137,10 +137,10 @@ def test_a_sun_elsewhere_is_doubted_by_its_shadows() -> None:
 
 def test_places_without_light_leave_the_figures_sound() -> None:
     light = np.array([[1.0, 2, 4], [0, 0, 0], [2, 2, 2]])
-    assert solve._differ(light, 1.1 * light) == pytest.approx(0.1)
-    assert solve._albedos(0.4 * light, light) == pytest.approx((0.4, 0.4, 0.4))
+    assert fit.differ(light, 1.1 * light) == pytest.approx(0.1)
+    assert fit.albedos(0.4 * light, light) == pytest.approx((0.4, 0.4, 0.4))
     dark = np.zeros((3, 3))
-    assert np.isnan(solve._differ(dark, dark)) and np.isnan(solve._albedos(dark, dark)).all()
+    assert np.isnan(fit.differ(dark, dark)) and np.isnan(fit.albedos(dark, dark)).all()
     blind = replace(found(), confidence=replace(found().confidence, halves_apart=np.nan))
     assert doubted(blind) and not doubted(found())
     assert any("disagree by more than 15 %" in line for line in unknown(blind))

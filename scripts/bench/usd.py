@@ -182,7 +182,13 @@ render = {{ spp = 16 }}
     plain, rows = under(REC709, False), []
     for half in (False, True):
         for name, space in PRIMARIES.items():
-            apart = np.abs(under(space, half) - plain) / (plain + np.float32(0.01 * plain.mean()))
-            spread = (np.median(apart), np.quantile(apart, 0.99), apart.max())
+            made = under(space, half)
+            apart = np.abs(made - plain) / (plain + np.float32(0.01 * plain.mean()))
+            level = abs(made.mean((0, 1), np.float64) / plain.mean((0, 1), np.float64) - 1).max()
+            spread = (np.median(apart), np.quantile(apart, 0.99), apart.max(), level)
             rows.append((name, "16 bits" if half else "32 bits", *(f"{x:.1e}" for x in spread)))
-    return table("One panorama in four primaries", ["primaries", "file", "median", "99 % of values", "largest"], rows)
+    return table(
+        "One panorama in four primaries",
+        ["primaries", "file", "median", "99 % of values", "largest", "mean of the frame"],
+        rows,
+    )

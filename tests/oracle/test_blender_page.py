@@ -30,7 +30,8 @@ def test_from_blenders_export_to_an_exr_with_its_layers(tmp_path: Path) -> None:
     )
     mesh = read_scene(tmp_path / "proxy.glb").mesh
     assert mesh is not None
-    write_glb(tmp_path / "room.glb", mesh, lamps, [camera])
+    write_glb(tmp_path / "room.glb", mesh)
+    write_glb(tmp_path / "lit.glb", mesh, lamps, [camera])
     write_hdr(tmp_path / "world.hdr", np.full((4, 8, 3), 0.2, np.float32))
 
     (text,) = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)

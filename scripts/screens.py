@@ -12,7 +12,7 @@ import io
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,7 +101,7 @@ class Studio:
         self.frames.append((shot(self.page), milliseconds))
         print(f"frame {len(self.frames)}", file=sys.stderr, flush=True)
 
-    def drag(self, place: tuple[float, float], way: list[tuple[float, float]], milliseconds: int) -> None:
+    def drag(self, place: tuple[float, float], way: Sequence[tuple[float, float]], milliseconds: int) -> None:
         """Takes what is at a place of the page along a way, in pixels from there; a frame each, with light on it."""
         x, y = place
         self.page.mouse.move(x, y)

@@ -126,8 +126,7 @@ def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> requi
 
 
 def _measured(job: Job, task: FrameTask) -> _Cost:
-    scale = min(1.0, _SIDE / max(task.camera.width, task.camera.height))
-    small = task.camera.resized(*(max(1, round(n * scale)) for n in (task.camera.width, task.camera.height)))
+    small = task.camera.scaled(min(1.0, _SIDE / max(task.camera.width, task.camera.height)))
     spp = min(_SPP, job.render.spp)
     with tempfile.TemporaryDirectory() as folder:
         output = replace(job.output, store="frames" if job.output.store == "frames" else "both")

@@ -249,8 +249,7 @@ def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]
 
 def _small(camera: Camera) -> Camera:
     """As large as a picture to judge by is."""
-    scale = min(WIDEST / camera.width, 1.0)
-    return camera.resized(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))
+    return camera.scaled(min(WIDEST / camera.width, 1.0))
 
 
 def _stops(text: str) -> float:

@@ -28,6 +28,7 @@ WHITE = 0.9  # linear: pixels that may have been any brighter
 FINEST = 400  # cells along the size of the mesh, in which pixels of all views are compared
 REGIONS = 24  # of a mesh without materials of its own
 _FEWEST = 200  # pixels of a region
+_PLACES = 4096  # of the surface, that regions are told by
 _COLOR = 0.12  # display value, and
 _PLACE = 0.35  # share of the size: as far apart as that counts for two regions
 
@@ -188,9 +189,7 @@ def regions_of(mesh: ProxyMesh, seed: int = 0) -> tuple[I32, tuple[str, ...]]:
     size = float(np.linalg.norm(mesh.bounds[1].astype(np.float64) - mesh.bounds[0]))
     colors = np.zeros((len(corners), 3)) if mesh.vertex_colors is None else mesh.vertex_colors[mesh.faces].mean(axis=1)
     told = np.concatenate([srgb_encode(np.clip(colors, 0, 1)) / _COLOR, corners.mean(axis=1) / (_PLACE * size)], axis=1)
-    area = triangles.areas(corners)
-    ends = np.cumsum(area) / max(float(area.sum()), 1e-300)
-    even = np.minimum(np.searchsorted(ends, (np.arange(4096) + 0.5) / 4096), len(area) - 1)
+    even, _ = triangles.strewn(corners, _PLACES)
     middles, _ = kmeans2(told[even], REGIONS, seed=seed, minit="++")
     _, nearest = cKDTree(middles).query(told)
     there, regions = np.unique(nearest, return_inverse=True)

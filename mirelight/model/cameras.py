@@ -116,6 +116,10 @@ class Camera(ArrayHolder):
             cy=self.cy * sy,
         )
 
+    def scaled(self, share: float) -> Camera:
+        """The same view in a picture of that share of the width and height; at least one pixel is left."""
+        return self.resized(max(1, round(self.width * share)), max(1, round(self.height * share)))
+
     @staticmethod
     def perspective(
         world_from_camera: ArrayLike,

@@ -181,8 +181,7 @@ def _seen(cameras: Sequence[Camera], sight: Sight) -> F64:
     """(N, 3) places just before what cameras see of the mesh: a sheet seen from outside is not lit from inside."""
     found = [np.zeros((0, 3))]
     for camera in cameras:
-        share = min(_GRID / max(camera.width, camera.height), 1.0)
-        small = camera.resized(max(1, round(camera.width * share)), max(1, round(camera.height * share)))
+        small = camera.scaled(min(_GRID / max(camera.width, camera.height), 1.0))
         origins, directions = rays(small)
         starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
         face, distance = sight.first_hits(starts, directions.reshape(-1, 3))

@@ -156,5 +156,4 @@ def _correlation(a: F64, b: F64, there: Bool) -> tuple[F64, Bool]:
 
 
 def _small(camera: Camera) -> Camera:
-    share = min(PIXELS / max(camera.width, camera.height), 1.0)
-    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+    return camera.scaled(min(PIXELS / max(camera.width, camera.height), 1.0))

@@ -234,8 +234,7 @@ def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:
 def _small(camera: Camera) -> Camera:
     """The camera with its own pixels, but along the longer side at least `LEAST_PIXELS` and at most `PIXELS`."""
     longer = max(camera.width, camera.height)
-    share = min(max(longer, LEAST_PIXELS), PIXELS) / longer
-    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+    return camera.scaled(min(max(longer, LEAST_PIXELS), PIXELS) / longer)
 
 
 def _sheet(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

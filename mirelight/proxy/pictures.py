@@ -77,5 +77,4 @@ def _at_pixels(camera: Camera, depth: F32, at: F32) -> tuple[F32, F32]:
 
 
 def _small(camera: Camera) -> Camera:
-    share = min(PIXELS / max(camera.width, camera.height), 1.0)
-    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+    return camera.scaled(min(PIXELS / max(camera.width, camera.height), 1.0))

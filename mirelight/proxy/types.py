@@ -54,7 +54,8 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProxyQuality:
-    """How well a mesh fits splats, over all pixels of some views. Splat pixels are those of alpha above 0.5."""
+    """How well a mesh fits splats, over all pixels of some views. Splat pixels are those of alpha above 0.5 whose depth
+    can be trusted: no fog, and no sky."""
 
     uncovered: float  # share of the splat pixels where the mesh is not, 0..1
     gap_median: float  # median distance between splats and mesh along the view, world units; NaN: nothing to compare

@@ -68,12 +68,11 @@ def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
     """
     chosen = [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // MOST_VIEWS)]]
     share = min((ALL_PIXELS / sum(x.width * x.height for x in chosen)) ** 0.5, 1.0)
-    return tuple(x.resized(max(round(x.width * share), 1), max(round(x.height * share), 1)) for x in chosen)
+    return tuple(x.scaled(share) for x in chosen)
 
 
 def _enlarged(camera: Camera) -> Camera:
-    share = max(LEAST_PIXELS / max(camera.width, camera.height), 1.0)
-    return camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
+    return camera.scaled(max(LEAST_PIXELS / max(camera.width, camera.height), 1.0))
 
 
 def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:

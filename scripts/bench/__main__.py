@@ -66,7 +66,8 @@ def main(arguments: Sequence[str]) -> int:
     for table in tables:
         print(f"\n{table.title}\n\n{pages.block(asdict(table))}", flush=True)
     if chosen.json is not None:
-        kept = [x for i, x in enumerate(arguments) if x != "--json" and arguments[max(i - 1, 0)] != "--json"]
+        places = ("--json", "--cache", "--pictures")  # of one machine, and of no weight for a figure
+        kept = [x for i, x in enumerate(arguments) if x not in places and arguments[max(i - 1, 0)] not in places]
         pages.put(chosen.json, [asdict(x) for x in tables], f"python scripts/bench {shlex.join(kept)}", __version__)
     return 0
 

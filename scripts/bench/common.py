@@ -46,6 +46,15 @@ def path(text: str) -> Path:
     return Path(text)
 
 
+def truth_options(parser: argparse.ArgumentParser, width: int, cache: Path) -> None:
+    """Options of a part that holds frames against true pictures: how large, how many samples, what is kept where."""
+    parser.add_argument("--spp", type=int, default=64, help="samples of a frame (64)")
+    parser.add_argument("--width", type=int, default=width, help=f"pixels ({width})")
+    parser.add_argument("--truth-spp", type=int, default=128, help="samples of each of the truth's halves (128)")
+    parser.add_argument("--cache", type=path, default=cache, help="where captures and truth are kept")
+    parser.add_argument("--pictures", type=path, help="where frames beside truth go as PNG")
+
+
 def timed(make: Callable[[], T]) -> tuple[T, float]:
     """What it makes, and the CPU seconds that it takes, all threads together."""
     start = time.process_time()

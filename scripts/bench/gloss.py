@@ -22,14 +22,15 @@ from PIL import Image
 from scenegen import glazed
 from scenegen.truth import Looks, Truth
 
-from bench.common import Table, path, table
+from bench.common import Table, table, truth_options
 from bench.truth_captures import Captured, Size, capture
+from bench.truth_rows import WHOLE_PIXEL
 from bench.truth_scores import decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
 from mirelight import prepare
 from mirelight.base.colour import srgb_decode
 from mirelight.estimate import finish
-from mirelight.lighting import colored_by
+from mirelight.lighting import Tracer, colored_by
 from mirelight.model import (
     F32,
     Deferred,
@@ -110,6 +111,12 @@ class Shine:
         scene = prepare(job)
         return [[stages.frame(scene, c.camera, x).rgba[..., :3] for x in row] for row in lightings]
 
+    @cached_property
+    def there(self) -> Bool:
+        """(H, W) pixels that count: no sky is in them."""
+        tracer = Tracer(self.capture.exact, RenderSettings(spp=16, max_depth=1), layers=False, aovs=False)
+        return np.asarray(tracer.trace(self.capture.light, self.capture.camera).coverage > WHOLE_PIXEL)
+
     def zones(self, lighting: Lighting) -> dict[str, Bool]:
         """By name (H, W) pixels."""
         c, truth = self.capture, self.capture.truth[lighting.name]
@@ -117,14 +124,14 @@ class Shine:
         black = {
             k: replace(x, texture=np.zeros_like(x.texture)) if not x.metal else x for k, x in glazed.surfaces().items()
         }
-        looks = Looks(soups=glazed.looks().soups, surfaces=black)
 
         def make() -> F32:
+            looks = Looks(soups=glazed.looks().soups, surfaces=black)
             return Truth(looks, lighting).picture(c.camera, self._size.truth_spp)[..., :3]
 
         name = f"mirrored.{lighting.name}.{self._size.width}.{self._size.truth_spp}"
         mirrored = self._store.array(name, "true pictures", make)
-        there = _covered(c)
+        there = self.there
         bright = there & (mirrored.mean(-1) > HIGHLIGHT * true.mean(-1)) & (mirrored.mean(-1) > 0.01)
         return {"highlights": bright, "rest": there & ~bright, "whole": there}
 
@@ -148,15 +155,6 @@ class Shine:
                 Image.fromarray(picture).save(out / name)
 
 
-def _covered(capture: Captured) -> Bool:
-    from bench.truth_rows import Bench
-
-    bench = Bench(capture, Store(Path("unused")), print, None, False)
-    scored = bench.scored
-    assert scored is not None
-    return scored
-
-
 def _surface(looks: Looks) -> ProxyMesh:
     """All true triangles with their normals and the names of their materials; equal corners are one."""
     corners = np.concatenate([np.concatenate([x.positions, x.normals], 2).reshape(-1, 6) for x in looks.soups])
@@ -178,11 +176,7 @@ def _surface(looks: Looks) -> ProxyMesh:
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The part's own."""
-    parser.add_argument("--spp", type=int, default=64, help="samples of a frame (64)")
-    parser.add_argument("--width", type=int, default=240, help="pixels (240)")
-    parser.add_argument("--truth-spp", type=int, default=128, help="samples of each of the truth's halves (128)")
-    parser.add_argument("--cache", type=path, default=ROOT / "out" / "bench_truth", help="where captures are kept")
-    parser.add_argument("--pictures", type=path, help="where frames beside truth go as PNG")
+    truth_options(parser, 240, ROOT / "out" / "bench_truth")
 
 
 def run(chosen: argparse.Namespace) -> list[Table]:

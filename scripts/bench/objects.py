@@ -24,7 +24,7 @@ from scenegen.geometry import Soup, soups
 from scenegen.truth import Looks, Truth
 from scipy import ndimage
 
-from bench.common import Table, path, table
+from bench.common import Table, table, truth_options
 from bench.objects_truth import Thing, bsdf, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
@@ -255,11 +255,7 @@ def _sun_left(bare: LightingBuffer, new: LightingBuffer) -> F32:
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The part's own."""
-    parser.add_argument("--spp", type=int, default=64, help="samples of a frame (64)")
-    parser.add_argument("--width", type=int, default=320, help="pixels (320)")
-    parser.add_argument("--truth-spp", type=int, default=128, help="samples of each of the truth's halves (128)")
-    parser.add_argument("--cache", type=path, default=ROOT / "out" / "bench_truth", help="where truth is kept")
-    parser.add_argument("--pictures", type=path, help="where frames beside truth go as PNG")
+    truth_options(parser, 320, ROOT / "out" / "bench_truth")
 
 
 def run(chosen: argparse.Namespace) -> list[Table]:

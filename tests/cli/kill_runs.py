@@ -1,4 +1,4 @@
-"""Kills renders at random moments and takes them up again: python tests/cli/kill_runs.py [--runs 30] [--seed 1]
+"""Kills renders at random moments and takes them up again: python -m tests.cli.kill_runs [--runs 30] [--seed 1]
 
 Each run renders 24 frames (12 cameras, 2 lightings) with two worker processes into a folder of its own. A worker, the
 parent, or both get SIGKILL, once or twice, while they start, prepare, trace or write; then the same command makes the
@@ -21,11 +21,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from mirelight.io import splats
-from mirelight.io.gltf.write import write_glb
-from mirelight.model import PointLight, ProxyMesh, SplatCloud
+from .ball import write_ball
 
 COMMAND = [sys.executable, "-m", "mirelight", "render", "job.toml", "--workers", "2"]
 FRAMES = 24
@@ -85,21 +81,8 @@ class Tally:
 
 
 def scene(folder: Path) -> None:
-    """A ball of splats over a floor with a lamp."""
-    rng = np.random.default_rng(1)
-    means = rng.normal(size=(300, 3))
-    cloud = SplatCloud(
-        means=(means / np.linalg.norm(means, axis=1, keepdims=True)).astype(np.float32),
-        quats=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (300, 1)),
-        scales=np.full((300, 3), 0.1, dtype=np.float32),
-        opacities=np.full(300, 0.9, dtype=np.float32),
-        sh=rng.normal(size=(300, 1, 3)).astype(np.float32),
-    )
-    splats.write(cloud, folder / "splats.ply")
-    corners = np.array([[-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]], dtype=np.float32)
-    floor = ProxyMesh(vertices=corners, faces=np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
-    lamp = PointLight(name="lamp", position=np.array([1.0, 3.0, 1.0]), intensity=20.0)
-    write_glb(folder / "proxy.glb", floor, [lamp])
+    """A ball of splats over a floor with a lamp, and the job."""
+    write_ball(folder)
     (folder / "job.toml").write_text(JOB, encoding="utf-8")
 
 

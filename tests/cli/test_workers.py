@@ -68,8 +68,9 @@ def whole(folder: Path, run: Run) -> Path:
 
 def test_killed_workers_and_parents_lose_nothing() -> None:
     """Three runs, one for each victim; `kill_runs.py` does thirty."""
-    script = Path(__file__).with_name("kill_runs.py")
-    done = subprocess.run([sys.executable, script, "--runs", "3"], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "tests.cli.kill_runs", "--runs", "3"]
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "3 runs of 24 frames" in done.stdout and "0 files with other bits" in done.stdout
 

@@ -103,14 +103,7 @@ def cameras_from(
         found = _of_scene(table, at, resolution, splats, files, wrong)
     else:
         found = _captured(table, at, resolution, splats, files, wrong)
-    return [scaled(table.exposed(camera, None), table.resolution_scale) for camera in found]
-
-
-def scaled(camera: Camera, factor: float) -> Camera:
-    """The camera with its image scaled; at least one pixel is left."""
-    if factor == 1:
-        return camera
-    return camera.resized(max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
+    return [table.exposed(camera, None).scaled(table.resolution_scale) for camera in found]
 
 
 def _of_scene(

@@ -13,7 +13,7 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.job import sampling
 from mirelight.io.job.camera_file_tables import SENSOR_WIDTH
-from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name, scaled
+from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name
 from mirelight.io.job.camera_tables import (
     YFOV,
     AnyCamera,
@@ -132,7 +132,7 @@ def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mista
             found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
         found = found or [_seeing_all(scene, resolution)]
     names = FreeNames()
-    found = [scaled(camera, table.resolution_scale) for camera in found]
+    found = [camera.scaled(table.resolution_scale) for camera in found]
     return tuple(x if (name := names.take(x.name)) == x.name else replace(x, name=name) for x in found)
 
 

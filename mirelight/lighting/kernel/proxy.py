@@ -11,7 +11,7 @@ import numpy as np
 from mirelight.lighting.kernel.detail import DeviceDetail
 from mirelight.lighting.kernel.fresnel import fresnel, of_coat
 from mirelight.lighting.kernel.memory import floats, integers
-from mirelight.lighting.kernel.see_through import MOST, Passed, beyond
+from mirelight.lighting.kernel.see_through import MOST, OFFSET, Passed, beyond
 from mirelight.lighting.kernel.tables import DeviceAtlas
 from mirelight.lighting.kernel.types import (
     Bool,
@@ -42,10 +42,6 @@ from mirelight.lighting.materials import (
     pack_glow,
 )
 from mirelight.model import F32, F64, ProxyMesh
-
-# A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
-# the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
-OFFSET = 2.0**-18
 
 
 class Finish(NamedTuple):

@@ -15,7 +15,9 @@ from mirelight.lighting.kernel.samples import mix, number
 from mirelight.lighting.kernel.types import Bool, Float, Hit, MitsubaScene, Point2f, Ray3f, UInt32, Vector3f
 
 MOST = 0.75  # of rays pass glass: the others see what it mirrors, which is little, without much noise
-OFFSET = 2.0**-18  # as `proxy.OFFSET`
+# A ray starts this far off the surface, times the largest coordinate there plus the triangle's longest edge: 64 times
+# the rounding of single precision, above the error of barycentric interpolation and of Embree's intersection.
+OFFSET = 2.0**-18
 _LAYERS = 64  # that a ray passes of what is not wholly there
 
 

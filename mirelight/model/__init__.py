@@ -15,7 +15,7 @@ from mirelight.model.deferred import Deferred
 from mirelight.model.digests import digest
 from mirelight.model.exposure import Exposure
 from mirelight.model.ies import IesProfile
-from mirelight.model.inserted import Inserted
+from mirelight.model.inserted import Inserted, Scatter
 from mirelight.model.lights import (
     AreaLight,
     DirectionalLight,
@@ -102,6 +102,7 @@ __all__ = [
     "RelightMode",
     "RelightSettings",
     "RenderSettings",
+    "Scatter",
     "SkyModel",
     "Sort",
     "Space",

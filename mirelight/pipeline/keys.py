@@ -185,7 +185,7 @@ class Keys:
     def _objects(self) -> str:
         """What is put into the scene; empty where nothing is."""
         objects = self.job.objects
-        return digest("objects", [(x.mesh.digest, x.drop) for x in objects]) if objects else ""
+        return digest("objects", [(x.mesh.digest, x.drop, x.scatter) for x in objects]) if objects else ""
 
     @cached_property
     def _traced(self) -> str:

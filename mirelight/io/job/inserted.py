@@ -11,8 +11,8 @@ import numpy as np
 
 from mirelight.base.conventions import Matrix
 from mirelight.io.job import placing
-from mirelight.io.job.scene_tables import ObjectTable
-from mirelight.model import Deferred, Inserted, Material, ProxyMesh, digest
+from mirelight.io.job.scene_tables import ObjectTable, ScatterTable
+from mirelight.model import Deferred, Inserted, Material, ProxyMesh, Scatter, digest
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +48,15 @@ def of_table(table: ObjectTable, path: Path, sha256: str) -> Inserted:
         name=table.name or path.stem,
         mesh=Deferred(known, partial(_mesh, path, m, look)),
         drop=table.drop,
+        scatter=None if table.scatter is None else _scatter(table.scatter),
         source=str(path),
         category=table.category or table.name or path.stem,
         world_from_object=m,
     )
+
+
+def _scatter(table: ScatterTable) -> Scatter:
+    return Scatter(center=np.asarray(table.center), radius=table.radius, seed=table.seed, turn=table.turn)
 
 
 def named_apart(objects: Sequence[Inserted]) -> tuple[Inserted, ...]:

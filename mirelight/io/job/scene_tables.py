@@ -19,6 +19,7 @@ from mirelight.io.job.fields import (
     NotNegative,
     Positive,
     Quaternion,
+    Seed,
     Table,
     Vec3,
     given,
@@ -166,6 +167,15 @@ class ProxyTable(Table):
 Share: TypeAlias = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
+class ScatterTable(Table):
+    """Random places on the ground: tried one after the other until the object fits."""
+
+    center: Vec3 = Field(description="[x, y, z] of the middle, near the ground; from over it the object must be seen.")
+    radius: Positive = Field(description="How far from there its foot stands at most, in world units.")
+    seed: Seed = Field(default=0, description="Another seed, another place.")
+    turn: bool = Field(default=True, description="Whether it is turned about the vertical, too.")
+
+
 class ObjectTable(Table):
     """An object that is put into the capture: lit by it, mirroring it, and casting its shadows on it."""
 
@@ -177,6 +187,10 @@ class ObjectTable(Table):
         default=False,
         description="Whether it is moved along Y until its lowest vertices stand on the proxy; "
         '"tilt" turns it along the ground under them first.',
+    )
+    scatter: ScatterTable | None = Field(
+        default=None,
+        description="Puts it at a random place where it fits, and drops it there; its transform scales and turns it.",
     )
     base_color: Annotated[ColorOrGray, AfterValidator(_reflectance)] | None = Field(
         default=None, description="In place of the file's colours: a number or linear [r, g, b]."

@@ -23,6 +23,7 @@ SECTIONS = {
     "proxy": "ProxyTable",
     "materials": "MaterialTable",
     "objects": "ObjectTable",
+    "scatter of objects": "ScatterTable",
     "transform": "Transform",
     "environment": "EnvironmentTable",
     "sky": "SkyTable",

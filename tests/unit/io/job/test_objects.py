@@ -92,6 +92,17 @@ def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJ
     assert len({x.captured_level for x in (bare, with_one, moved, lifted)}) == 1
 
 
+def test_a_scattered_object_is_known_by_its_seed(write_job: WriteJob, thing: Path) -> None:
+    one, same, other = (
+        loaded(write_job, f"{HEAD}{OBJECT}scatter = {{ center = [0, 0, 0], radius = 2, seed = {seed} }}\n")
+        for seed in (1, 1, 2)
+    )
+    assert one.objects[0].scatter is not None and one.objects[0].scatter.radius == 2 and one.objects[0].scatter.turn
+    assert Keys(one).object_boxes == Keys(same).object_boxes != Keys(other).object_boxes
+    with pytest.raises(InputError, match="radius"):
+        loaded(write_job, f"{HEAD}{OBJECT}scatter = {{ center = [0, 0, 0], radius = 0 }}\n")
+
+
 @pytest.mark.parametrize(
     ("more", "says"),
     [

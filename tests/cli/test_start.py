@@ -139,11 +139,20 @@ def test_pages_that_are_pointed_to_are_there() -> None:
     assert [x for x in PAGES.values() if not (docs / f"{x}.md").is_file()] == []
 
 
+TRACING = {"--spp", "--denoise", "--variant", "--threads"}
+LESS = {  # commands that trace light, and what they do not take of it
+    "bake": {"--denoise"},  # light on splats has no picture to denoise
+    "mix": {"--denoise"},
+    "estimate": {"--denoise", "--spp"},  # noise would be taken for misfits
+    "studio": TRACING,  # its page sets them, in the job
+}
+NO_LIGHT = {x.name for x in COMMANDS} - {*LESS, "demo", "explain", "match", "render", "submit", "watch"}
 TEXT = {"completion", "schema", "submit", "studio", "watch"}  # what they print is the result itself, or they stay
 
 
 def test_one_option_for_one_thing() -> None:
-    """What is written is -o/--out; --json takes nothing, and is there wherever a command writes or tells something."""
+    """What is written is -o/--out; --json takes nothing, and is there wherever a command writes or tells something;
+    what light is traced with can be said wherever it is traced."""
     for command in COMMANDS:
         parser = argparse.ArgumentParser()
         command.arguments(parser)
@@ -151,6 +160,8 @@ def test_one_option_for_one_thing() -> None:
         assert ("-o" in named) == ("--out" in named) and named.get("-o") is named.get("--out")
         assert ("--json" in named) == (command.name not in TEXT), command.name
         assert "--json" not in named or named["--json"].nargs == 0
+        tracing = TRACING if command.name in NO_LIGHT else LESS.get(command.name, set())
+        assert named.keys() & TRACING == TRACING - tracing, command.name
 
 
 def test_help_has_colours_on_a_terminal_alone(
@@ -176,9 +187,10 @@ def test_the_demo_is_a_sound_job_and_what_is_changed_in_it_stays(
         return 0
 
     monkeypatch.setattr("mirelight.cli.render.run_render", rendered)
-    assert cli.main(["demo", "-o", str(tmp_path / "try"), "-q"]) == 0
+    assert cli.main(["demo", "-o", str(tmp_path / "try"), "-q", "--spp", "4", "--no-denoise"]) == 0
     (args,) = asked
     assert args.job == str(tmp_path / "try" / "job.toml") and args.quiet
+    assert (args.spp, args.denoise, args.threads) == ("4", False, None)
     job = mirelight.load(args.job)
     assert ([x.name for x in job.cameras], [x.name for x in job.lightings]) == (["front"], ["sunset", "spots", "lamp"])
     text = Path(args.job).read_text(encoding="utf-8")

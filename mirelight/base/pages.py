@@ -12,6 +12,7 @@ PAGES = {
     "command line": "reference/command-line",
     "comparing": "guides/compare",
     "data sets": "guides/datasets",
+    "explaining": "guides/explain",
     "farm": "guides/farm",
     "first capture": "tutorials/first-capture",
     "install": "guides/install",

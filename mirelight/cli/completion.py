@@ -6,7 +6,7 @@ import argparse
 
 import shtab
 
-_FILES = {"JOB", "FILE", "CAPTURE", "SPLATS", "PATH", "MESH", "PICTURE", "LIGHT", "DIR|FILE"}
+_FILES = {"JOB", "FILE", "CAPTURE", "SPLATS", "PATH", "MESH", "PICTURE", "LIGHT"}
 _FOLDERS = {"DIR"}
 
 
@@ -22,7 +22,7 @@ def _mark(parser: argparse.ArgumentParser) -> None:
         if isinstance(action, argparse._SubParsersAction):
             for child in action.choices.values():
                 _mark(child)
-        elif action.metavar in _FILES:
+        elif _FILES & (words := set(str(action.metavar).split("|"))):
             action.complete = shtab.FILE  # type: ignore[attr-defined]
-        elif action.metavar in _FOLDERS:
+        elif _FOLDERS & words:
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]

@@ -80,7 +80,7 @@ COMMAND = Command(
     ),
     arguments=_arguments,
     call=run_explain,
-    page="comparing",
+    page="explaining",
 )
 
 

@@ -26,7 +26,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--layout", required=True, choices=(*LAYOUTS, STAGE), help="how files are laid out; usd: a stage of OpenUSD"
     )
-    parser.add_argument("-o", "--out", metavar="OUT", required=True, help="folder of the data set, or the stage's file")
+    parser.add_argument(
+        "-o", "--out", metavar="DIR|FILE", required=True, help="folder of the data set, or the stage's file"
+    )
     options.add_lightings(parser)
     parser.add_argument("--normalize", action="store_true", help="move and scale the world into a box of ±1")
     parser.add_argument("--split", choices=("camera", "lighting", "both"), default="camera", help="what is held out")

@@ -205,6 +205,8 @@ def test_completion(shell: str, run: Run) -> None:
     assert done.returncode == 0
     assert all(command.name in done.stdout for command in COMMANDS)
     if shell == "bash":
+        for place in ("render_pos_0", "studio_pos_0", "proxy_pos_0", "sheet_pos_0", "export___out", "mix___out"):
+            assert f"_shtab_mirelight_{place}_COMPGEN=" in done.stdout
         assert subprocess.run(["bash", "-n"], input=done.stdout, text=True, check=False).returncode == 0
 
 

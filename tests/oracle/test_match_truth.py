@@ -11,7 +11,7 @@ from mirelight.apps.match import LayerMatch, match, read_target
 from mirelight.pipeline.scene import prepare
 
 SCENES = Path(__file__).parents[2] / "scenes"
-SETTINGS = ["render.spp=16", "render.denoise=true", "relight.texture_scale=0.5"]
+SETTINGS = ["resolution=[448, 252]", "render.spp=16", "render.denoise=true", "relight.texture_scale=0.5"]
 
 
 def found(

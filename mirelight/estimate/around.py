@@ -8,13 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirelight.estimate.tuning import TUNING
 from mirelight.lighting.observed import Samples
 from mirelight.model import F64
-
-NEAREST = 12  # samples that are looked at for each place
-_REACH = 3.0  # of a place's extent: the distance within which others count; as far as shadow edges are left out
-_OFF = 0.5  # of a place's extent: how far off the place's plane one may lie
-_FACING = 0.95  # least cosine between both planes
 
 
 def evened(samples: Samples, color: F64, points: F64, normals: F64, spread: F64) -> F64:
@@ -29,12 +25,12 @@ def evened(samples: Samples, color: F64, points: F64, normals: F64, spread: F64)
     from scipy.spatial import cKDTree
 
     extent = float(np.median(np.linalg.norm(spread, axis=2).max(axis=1)))
-    count = min(NEAREST, len(samples.points))
+    count = min(TUNING.around_nearest, len(samples.points))
     _, near = cKDTree(samples.points).query(points, k=[*range(1, count + 1)], workers=-1)
     away = samples.points[near] - points[:, None]
-    counted = np.abs(np.einsum("nkj,nj->nk", samples.planes[near], normals)) > _FACING
-    counted &= np.abs(np.einsum("nkj,nj->nk", away, normals)) <= _OFF * extent
-    squared = (away * away).sum(axis=2) / max(_REACH * extent, 1e-30) ** 2
+    counted = np.abs(np.einsum("nkj,nj->nk", samples.planes[near], normals)) > TUNING.around_facing
+    counted &= np.abs(np.einsum("nkj,nj->nk", away, normals)) <= TUNING.around_off * extent
+    squared = (away * away).sum(axis=2) / max(TUNING.around_reach * extent, 1e-30) ** 2
     counted &= squared <= 1
     weight = counted * samples.weight[near] * np.exp(-0.5 * squared)
     whole = weight.sum(axis=1)

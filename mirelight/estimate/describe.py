@@ -7,15 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from mirelight.base.colour import REC709_LUMINANCE
+from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Estimate
 from mirelight.model import F64, AreaLight, PointLight, SpotLight
 
-HALVES_AGREE = 0.15  # factor less 1 between the irradiances of both halves
-DISC_KNOWN = 3.0  # degrees between the narrowest and the widest disc, above which its width is a guess
 _UNITS = {PointLight: "candela", SpotLight: "candela", AreaLight: "cd/m²"}  # the rest: lux
-SURE_LAMP = 0.01  # of the differences: a lamp that explains less may stand for what the proxy gets wrong
-BEATEN = 2.0  # standard errors by which shadows' edges speak for another sun, above which a direction is a guess
-LITTLE = 0.03  # of the differences explained elsewhere: hardly any; asked where no shadow has an edge
 
 
 def described(found: Estimate) -> Iterator[str]:
@@ -35,7 +31,7 @@ def described(found: Estimate) -> Iterator[str]:
         strength, unit = _luminance(light.color * light.intensity), _UNITS.get(type(light), "lux")
         yield f"light        {light.name}: {strength:.3g} {unit}"
     for lamp, gain in zip(found.lamps, c.lamps_gain, strict=True):
-        weak = "" if gain >= SURE_LAMP else "a weak one, perhaps none: "
+        weak = "" if gain >= TUNING.doubt_sure_lamp else "a weak one, perhaps none: "
         yield (
             f"lamp         {weak}at ({_numbers(lamp[:3])}), {_luminance(lamp[3:]):.3g} candela; explains {gain:.3f} of "
             "the differences in splats that it was not found from"
@@ -60,11 +56,11 @@ def described(found: Estimate) -> Iterator[str]:
 def doubts(found: Estimate) -> Iterator[str]:
     """What speaks against it, and not against every estimate, a line each: it may be worse than none."""
     c = found.confidence
-    if found.sun.any() and not c.sun_beaten <= BEATEN:
+    if found.sun.any() and not c.sun_beaten <= TUNING.doubt_beaten:
         yield "where the sun stood: edges of its shadows speak for another one, so its direction is a guess"
-    if not c.halves_apart <= HALVES_AGREE:
+    if not c.halves_apart <= TUNING.doubt_halves_agree:
         yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
-    if not found.sun.any() and c.held_out < LITTLE:  # one with a sun is judged by its shadows' edges
+    if not found.sun.any() and c.held_out < TUNING.doubt_little:  # one with a sun is judged by its shadows' edges
         yield "whether this is the light at all: it explains hardly more than even light from everywhere"
 
 
@@ -83,7 +79,7 @@ def unknown(found: Estimate) -> Iterator[str]:
         )
     yield from doubts(found)
     low, high = c.sun_disc
-    if found.sun.any() and high - low > DISC_KNOWN:
+    if found.sun.any() and high - low > TUNING.doubt_disc_known:
         yield f"how wide the sun's disc is: anything from {low:.2g}° to {high:.2g}° explains about as much"
     if c.albedo[2] > 1:
         yield "the light where albedos come out above 1: glow, gloss, or a proxy that misfits there"

@@ -14,23 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.estimate.tuning import TUNING
 from mirelight.lighting import Tracer
 from mirelight.lighting.observed import Pixels, pixels_of
 from mirelight.model import F64, I32, Lighting, Material, ProxyMesh, RenderSettings, SplatLayer, triangles
-
-ROUGHNESSES = (0.2, 0.35, 0.5, 0.7)  # that are tried; smoother gloss than this shows in few pixels
-MOST_VIEWS = 12
-SPP = 16
-EXPLAINED = 0.1  # share of the changes in the other half, from which a gloss is taken; matt surfaces have 0.02
-STRENGTH = (0.4, 2.5)  # of the lobe that glTF has at the fitted one
-METAL = 5.0  # times a dielectric's lobe: what is so much stronger is a metal
-WHITE = 0.9  # linear: pixels that may have been any brighter
-FINEST = 400  # cells along the size of the mesh, in which pixels of all views are compared
-REGIONS = 24  # of a mesh without materials of its own
-_FEWEST = 200  # pixels of a region
-_PLACES = 4096  # of the surface, that regions are told by
-_COLOR = 0.12  # display value, and
-_PLACE = 0.35  # share of the size: as far apart as that counts for two regions
 
 Int = NDArray[np.int64]
 
@@ -99,11 +86,11 @@ def finishes(
     """
     normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
     size = float(np.linalg.norm(mesh.bounds[1].astype(np.float64) - mesh.bounds[0]))
-    some = views[:: -(-len(views) // MOST_VIEWS)]
+    some = views[:: -(-len(views) // TUNING.gloss_most_views)]
     bare = Tracer(mesh, settings, layers=False, aovs=False)
     pixels = [pixels_of(x, bare, normals, size) for x in some]
     seen = Pixels(*(np.concatenate([getattr(x, name) for x in pixels]) for name in Pixels.__slots__))
-    lobes = np.stack([_mirrored(mesh, x, light, some, pixels, settings, report) for x in ROUGHNESSES])
+    lobes = np.stack([_mirrored(mesh, x, light, some, pixels, settings, report) for x in TUNING.gloss_roughnesses])
     return tuple(_finish(name, _evidence(seen, regions[seen.face] == k, lobes, size)) for k, name in enumerate(names))
 
 
@@ -121,7 +108,7 @@ def _mirrored(
         report(f"finishes: what a roughness of {roughness:g} would mirror, in {len(views)} views")
     coat = replace(Material(), roughness=roughness)
     coated = replace(mesh, materials=(coat,), face_materials=None, albedo=None)
-    tracer = Tracer(coated, replace(settings, spp=SPP), layers=False, aovs=False, lobes=True)
+    tracer = Tracer(coated, replace(settings, spp=TUNING.gloss_spp), layers=False, aovs=False, lobes=True)
     parts = []
     for view, those in zip(views, pixels, strict=True):
         made = tracer.trace(light, view.camera)
@@ -132,8 +119,8 @@ def _mirrored(
 
 def _evidence(seen: Pixels, own: NDArray[np.bool_], lobes: F64, size: float) -> _Evidence:
     """What a region's pixels tell: how they differ from others of the same place."""
-    rows = np.flatnonzero(own & (seen.color.max(axis=1) < WHITE))
-    cell = np.floor(seen.points[rows] * (FINEST / size)).astype(np.int64)
+    rows = np.flatnonzero(own & (seen.color.max(axis=1) < TUNING.gloss_white))
+    cell = np.floor(seen.points[rows] * (TUNING.gloss_finest / size)).astype(np.int64)
     _, of = np.unique(cell, axis=0, return_inverse=True)
     of, count = of.ravel(), int(of.max(initial=-1)) + 1
     often = np.maximum(np.bincount(of, minlength=count), 1)
@@ -149,15 +136,17 @@ def _evidence(seen: Pixels, own: NDArray[np.bool_], lobes: F64, size: float) -> 
 def _finish(name: str, told: _Evidence) -> Finish:
     """The lobe that explains most of the other half, both ways."""
     matt = Finish(name, len(told.color), 1.0, 0.0, 0.0)
-    if len(told.color) < _FEWEST:
+    if len(told.color) < TUNING.gloss_fewest:
         return matt
-    fits = [[told.fit(k, half) for half in (False, True)] for k in range(len(ROUGHNESSES))]
+    fits = [[told.fit(k, half) for half in (False, True)] for k in range(len(TUNING.gloss_roughnesses))]
     shares = [min(share for _, share in both) for both in fits]
     best = int(np.argmax(shares))
     strengths = [strength for strength, _ in fits[best]]
     strength = float(np.mean(strengths))
-    is_metal = min(strengths) > METAL
-    if shares[best] < EXPLAINED or not (is_metal or STRENGTH[0] < strength < STRENGTH[1]):
+    is_metal = min(strengths) > TUNING.gloss_metal
+    if shares[best] < TUNING.gloss_explained or not (
+        is_metal or TUNING.gloss_strength[0] < strength < TUNING.gloss_strength[1]
+    ):
         return replace(matt, explained=max(shares[best], 0.0))
     return Finish(name, len(told.color), _between(shares, best), float(is_metal), shares[best])
 
@@ -165,10 +154,10 @@ def _finish(name: str, told: _Evidence) -> Finish:
 def _between(shares: Sequence[float], best: int) -> float:
     """The roughness at the top of a parabola through the best share and those beside it."""
     if not 0 < best < len(shares) - 1:
-        return ROUGHNESSES[best]
-    x, y = np.array(ROUGHNESSES[best - 1 : best + 2]), np.array(shares[best - 1 : best + 2])
+        return TUNING.gloss_roughnesses[best]
+    x, y = np.array(TUNING.gloss_roughnesses[best - 1 : best + 2]), np.array(shares[best - 1 : best + 2])
     a, b, _ = np.polyfit(x, y, 2)
-    return round(float(np.clip(-b / (2 * a), x[0], x[2])), 3) if a < 0 else ROUGHNESSES[best]
+    return round(float(np.clip(-b / (2 * a), x[0], x[2])), 3) if a < 0 else TUNING.gloss_roughnesses[best]
 
 
 def regions_of(mesh: ProxyMesh, seed: int = 0) -> tuple[I32, tuple[str, ...]]:
@@ -188,9 +177,12 @@ def regions_of(mesh: ProxyMesh, seed: int = 0) -> tuple[I32, tuple[str, ...]]:
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     size = float(np.linalg.norm(mesh.bounds[1].astype(np.float64) - mesh.bounds[0]))
     colors = np.zeros((len(corners), 3)) if mesh.vertex_colors is None else mesh.vertex_colors[mesh.faces].mean(axis=1)
-    told = np.concatenate([srgb_encode(np.clip(colors, 0, 1)) / _COLOR, corners.mean(axis=1) / (_PLACE * size)], axis=1)
-    even, _ = triangles.strewn(corners, _PLACES)
-    middles, _ = kmeans2(told[even], REGIONS, seed=seed, minit="++")
+    told = np.concatenate(
+        [srgb_encode(np.clip(colors, 0, 1)) / TUNING.gloss_color, corners.mean(axis=1) / (TUNING.gloss_place * size)],
+        axis=1,
+    )
+    even, _ = triangles.strewn(corners, TUNING.gloss_places)
+    middles, _ = kmeans2(told[even], TUNING.gloss_regions, seed=seed, minit="++")
     _, nearest = cKDTree(middles).query(told)
     there, regions = np.unique(nearest, return_inverse=True)
     return regions.astype(np.int32).ravel(), tuple(f"part {k + 1}" for k in range(len(there)))

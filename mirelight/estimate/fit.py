@@ -19,27 +19,13 @@ from numpy.typing import NDArray
 
 from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.sky import ABOVE, PATCHES, RING_OF, RINGS
+from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
 
 Int: TypeAlias = NDArray[np.int64]
 Chosen: TypeAlias = Int | NDArray[np.bool_]
 
-BANDS = (1, 4, 16, 64, 256)  # first neighbours by nearness of each band, and the end of the last
-EACH = 3  # places of each band that a place is paired with
-ALIKE = 0.12  # of the logarithm of chroma: how far albedos of one material may differ
-ACROSS = 0.3  # of the pairs: what those of a place in the sun and one in its shadow count for at least
-MOST_WORTH = 8.0  # but each no more than so many others
-WHITE_OUT = 0.98  # linear: what shows as bright may have been any brighter
-ROBUST = 0.25  # of the logarithm of albedo: beyond, two places are of different material
-WHITE = 0.3  # weight of light from sun and sky that is white in the mean
-DARK, BRIGHT, BOUNDS = 0.035, 0.7, 0.2  # albedos, and the weight of those beyond; blur takes contrast, and so light
-SMOOTH = 0.2  # weight of patches that differ from their ring's mean
-STEADY = 0.01  # weight of rings above the horizon that differ from the next: a proxy's errors pass for such skies
-FLOOR = 0.005  # of the mean irradiance, added: nothing is black
-STEPS = 150
-_RATE = 0.06
 _BEAMS = len(RINGS) + PATCHES  # row of the first beam
-_AGAIN = 20  # steps after which pairs are weighed anew
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +45,9 @@ class Pairs:
         """
         both = lit[self.a] != lit[self.b]
         share = float(both.mean()) if len(both) else 1.0
-        if not 0 < share < ACROSS:
+        if not 0 < share < TUNING.fit_across:
             return self
-        more = min(ACROSS / (1 - ACROSS) * (1 - share) / share, MOST_WORTH)
+        more = min(TUNING.fit_across / (1 - TUNING.fit_across) * (1 - share) / share, TUNING.fit_most_worth)
         return replace(self, worth=np.where(both, more, 1.0))
 
     def of_rows(self, rows: NDArray[np.bool_]) -> Pairs:
@@ -89,7 +75,9 @@ class Pairs:
             d = places[own] - others[other]
             like = self._one_material(d, own, other)
             surely(d, self.clipped[own], self.clipped[other])
-            out += np.bincount(own, like * (ROBUST**2 / (d * d + ROBUST**2)).mean(axis=1), len(out))
+            out += np.bincount(
+                own, like * (TUNING.fit_robust**2 / (d * d + TUNING.fit_robust**2)).mean(axis=1), len(out)
+            )
         return out
 
     def weights(self, log_albedo: F64) -> F64:
@@ -106,7 +94,7 @@ class Pairs:
             both = known[:, i] & known[:, j]
             apart += both * (d[:, i] - d[:, j]) ** 2 / 3
             told |= both
-        return np.asarray(self.worth * told * np.exp(apart / (-2 * ALIKE**2)))
+        return np.asarray(self.worth * told * np.exp(apart / (-2 * TUNING.fit_alike**2)))
 
 
 def surely(d: F64, first: Chosen, second: Chosen) -> F64:
@@ -128,17 +116,17 @@ def pairs_of(points: F64, color: F64, rng: np.random.Generator) -> Pairs:
     from scipy.spatial import cKDTree
 
     n = len(points)
-    last = min(BANDS[-1], n)
+    last = min(TUNING.fit_bands[-1], n)
     _, order = cKDTree(points).query(points, k=last, workers=-1)  # ties at one place are in any order, but the same one
     own, other, nearest = [], [], []
-    for first, end in itertools.pairwise(min(b, n - 1) for b in BANDS):
+    for first, end in itertools.pairwise(min(b, n - 1) for b in TUNING.fit_bands):
         if end > first:
-            rank = rng.integers(first, end, (n, EACH))
-            own.append(np.repeat(np.arange(n), EACH))
+            rank = rng.integers(first, end, (n, TUNING.fit_each))
+            own.append(np.repeat(np.arange(n), TUNING.fit_each))
             other.append(np.take_along_axis(order, rank, axis=1).ravel())
-            nearest.append(np.full(n * EACH, first == BANDS[0]))
+            nearest.append(np.full(n * TUNING.fit_each, first == TUNING.fit_bands[0]))
     a, b = np.concatenate(own).astype(np.int64), np.concatenate(other).astype(np.int64)
-    return Pairs(a, b, np.concatenate(nearest), color >= WHITE_OUT, np.ones(len(a)))
+    return Pairs(a, b, np.concatenate(nearest), color >= TUNING.fit_white_out, np.ones(len(a)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,9 +157,9 @@ def judged(color: F64, light: F64, pairs: Pairs) -> float:
 
 def compared(color: F64, light: F64, pairs: Pairs) -> F64:
     """(P,) what each pair adds to that."""
-    a = np.log(color) - np.log(light + FLOOR * light.mean())
+    a = np.log(color) - np.log(light + TUNING.fit_floor * light.mean())
     d = pairs.apart(a)
-    return np.asarray(pairs.weights(a) * (d * d / (d * d + ROBUST**2)).mean(axis=1))
+    return np.asarray(pairs.weights(a) * (d * d / (d * d + TUNING.fit_robust**2)).mean(axis=1))
 
 
 def fit(
@@ -183,7 +171,7 @@ def fit(
     sky: float,
     beams: Sequence[float],
     firm: NDArray[np.bool_] | None = None,
-    robust: float = ROBUST,
+    robust: float = TUNING.fit_robust,
     steady: float = 0.0,
 ) -> Fitted:
     """Descent (Adam, Kingma and Ba 2015) from an even sky.
@@ -196,7 +184,7 @@ def fit(
         sky: radiance to start from.
         beams: their strengths to start from.
         firm: (N,) places that are fitted to; None: all.
-        robust: of the logarithm of albedo, as `ROBUST`: less where colours are means.
+        robust: of the logarithm of albedo, as `TUNING.fit_robust`: less where colours are means.
         steady: weight of squared logarithms of quotients of neighbouring rings above the horizon.
     """
     task = _Compared.of(color, open_, met, seen, pairs, np.ones(len(color), bool) if firm is None else firm, robust)
@@ -207,10 +195,10 @@ def fit(
     lone = np.asarray(RINGS)[RING_OF] == 1
     first, second = np.zeros_like(theta), np.zeros_like(theta)
     weights = np.zeros(0)
-    for step in range(STEPS):
+    for step in range(TUNING.fit_steps):
         sources = _radiances(theta)
         a, soft = task.albedo(sources)
-        if step % _AGAIN == 0:
+        if step % TUNING.fit_again == 0:
             weights = task.pairs.weights(a.T)
         by_source = task.gradient(sources, a, soft, weights) * sources
         apart = theta[len(RINGS) : _BEAMS]
@@ -219,12 +207,12 @@ def fit(
         step_up = 2 * steady * np.diff(theta[:ABOVE], axis=0)
         gradient[1:ABOVE] += step_up
         gradient[: ABOVE - 1] -= step_up
-        gradient[len(RINGS) : _BEAMS] = by_source[:PATCHES] + (2 * SMOOTH / PATCHES) * apart
+        gradient[len(RINGS) : _BEAMS] = by_source[:PATCHES] + (2 * TUNING.fit_smooth / PATCHES) * apart
         gradient[len(RINGS) : _BEAMS][lone] = 0
         gradient[_BEAMS:] = by_source[PATCHES:]
         first = 0.9 * first + 0.1 * gradient
         second = 0.99 * second + 0.01 * gradient**2
-        rate = _RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS))
+        rate = TUNING.fit_rate * 0.5 * (1 + np.cos(np.pi * step / TUNING.fit_steps))
         theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
     sources = _radiances(theta)
     return Fitted(sources[:PATCHES], sources[PATCHES:], task.loss(sources, weights))
@@ -281,7 +269,7 @@ class _Compared:
         """(3, F) logarithms of albedos under sources (PATCHES + K, 3), and (3, F) that light, with what is added."""
         soft = np.einsum("pc,pn->cn", sources, self.parts)
         soft += self.met
-        soft += FLOOR * self._mean(sources).mean()
+        soft += TUNING.fit_floor * self._mean(sources).mean()
         return self.log_color - np.log(soft), soft
 
     def gradient(self, sources: F64, a: F64, soft: F64, weights: F64) -> F64:
@@ -295,12 +283,12 @@ class _Compared:
             d /= below
             by_light[k] = self.spread @ d
         by_light *= 2 * self.robust**2 / 3
-        over = np.maximum(a - np.log(BRIGHT), 0) - np.maximum(np.log(DARK) - a, 0)
-        by_light += (BOUNDS * 2 / (3 * a.shape[1])) * over
+        over = np.maximum(a - np.log(TUNING.fit_bright), 0) - np.maximum(np.log(TUNING.fit_dark) - a, 0)
+        by_light += (TUNING.fit_bounds * 2 / (3 * a.shape[1])) * over
         by_light /= -soft
         direct = np.maximum(self._mean(sources) - self.mean_met, 1e-12)
         level = np.log(direct)
-        by_mean = FLOOR * by_light.sum() / 3 + WHITE * 2 * (level - level.mean()) / direct
+        by_mean = TUNING.fit_floor * by_light.sum() / 3 + TUNING.fit_white * 2 * (level - level.mean()) / direct
         return np.asarray(np.einsum("pn,cn->pc", self.parts, by_light) + self.mean_parts[:, None] * by_mean)
 
     def loss(self, sources: F64, weights: F64) -> float:

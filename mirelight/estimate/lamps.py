@@ -9,16 +9,9 @@ import numpy as np
 from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.sun import Search
 from mirelight.estimate.transport import Places
+from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
 
-CANDIDATES = 2000  # points in the open space that are looked at
-TRIED = 600  # of these, those of most promise
-REFINED = 4  # of these, that are moved to where they explain most
-APART = 0.06  # of the places' extent, between those that are refined
-_STEPS = (0.04, 0.02, 0.01, 0.005)  # of the places' extent
-_BRIGHT = 0.05  # share of the places
-_CLOSE = (0.005, 0.1)  # of the extent
-_NEAREST = 0.02  # of the extent: a lamp nearer than this to a place counts as that far from it
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 
 
@@ -34,7 +27,7 @@ def lit(places: Places, positions: F64) -> F64:
     """(D, N) irradiance / pi at places by lamps of pi candela at positions (D, 3): the cosine over the square of the
     distance where nothing stands between."""
     away = positions[:, None] - places.points
-    squared = np.maximum((away * away).sum(axis=2), (_NEAREST * extent_of(places)) ** 2)
+    squared = np.maximum((away * away).sum(axis=2), (TUNING.lamp_nearest * extent_of(places)) ** 2)
     cosine = np.einsum("dnk,nk->dn", away, places.normals) / np.sqrt(squared)
     d, n = np.nonzero(cosine > 1e-3)
     out = np.zeros_like(cosine)
@@ -56,7 +49,7 @@ def search(of: Search, rng: np.random.Generator) -> Lamp | None:
         return None
     columns = lit(places, positions)
     promise = of.promise(columns)
-    tried = np.argsort(-promise, kind="stable")[:TRIED]
+    tried = np.argsort(-promise, kind="stable")[: TUNING.lamp_tried]
     losses = np.array([of.rough(columns[k]) for k in tried])
     found = [_refined(of, positions[tried[k]]) for k in _apart(places, positions[tried], losses)]
     return min(found, key=lambda lamp: lamp.loss)
@@ -66,8 +59,8 @@ def _between(places: Places, rng: np.random.Generator) -> F64:
     """(D, 3) points in the open, along rays from places to the surface that they face: half from anywhere, half close
     to the brightest places, which lamps are near to: within their shades light comes from hardly anywhere else."""
     bright = places.color.min(axis=1)
-    brightest = np.argsort(-bright, kind="stable")[: max(round(_BRIGHT * len(places)), 1)]
-    half = CANDIDATES // 2
+    brightest = np.argsort(-bright, kind="stable")[: max(round(TUNING.lamp_bright * len(places)), 1)]
+    half = TUNING.lamp_candidates // 2
     rows = np.concatenate([rng.integers(0, len(places), half), brightest[rng.integers(0, len(brightest), half)]])
     way = rng.standard_normal((2 * half, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -75,18 +68,20 @@ def _between(places: Places, rng: np.random.Generator) -> F64:
     _, clear = places.sight.first_hits(places.points[rows], way)
     size = extent_of(places)
     far = np.minimum(clear, 0.5 * size) * rng.uniform(0.1, 0.9, 2 * half)
-    close = np.minimum(0.9 * clear, size * np.exp(rng.uniform(np.log(_CLOSE[0]), np.log(_CLOSE[1]), 2 * half)))
+    close = np.minimum(
+        0.9 * clear, size * np.exp(rng.uniform(np.log(TUNING.lamp_close[0]), np.log(TUNING.lamp_close[1]), 2 * half))
+    )
     distance = np.where(np.arange(2 * half) < half, far, close)
     return np.asarray(places.points[rows] + way * distance[:, None])
 
 
 def _apart(places: Places, positions: F64, losses: F64) -> list[int]:
     out: list[int] = []
-    least = APART * extent_of(places)
+    least = TUNING.lamp_apart * extent_of(places)
     for k in np.argsort(losses, kind="stable"):
         if all(np.linalg.norm(positions[k] - positions[j]) > least for j in out):
             out.append(int(k))
-        if len(out) == REFINED:
+        if len(out) == TUNING.lamp_refined:
             break
     return out
 
@@ -95,7 +90,7 @@ def _refined(of: Search, position: F64) -> Lamp:
     """Steps to the better of six neighbours, ever smaller."""
     loss = float(of.losses(lit(of.places, position[None])[0]).min())
     size = extent_of(of.places)
-    for step in _STEPS:
+    for step in TUNING.lamp_steps:
         for _ in range(6):
             near = position + step * size * _AXES
             found = np.array([of.losses(column).min() for column in lit(of.places, near)])

@@ -16,23 +16,10 @@ from mirelight.estimate.groups import groups
 from mirelight.estimate.sky import PATCHES, as_map, glow
 from mirelight.estimate.sun import Search, Sun
 from mirelight.estimate.transport import Places, places_of
+from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Confidence, Estimate
 from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 
-LEAST_OPEN = 0.003  # share of the view that must be sky
-LEAST_BLOCKED = 0.15  # of the view by other surfaces, below which the scale is not known
-MEAN_ALBEDO = 0.35  # where it cannot
-WIDEST_SUN = 9.0  # degrees, of its radius: what is wider is sky
-AGREED = 2  # times that places are asked whether proxy and picture agree: after the first the sun is stronger
-LEAST_GAIN = 0.004  # of the loss by a sun, below which there is none
-NO_CHANCE = 10.0  # degrees between the suns of both halves, up to which there is one, though its direction be a guess
-SEARCHED = 1500  # places of each half that the sun is searched with
-MOST_LAMPS = 3
-GROUPED = 0.4  # share of the fit to means in what is found
-ROBUST_GROUPED = 0.18  # as fit.ROBUST: means of places differ less by texture
-UNEVEN = 0.03  # of the loss: a sky that explains places by so much better than a steady one is uneven in truth
-EVEN = (MEAN_ALBEDO, 0.45)  # albedo and the sun's share of the direct light, that a steady sky's fit starts from
-LAMPS_SHARE = 0.25  # of the direct light: where a lamp's strength starts from
 _LEAST_DISC = 0.53  # degrees, the sun's own
 _NO_LAMPS = np.zeros((0, 3))
 
@@ -83,7 +70,7 @@ def estimate(
         BackendError: the variant cannot be used on this machine.
     """
     places = places_of(splats, proxy, settings, lights, views)
-    if 1 - places.blocked < LEAST_OPEN and not lights:
+    if 1 - places.blocked < TUNING.least_open and not lights:
         raise RenderError(
             f"only {1 - places.blocked:.2%} of what the splats on the proxy face is open, so no light comes in from "
             "outside; name the lamps inside in the job's [captured], or leave windows open"
@@ -101,10 +88,10 @@ def estimate(
         dark = _fitted(places, told, None, shining, firm)
         best = dark if best.sun is None else _fitted(places, told, best.sun, shining, firm)
         gain = dark.light.loss - best.light.loss
-        if gain < LEAST_GAIN:  # the sun was the lamps
+        if gain < TUNING.least_gain:  # the sun was the lamps
             best = dark
         found = [_settled(half, p, best.sun and s, shining) for half, p, s in zip(halves, pairs, suns, strict=True)]
-    known = places.blocked >= LEAST_BLOCKED
+    known = places.blocked >= TUNING.least_blocked
     scale = 1.0 if known else _scale_for_albedo(places, best)
     light = best.at(places) if known else _scaled(best, scale).at(places)
     both = [one.at(places) for one in found]
@@ -182,15 +169,15 @@ def _lamps(halves: list[Places], pairs: list[Pairs], base: _Found, rng: np.rando
     some = half.taken(_thinned(half))
     search = Search.of(some, fit.pairs_of(some.points, some.color, rng))
     positions, gains = np.zeros((0, 3)), list[float]()
-    while len(positions) < MOST_LAMPS:
+    while len(positions) < TUNING.most_lamps:
         over = lamps.over(search, base.at(some) - some.met)
         lamp = lamps.search(over, rng)
-        if lamp is None or float(over.losses(np.zeros(len(some))).min()) - lamp.loss < LEAST_GAIN:
+        if lamp is None or float(over.losses(np.zeros(len(some))).min()) - lamp.loss < TUNING.least_gain:
             break
         more = np.concatenate([positions, lamp.position[None]])
         found = _settled(half, pairs[0], base.sun, more)
         before, after = (fit.judged(other.color, one.at(other), pairs[1]) for one in (base, found))
-        if before - after < LEAST_GAIN:
+        if before - after < TUNING.least_gain:
             break
         positions, base = more, found
         gains.append(before - after)
@@ -199,7 +186,7 @@ def _lamps(halves: list[Places], pairs: list[Pairs], base: _Found, rng: np.rando
 
 def _thinned(half: Places) -> NDArray[np.int64]:
     """Rows of the places that are searched with."""
-    return np.arange(0, len(half), max(-(-len(half) // SEARCHED), 1))
+    return np.arange(0, len(half), max(-(-len(half) // TUNING.searched), 1))
 
 
 def _firm(places: Places, found: Sun | None) -> NDArray[np.bool_]:
@@ -235,9 +222,9 @@ def _fitted(
         named=beside.mean(places.named),
     )
     # the nearest share most of their groups
-    grouped = _Task(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ROBUST_GROUPED)
+    grouped = _Task(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, TUNING.robust_grouped)
     means = _steadied(grouped)
-    return replace(single, light=single.light.mixed(means.light, GROUPED))
+    return replace(single, light=single.light.mixed(means.light, TUNING.grouped))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -250,7 +237,7 @@ class _Task:
     lamps: F64  # (L, 3) positions
     seen: F64  # (N, K) what the sun, lights that are known and lamps bring
     firm: NDArray[np.bool_]  # (N,) places that count
-    robust: float = fit.ROBUST
+    robust: float = TUNING.fit_robust
 
 
 def _steadied(task: _Task) -> _Found:
@@ -259,19 +246,19 @@ def _steadied(task: _Task) -> _Found:
     What a proxy gets wrong lets a free sky drift, as dark above or as bright as it takes; a soft box over a yard is
     as uneven in truth. How much of the differences either explains tells them apart.
     """
-    steady, free = _descended(task, EVEN, fit.STEADY), _descended(task)
-    return free if free.light.loss < steady.light.loss - UNEVEN else steady
+    steady, free = _descended(task, TUNING.even, TUNING.fit_steady), _descended(task)
+    return free if free.light.loss < steady.light.loss - TUNING.uneven else steady
 
 
 def _descended(task: _Task, start: tuple[float, float] | None = None, steady: float = 0.0) -> _Found:
     """The fit from an even sky, and a sun of that mean albedo and share, or of those that it was found with."""
     places = task.places
-    albedo, share = (MEAN_ALBEDO, 0.0) if task.sun is None else start or task.sun.start
+    albedo, share = (TUNING.mean_albedo, 0.0) if task.sun is None else start or task.sun.start
     level = places.color.mean() / albedo
     direct = max(level - places.met.mean(), 0.1 * level)
     opening = float(places.open.sum(axis=1).mean())
-    sky = direct * (1 - share) / max(opening, 1e-6) if opening >= LEAST_OPEN else 0.0
-    shares = [share] * (task.sun is not None) + [LAMPS_SHARE] * (places.named.shape[1] + len(task.lamps))
+    sky = direct * (1 - share) / max(opening, 1e-6) if opening >= TUNING.least_open else 0.0
+    shares = [share] * (task.sun is not None) + [TUNING.lamps_share] * (places.named.shape[1] + len(task.lamps))
     beams = [direct * of / max(float(mean), 1e-9) for of, mean in zip(shares, task.seen.mean(axis=0), strict=True)]
     # a sky with a sun is fitted by what it differs from one that glows around it, as bright at these places
     shape = np.ones(PATCHES) if task.sun is None else glow(task.sun.to_sun)
@@ -289,18 +276,18 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found,
         return _fitted(places, pairs, None), 0.0
     best = max(tried, key=lambda x: x.gain)
     gain = _gain(places, pairs, best.light.sun)
-    if _apart(suns) <= NO_CHANCE:  # what both halves ask for
+    if _apart(suns) <= TUNING.no_chance:  # what both halves ask for
         gain = max(gain, best.gain)
-    if gain < LEAST_GAIN or best.light.sun is None:
+    if gain < TUNING.least_gain or best.light.sun is None:
         return _fitted(places, pairs, None), gain
     moved = sun.moved(places, best.pairs, best.light.sun, best.light.light)
-    if moved.radius > WIDEST_SUN:
+    if moved.radius > TUNING.widest_sun:
         return _fitted(places, pairs, None), gain
     rough = _agreed(places, pairs, moved)
     firm = _firm(places, moved) & rough.rows
     found, dark = (_fitted(places, rough.pairs, one, firm=firm) for one in (moved, None))
-    if dark.light.loss - found.light.loss < LEAST_GAIN:  # away from shadows' edges nothing tells of it: they do
-        return (rough.light, rough.gain) if rough.gain >= LEAST_GAIN else (_each(places, pairs, moved), gain)
+    if dark.light.loss - found.light.loss < TUNING.least_gain:  # away from shadows' edges nothing tells of it: they do
+        return (rough.light, rough.gain) if rough.gain >= TUNING.least_gain else (_each(places, pairs, moved), gain)
     return found, dark.light.loss - found.light.loss
 
 
@@ -320,8 +307,8 @@ def _agreed(places: Places, pairs: Pairs, one: Sun) -> _Agreed:
     seen = _beams(places, one, _NO_LAMPS)
     across = pairs.across(sun.lit(places, seen[:, 0], one.to_sun))
     rows = firm = _firm(places, one)
-    for _ in range(AGREED):
-        first = _descended(_Task(places, across, one, _NO_LAMPS, seen, rows), EVEN, fit.STEADY)
+    for _ in range(TUNING.agreed):
+        first = _descended(_Task(places, across, one, _NO_LAMPS, seen, rows), TUNING.even, TUNING.fit_steady)
         rows = firm & sun.agreeing(places, across, one, seen[:, 0], first.at(places), first.light.beams[0])
     found, dark = (
         _descended(_Task(places, across, x, _NO_LAMPS, _beams(places, x, _NO_LAMPS), rows)) for x in (one, None)
@@ -360,13 +347,13 @@ def _scaled(found: _Found, scale: float) -> _Found:
 
 
 def _scale_for_albedo(places: Places, found: _Found) -> float:
-    """The factor that makes the mean albedo `MEAN_ALBEDO`: 24 halvings of a range of 1/64 to 64."""
+    """The factor that makes the mean albedo `TUNING.mean_albedo`: 24 halvings of a range of 1/64 to 64."""
     direct = found.at(places) - places.met
     low, high = -6.0, 6.0
     for _ in range(24):
         middle = (low + high) / 2
         albedo = np.clip(places.color / (direct * 2.0**middle + places.met), 0, 1).mean()
-        low, high = (middle, high) if albedo > MEAN_ALBEDO else (low, middle)
+        low, high = (middle, high) if albedo > TUNING.mean_albedo else (low, middle)
     return float(2.0 ** ((low + high) / 2))
 
 

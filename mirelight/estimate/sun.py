@@ -10,39 +10,13 @@ from numpy.typing import NDArray
 
 from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.base.conventions import frame_around
-from mirelight.estimate.fit import FLOOR, ROBUST, WHITE_OUT, Fitted, Pairs, compared, light_of, surely
+from mirelight.estimate.fit import Fitted, Pairs, compared, light_of, surely
 from mirelight.estimate.sky import sphere
 from mirelight.estimate.transport import Places
+from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
 
-DIRECTIONS = 5000  # over the whole sphere: 3 degrees apart
-RIVALS = 1250  # over the whole sphere, that a sun which was found is compared with
-TRIED = 1000  # of these, those of most promise
-STARTS = 3  # of these, that are refined
-VOTED = 3  # more of all, by votes of pairs across shadows' edges: what a proxy gets wrong hides a sun from the search
-VOTED_RADIUS = 0.5  # degrees, that these start with: such a proxy's edges tell no disc
-ALBEDOS = (0.2, 0.35, 0.6)  # mean ones that are tried
-SHARES = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)  # of the sun in the direct light that are tried
-LEAST_LIT = 0.01  # share of the places that a sun must reach
-RADII = (0.0, 0.5, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)  # degrees, of the disc
-_NEAR = 3  # radii to either side of the one that a sun was found with, that are compared closely
-_BLOCKS = 5  # halvings of the places, to blocks whose losses are taken for independent of each other
-_SURELY = 2.0  # standard errors, beyond which a radius explains less in truth
 _AT_ONCE = 250  # directions
-_WIDE = 1.0  # of the logarithm of albedo: differences that count in full before light is found
-_STEPS = (4.0, 2.0, 1.0, 0.5, 0.25)  # degrees, of the refinement
-_DISC = 24  # points of a disc
-_FEW = 8  # of a disc that is being moved
-_ACROSS = 1.5  # standard deviations of a splat, out to which the sun is asked for
-_AROUND = 3.0  # standard deviations of a splat, out to which a proxy's shadow edge may miss the picture's
-_FEWEST, _WHITE = 0.3, 0.5  # shares: of places off shadows' edges, and of those of them in the sun that show white
-_MOSTLY = 0.5  # of the sun: a place that sees more of it is lit
-_CHANGED = 0.02  # of the sun: more of it than that counts as a change
-_SAME = 1.0  # degrees between two suns that are one
-_ELSEWHERE = np.cos(np.radians(16.0))  # from a sun: nearer ones share most of its shadows
-_PLANE = 0.9  # least cosine between the planes of two places that a shadow's edge is looked for between
-_TOWARDS = 0.1  # least cosine of both towards the sun
-_MOST_VOTE = 1.5  # of the logarithm of albedo: what one pair counts at most
 _STRIDE = 5  # no divisor of either number of points: which point of the splat goes with which of the disc
 
 
@@ -82,15 +56,15 @@ class Search:
 
     def even(self) -> F64:
         """(N,) irradiance / pi without a sun, at a middle albedo."""
-        level = self.mean / ALBEDOS[1]
+        level = self.mean / TUNING.sun_albedos[1]
         direct = max(level - self.met.mean(), 0.1 * level)
-        return np.asarray(self.met + direct * self.sky / max(self.sky.mean(), 1e-9) + FLOOR * level)
+        return np.asarray(self.met + direct * self.sky / max(self.sky.mean(), 1e-9) + TUNING.fit_floor * level)
 
     def wanted(self) -> F64:
         """(N,) by how much more light at each place, in proportion to what there is, would make albedos more alike."""
         light, pairs = self.even(), self.pairs
         d = self.apart(self.log_color - np.log(light))
-        pull = self.weights * d / (d * d + _WIDE**2) ** 2
+        pull = self.weights * d / (d * d + TUNING.sun_wide**2) ** 2
         n = len(light)
         return np.asarray(np.bincount(pairs.a, pull, n) - np.bincount(pairs.b, pull, n))
 
@@ -116,22 +90,26 @@ class Search:
         """(D, V) for the pairs in one plane: 1 where the first is in the sun and the second is not, -1 the other way
         round, 0 where both are in either or do not face it; arguments as in :meth:`votes`."""
         a, b, _, _ = self._in_plane()
-        lit, faces = seen > 0, ways @ self.places.normals.T > _TOWARDS
+        lit, faces = seen > 0, ways @ self.places.normals.T > TUNING.sun_towards
         return np.where(faces[:, a] & faces[:, b], lit[:, a].astype(np.float64) - lit[:, b], 0.0)
 
     def _in_plane(self) -> tuple[NDArray[np.int64], NDArray[np.int64], F64, F64]:
         """(V,) each, of pairs in one plane: first and second place, the vote, and the square of its weight."""
         pairs, normals = self.pairs, self.places.normals
-        plane = np.einsum("nk,nk->n", normals[pairs.a], normals[pairs.b]) > _PLANE
+        plane = np.einsum("nk,nk->n", normals[pairs.a], normals[pairs.b]) > TUNING.sun_plane
         weight = self.weights[plane]
-        more = np.clip(self.apart(self.log_color - np.log(self.even()))[plane], -_MOST_VOTE, _MOST_VOTE)
+        more = np.clip(
+            self.apart(self.log_color - np.log(self.even()))[plane], -TUNING.sun_most_vote, TUNING.sun_most_vote
+        )
         return pairs.a[plane], pairs.b[plane], weight * more, weight**2
 
     def rough(self, seen: F64) -> float:
         """The least of a few losses of :meth:`losses`, of a sun of these cosines (N,)."""
-        return float(self.losses(seen, ALBEDOS[1:2], SHARES[1:4:2]).min())
+        return float(self.losses(seen, TUNING.sun_albedos[1:2], TUNING.sun_shares[1:4:2]).min())
 
-    def losses(self, seen: F64, albedos: Sequence[float] = ALBEDOS, shares: Sequence[float] = SHARES) -> F64:
+    def losses(
+        self, seen: F64, albedos: Sequence[float] = TUNING.sun_albedos, shares: Sequence[float] = TUNING.sun_shares
+    ) -> F64:
         """(A, S) losses with a sun of these cosines (N,), by the mean albedo and the sun's share."""
         out = np.empty((len(albedos), len(shares)))
         sky, sun = self.sky / max(self.sky.mean(), 1e-9), seen / max(seen.mean(), 1e-9)
@@ -139,10 +117,10 @@ class Search:
             level = self.mean / albedo
             direct = max(level - self.met.mean(), 0.1 * level)
             for k, share in enumerate(shares):
-                light = self.met + direct * ((1 - share) * sky + share * sun) + FLOOR * level
+                light = self.met + direct * ((1 - share) * sky + share * sun) + TUNING.fit_floor * level
                 d = self.apart(self.log_color - np.log(light))
                 d *= d
-                out[i, k] = (self.weights * (d / (d + ROBUST**2))).sum()
+                out[i, k] = (self.weights * (d / (d + TUNING.fit_robust**2))).sum()
         return out
 
 
@@ -155,7 +133,10 @@ class Sun:
     seen: F64  # (N,) cosine times the visible share of the disc
     loss: float
     start: tuple[float, float]  # mean albedo and share of the sun that it was found with
-    radii: tuple[float, float] = (0.0, RADII[-1])  # degrees: none of these surely explains less, as far as was asked
+    radii: tuple[float, float] = (
+        0.0,
+        TUNING.sun_radii[-1],
+    )  # degrees: none of these surely explains less, as far as was asked
 
 
 def search(of: Search) -> tuple[Sun, ...]:
@@ -165,15 +146,15 @@ def search(of: Search) -> tuple[Sun, ...]:
     Through windows, and through the leaks of a proxy, a sun a few degrees off lights the wrong places, so directions
     are close; those are tried whose light lies where a little more of it would make albedos more alike.
     """
-    directions = sphere(DIRECTIONS)
-    promise, votes = np.full(DIRECTIONS, -np.inf), np.full(DIRECTIONS, -np.inf)
-    for first in range(0, DIRECTIONS, _AT_ONCE):
+    directions = sphere(TUNING.sun_directions)
+    promise, votes = np.full(TUNING.sun_directions, -np.inf), np.full(TUNING.sun_directions, -np.inf)
+    for first in range(0, TUNING.sun_directions, _AT_ONCE):
         rows = slice(first, first + _AT_ONCE)
         seen = of.places.facing(directions[rows])
-        enough = (seen > 0).mean(axis=1) >= LEAST_LIT
+        enough = (seen > 0).mean(axis=1) >= TUNING.sun_least_lit
         promise[rows] = np.where(enough, of.promise(seen), -np.inf)
         votes[rows] = np.where(enough, of.votes(directions[rows], seen), -np.inf)
-    tried = np.argsort(-promise, kind="stable")[:TRIED]
+    tried = np.argsort(-promise, kind="stable")[: TUNING.sun_tried]
     tried = tried[np.isfinite(promise[tried])]
     if not len(tried):
         return ()
@@ -185,11 +166,14 @@ def search(of: Search) -> tuple[Sun, ...]:
         return -of.votes(near, of.places.facing(near))
 
     rough = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
-    found = [_with_disc(of, _refined(losses, directions[tried[k]])) for k in _apart(directions[tried], rough, STARTS)]
-    for k in _apart(directions, -votes, VOTED):
+    found = [
+        _with_disc(of, _refined(losses, directions[tried[k]]))
+        for k in _apart(directions[tried], rough, TUNING.sun_starts)
+    ]
+    for k in _apart(directions, -votes, TUNING.sun_voted):
         way = _refined(against, directions[k])
-        if all(way @ one.to_sun < np.cos(np.radians(_SAME)) for one in found):
-            found.append(_with_disc(of, way, (VOTED_RADIUS,)))
+        if all(way @ one.to_sun < np.cos(np.radians(TUNING.sun_same)) for one in found):
+            found.append(_with_disc(of, way, (TUNING.sun_voted_radius,)))
     return tuple(found)
 
 
@@ -200,15 +184,15 @@ def beaten(of: Search, way: F64) -> float:
     How much of the colours' differences a light explains tells little of it where surfaces have texture, however right
     the light; of two suns the right one has the edges on which they disagree.
     """
-    rivals = sphere(RIVALS)
-    rivals = rivals[rivals @ way < _ELSEWHERE]
+    rivals = sphere(TUNING.sun_rivals)
+    rivals = rivals[rivals @ way < TUNING.sun_elsewhere]
     own = of.sides(way[None], of.places.facing(way[None]))[0]
     most = -np.inf
     for first in range(0, len(rivals), _AT_ONCE):
         ways = rivals[first : first + _AT_ONCE]
         seen = of.places.facing(ways)
         votes = of.votes(ways, seen, own)
-        most = max(most, float(np.max(votes, where=(seen > 0).mean(axis=1) >= LEAST_LIT, initial=-np.inf)))
+        most = max(most, float(np.max(votes, where=(seen > 0).mean(axis=1) >= TUNING.sun_least_lit, initial=-np.inf)))
     return most
 
 
@@ -226,7 +210,7 @@ def _apart(directions: F64, losses: F64, count: int) -> list[int]:
 def _refined(losses: Callable[[F64], F64], way: F64) -> F64:
     """Steps to the better of eight neighbours, ever smaller."""
     least = float(losses(way[None])[0])
-    for step in _STEPS:
+    for step in TUNING.sun_steps:
         for _ in range(4):
             near = _ring(way, step)
             found = losses(near)
@@ -243,19 +227,21 @@ def _ring(way: F64, degrees: float) -> F64:
     return np.asarray(np.einsum("dk,kj->dj", local, frame_around(way)))
 
 
-def _with_disc(of: Search, way: F64, tried: Sequence[float] = RADII) -> Sun:
+def _with_disc(of: Search, way: F64, tried: Sequence[float] = TUNING.sun_radii) -> Sun:
     best: Sun | None = None
     for radius in tried:
         seen = disc(of.places, way, radius)
         losses = of.losses(seen)
         i, k = np.unravel_index(int(losses.argmin()), losses.shape)
         if best is None or losses[i, k] < best.loss:
-            best = Sun(way, radius, seen, float(losses[i, k]), (ALBEDOS[i], SHARES[k]))
+            best = Sun(way, radius, seen, float(losses[i, k]), (TUNING.sun_albedos[i], TUNING.sun_shares[k]))
     assert best is not None
     return best
 
 
-def disc(places: Places, way: F64, radius: float, points: int = _DISC, across: float = _ACROSS) -> F64:
+def disc(
+    places: Places, way: F64, radius: float, points: int = TUNING.sun_disc, across: float = TUNING.sun_across
+) -> F64:
     """(N,) the mean of cosine where it is seen, over a disc around a direction and over each splat: at a shadow's edge
     a splat shows a mean of light and shadow, and taken for either it makes the sun too weak."""
     k = np.arange(points)
@@ -269,7 +255,7 @@ def disc(places: Places, way: F64, radius: float, points: int = _DISC, across: f
 
 def lit(places: Places, seen: F64, way: F64) -> NDArray[np.bool_]:
     """(N,) places that see most of a sun in a direction: of their cosine, what :func:`disc` has."""
-    return np.asarray(seen > _MOSTLY * np.maximum(places.normals @ way, _CHANGED))
+    return np.asarray(seen > TUNING.sun_mostly * np.maximum(places.normals @ way, TUNING.sun_changed))
 
 
 def agreeing(places: Places, pairs: Pairs, found: Sun, seen: F64, light: F64, beam: F64) -> NDArray[np.bool_]:
@@ -285,23 +271,23 @@ def agreeing(places: Places, pairs: Pairs, found: Sun, seen: F64, light: F64, be
     """
     cosine = np.maximum(places.normals @ found.to_sun, 0)
     other = np.where(lit(places, seen, found.to_sun), 0.0, cosine)
-    floor = FLOOR * light.mean()
+    floor = TUNING.fit_floor * light.mean()
     own = np.log(places.color) - np.log(light + floor)
     turned = np.log(places.color) - np.log(np.maximum(light + (other - seen)[:, None] * beam, 0) + floor)
     agree = pairs.alike(own, own) >= pairs.alike(turned, own)
-    return np.asarray(agree | (cosine < _CHANGED))
+    return np.asarray(agree | (cosine < TUNING.sun_changed))
 
 
 def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
     """(N,) places whose share of the sun does not change around them. On a shadow's edge a proxy that is a little wrong
     has light where the picture has shadow, and the other way round, and that makes the sun too weak. All places where
     those in the sun mostly show white, as then its edges alone tell how strong it is; or where few are left."""
-    inside, around = (disc(places, found.to_sun, found.radius, across=across) for across in (0.0, _AROUND))
+    inside, around = (disc(places, found.to_sun, found.radius, across=across) for across in (0.0, TUNING.sun_around))
     cosine = np.abs(places.normals @ found.to_sun)
-    rows = np.abs(inside - around) <= _CHANGED * cosine
+    rows = np.abs(inside - around) <= TUNING.sun_changed * cosine
     second = np.sort(places.color, axis=1)[:, 1]  # two channels that are whole tell chroma and strength
-    white = second[rows & (inside > 0.5 * cosine)] >= WHITE_OUT
-    if rows.mean() < _FEWEST or not len(white) or white.mean() > _WHITE:
+    white = second[rows & (inside > 0.5 * cosine)] >= TUNING.fit_white_out
+    if rows.mean() < TUNING.sun_fewest or not len(white) or white.mean() > TUNING.sun_white:
         return np.ones(len(places), bool)
     return np.asarray(rows)
 
@@ -320,19 +306,21 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
         return compared(places.color, sky + shown, pairs)
 
     way = found.to_sun
-    least = losses(way, found.radius, _FEW).sum()
-    for step in _STEPS[1:]:
+    least = losses(way, found.radius, TUNING.sun_few).sum()
+    for step in TUNING.sun_steps[1:]:
         for _ in range(3):
             near = _ring(way, step)
-            tried = [losses(one, found.radius, _FEW).sum() for one in near]
+            tried = [losses(one, found.radius, TUNING.sun_few).sum() for one in near]
             if min(tried) >= least:
                 break
             way, least = near[int(np.argmin(tried))], min(tried)
-    middle = RADII.index(found.radius)
-    radii = np.array(RADII[max(middle - _NEAR, 0) : middle + _NEAR + 1])
-    more, error = _compared_to_best(np.stack([losses(way, r, _DISC) for r in radii]), _blocks(places.points)[pairs.a])
+    middle = TUNING.sun_radii.index(found.radius)
+    radii = np.array(TUNING.sun_radii[max(middle - TUNING.sun_near, 0) : middle + TUNING.sun_near + 1])
+    more, error = _compared_to_best(
+        np.stack([losses(way, r, TUNING.sun_disc) for r in radii]), _blocks(places.points)[pairs.a]
+    )
     off = more / np.maximum(error, 1e-12)
-    likely, maybe = np.cumsum(np.exp(-0.5 * off**2)), radii[off <= _SURELY]
+    likely, maybe = np.cumsum(np.exp(-0.5 * off**2)), radii[off <= TUNING.sun_surely]
     radius = float(radii[np.searchsorted(likely, 0.5 * likely[-1])])
     return replace(found, to_sun=way, radius=radius, radii=(float(maybe.min()), float(maybe.max())))
 
@@ -354,7 +342,7 @@ def _blocks(points: F64) -> NDArray[np.int64]:
     """(N,) which of 32 blocks of about as many points each of points (N, 3) is in: halves across the longest side,
     halved again."""
     parts = [np.arange(len(points))]
-    for _ in range(_BLOCKS):
+    for _ in range(TUNING.sun_blocks):
         parts = [half for rows in parts for half in _halves(points, rows)]
     out = np.zeros(len(points), np.int64)
     for k, rows in enumerate(parts):

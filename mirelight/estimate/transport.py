@@ -17,6 +17,7 @@ from mirelight.base.conventions import frame_around
 from mirelight.base.errors import RenderError
 from mirelight.estimate.around import evened
 from mirelight.estimate.sky import PATCHES, patch_of
+from mirelight.estimate.tuning import TUNING
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.lighting.observed import Deposits, observed
@@ -24,18 +25,6 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Light, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 from mirelight.model.scene import SOLID
 
-PLACES = 6000  # splats that tell the light
-RAYS = 384  # from each, to what it faces: the noise of what few rays meet looks smaller under more light
-GOING_OUT = 48  # of a place's rays, as a mean, that should meet the sky: more rays are sent where little of it shows
-MOST_RAYS = 1024
-SHOWN = 60000  # splats that tell what colour a ray meets
-AGREE = 9  # of these, nearest ones whose median counts
-FACING = 0.5  # least cosine between a face that a ray meets and that of the nearest splat, if it shows the face
-FEWEST = 200  # splats on the proxy, below which nothing is known
-DARKEST = 2e-3  # linear: a darker splat tells little but how it was encoded
-MOST_SPREAD = 0.01  # of the diagonal: a splat's axis that counts
-LIGHT_SPP = 32  # samples of a light that is known, at each splat: its shadows may be soft
-LIFT = 2e-4  # of the diagonal: where rays start
 _CHUNK = 1 << 20  # rays at once
 
 
@@ -124,14 +113,14 @@ class _Shown:
         normals = _seen_side(points, normals, face_normals(mesh), sight, lift, rng)
         apart = 10 * lift
         tree = cKDTree(points + apart * normals)
-        _, near = tree.query(tree.data, k=[*range(1, min(AGREE, len(points)) + 1)], workers=-1)
+        _, near = tree.query(tree.data, k=[*range(1, min(TUNING.place_agree, len(points)) + 1)], workers=-1)
         return _Shown(tree, normals, np.median(deposits.color[whole][near], axis=1), apart)
 
     def at(self, points: F64, normals: F64, way: F64) -> tuple[F64, NDArray[np.bool_]]:
         """(N, 3) at points of faces with those normals, met along directions; (N,) where no splat shows the face."""
         toward = -np.sign(np.einsum("nk,nk->n", normals, way))[:, None] * normals
         _, nearest = self.tree.query(points + self.lift * toward, workers=-1)
-        return self.color[nearest], np.einsum("nk,nk->n", self.normals[nearest], toward) < FACING
+        return self.color[nearest], np.einsum("nk,nk->n", self.normals[nearest], toward) < TUNING.place_facing
 
 
 def _whole(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
@@ -139,7 +128,7 @@ def _whole(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
 
 
 def _sound(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
-    return np.asarray(_whole(deposits, normals) & (deposits.color.min(axis=1) > DARKEST))
+    return np.asarray(_whole(deposits, normals) & (deposits.color.min(axis=1) > TUNING.place_darkest))
 
 
 def places_of(
@@ -166,45 +155,49 @@ def places_of(
     mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, 0.5))
     tracer = Tracer(mesh, settings, layers=False, aovs=False)
     seen = observed(splats, views, mesh, tracer)
-    few = seen.deposits(PLACES)
+    few = seen.deposits(TUNING.place_count)
     points, normals = few.on(mesh)
     sound = _sound(few, normals)
-    if sound.sum() < FEWEST:
+    if sound.sum() < TUNING.place_fewest:
         raise RenderError(
             f"{int(sound.sum())} splats lie on the proxy and show a colour, too few to tell the captured light from; "
             "check that both are of one scene, or describe the light in the job"
         )
     color, points, normals = few.color[sound], points[sound], normals[sound]
     low, high = mesh.bounds
-    lift = LIFT * float(np.linalg.norm(high.astype(np.float64) - low))
+    lift = TUNING.place_lift * float(np.linalg.norm(high.astype(np.float64) - low))
     sight = tracer.sight()
     rng = np.random.default_rng(settings.seed)
     facing = face_normals(mesh)
-    shown = _Shown.of(seen.deposits(SHOWN), mesh, sight, lift, rng)
+    shown = _Shown.of(seen.deposits(TUNING.place_shown), mesh, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
-    spread = _along(few.spread[sound], normals, MOST_SPREAD / LIFT * lift)
+    spread = _along(few.spread[sound], normals, TUNING.place_most_spread / TUNING.place_lift * lift)
     # single splats are uneven; colours of pictures are medians of many pixels
-    even = color if views else np.maximum(evened(seen.samples, color, points, normals, spread), DARKEST)
+    even = color if views else np.maximum(evened(seen.samples, color, points, normals, spread), TUNING.place_darkest)
     start = points + lift * normals
     around, met, guessed = np.zeros((len(start), PATCHES)), np.zeros((len(start), 3)), np.zeros(len(start))
-    step = max(_CHUNK // RAYS, 1)
+    step = max(_CHUNK // TUNING.place_rays, 1)
     for first in range(0, len(start), step):
         rows = slice(first, first + step)
-        directions = _cosine_directions(normals[rows], RAYS, rng)
-        origins = np.repeat(start[rows], RAYS, axis=0)
+        directions = _cosine_directions(normals[rows], TUNING.place_rays, rng)
+        origins = np.repeat(start[rows], TUNING.place_rays, axis=0)
         face, distance = sight.first_hits(origins, directions.reshape(-1, 3))
         hit = (face >= 0).reshape(directions.shape[:2])
         row, ray = np.nonzero(~hit)
-        np.add.at(around[rows], (row, patch_of(directions[row, ray])), 1 / RAYS)
+        np.add.at(around[rows], (row, patch_of(directions[row, ray])), 1 / TUNING.place_rays)
         flat = np.flatnonzero(hit.ravel())
         way = directions.reshape(-1, 3)[flat]
         met_color, unseen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
         for k in range(3):
-            met[rows, k] = np.bincount(flat // RAYS, met_color[:, k], minlength=len(hit)) / RAYS
-        guessed[rows] = np.bincount(flat // RAYS, unseen, minlength=len(hit)) / np.maximum(hit.sum(axis=1), 1)
+            met[rows, k] = (
+                np.bincount(flat // TUNING.place_rays, met_color[:, k], minlength=len(hit)) / TUNING.place_rays
+            )
+        guessed[rows] = np.bincount(flat // TUNING.place_rays, unseen, minlength=len(hit)) / np.maximum(
+            hit.sum(axis=1), 1
+        )
     # the noise of few rays through windows is worth as much as the light: less of it would look better explained
-    rays = min(int(GOING_OUT / max(float(around.sum(axis=1).mean()), 1e-9)), MOST_RAYS)
-    if rays > 1.5 * RAYS:
+    rays = min(int(TUNING.place_going_out / max(float(around.sum(axis=1).mean()), 1e-9)), TUNING.place_most_rays)
+    if rays > 1.5 * TUNING.place_rays:
         around = _open(start, normals, sight, rays, rng)
     named = _from_lights(replace(mesh, albedo=np.zeros(3)), lights, points, normals, settings)
     return Places(
@@ -222,10 +215,10 @@ def places_of(
 
 
 def _refuse_few(splats: SplatCloud) -> None:
-    if int((splats.opacities >= SOLID).sum()) < FEWEST:
+    if int((splats.opacities >= SOLID).sum()) < TUNING.place_fewest:
         raise RenderError(
-            f"fewer than {FEWEST} splats show (opacity {SOLID} and more), too few to tell the captured light from; "
-            "check the capture, or describe the light in the job"
+            f"fewer than {TUNING.place_fewest} splats show (opacity {SOLID} and more), "
+            "too few to tell the captured light from; check the capture, or describe the light in the job"
         )
 
 
@@ -237,7 +230,7 @@ def _from_lights(mesh: ProxyMesh, lights: Sequence[Light], points: F64, normals:
     columns = np.zeros((len(points), len(lights)))
     for k, light in enumerate(lights):
         alone = Lighting(lights=(replace(light, name="light", color=np.ones(3), intensity=1.0, group=None),))
-        columns[:, k] = tracer.point_layers(alone, points, normals, LIGHT_SPP).total[:, 0] / np.pi
+        columns[:, k] = tracer.point_layers(alone, points, normals, TUNING.place_light_spp).total[:, 0] / np.pi
     return columns
 
 

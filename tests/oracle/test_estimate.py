@@ -18,6 +18,7 @@ from mirelight.estimate import Estimate, estimate, fit, lighting_of, solve, sun,
 from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import PATCHES, as_map, glow, patch_of, sphere
+from mirelight.estimate.tuning import TUNING
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SunLight
@@ -35,7 +36,7 @@ LIGHT = Lighting(
 def few_rays() -> Iterator[None]:
     """Toys are plain: a quarter of the rays tells as much."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(transport, "RAYS", 96)
+        patch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))
         yield
 
 
@@ -233,7 +234,7 @@ def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.Monk
     given = sun.Sun(TO_SUN, 0.0, np.zeros(0), 0.0, (0.35, 0.45))
     monkeypatch.setattr(sun, "firm", lambda places, found: sun.disc(places, found.to_sun, 0.0) == 0)
     best, gain = solve._best(places, pairs, [given, None])
-    assert gain > solve.LEAST_GAIN
+    assert gain > TUNING.least_gain
     assert 0.7 < float(np.pi * best.light.beams[0].mean() / (2.5 * np.mean([1, 0.9, 0.8]))) < 1.4
 
 
@@ -300,12 +301,12 @@ def test_few_pairs_across_shadows_edges_outweigh_their_number() -> None:
         worth=np.ones(99),
     )
     few, most = pairs.across(np.arange(100) >= 50), pairs.across(np.arange(100) % 2 == 0)
-    assert few.worth[49] == fit.MOST_WORTH and few.worth.sum() == 98 + fit.MOST_WORTH
+    assert few.worth[49] == TUNING.fit_most_worth and few.worth.sum() == 98 + TUNING.fit_most_worth
     assert (most.worth == 1).all()
     lit = np.isin(np.arange(100), np.arange(0, 100, 20))
     share = pairs.across(lit)
     across = lit[:-1] != lit[1:]
-    assert share.worth[across].sum() / share.worth.sum() == pytest.approx(fit.ACROSS)
+    assert share.worth[across].sum() / share.worth.sum() == pytest.approx(TUNING.fit_across)
 
 
 def test_what_shows_white_is_a_lower_bound() -> None:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from mirelight.estimate import fit
-from mirelight.estimate.groups import TOGETHER, groups
+from mirelight.estimate.groups import groups
 from mirelight.estimate.sky import PATCHES
 from mirelight.estimate.transport import Places
+from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
 
 NO_RAYS: Any = None
@@ -49,12 +50,12 @@ def test_what_is_linear_in_light_stays_so_in_groups() -> None:
     beside = groups(places, EVERY, NONE)
     assert beside.sound.all()
     np.testing.assert_allclose(beside.weight.sum(axis=1), 1)
-    assert ((beside.weight > 0).sum(axis=1) == TOGETHER).all()
+    assert ((beside.weight > 0).sum(axis=1) == TUNING.group_together).all()
     assert (beside.near[:, 0] == np.arange(1200)).all()
     light = beside.mean(places.open).sum(axis=1) + beside.mean(places.met)[:, 0]
     albedo = beside.mean(places.even)[:, 0] / light
     assert abs(albedo.mean() / 0.3 - 1) < 0.01
-    assert albedo.std() / 0.3 < 0.05 / np.sqrt(TOGETHER) * 1.2
+    assert albedo.std() / 0.3 < 0.05 / np.sqrt(TUNING.group_together) * 1.2
 
 
 def test_places_in_dents_of_the_proxy_are_left_out() -> None:

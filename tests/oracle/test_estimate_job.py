@@ -16,6 +16,7 @@ from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
 from mirelight.estimate import Estimate, estimate, transport
+from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
 from mirelight.io.environment import read_environment, write_environment
@@ -107,7 +108,7 @@ def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same to the bit whoever asks for it."""
-    monkeypatch.setattr(transport, "RAYS", 96)  # a toy is plain
+    monkeypatch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))  # a toy is plain
     work, shelf = loaded(folder), Shelf()
     assert work.captured is not None and isinstance(work.captured.sky, EstimatedSky)
     assert work.relight.mode == "ratio"

@@ -12,6 +12,7 @@ import pytest
 
 from mirelight.estimate import Estimate, estimate, lamps, lighting_of, transport
 from mirelight.estimate.describe import described
+from mirelight.estimate.tuning import TUNING
 from mirelight.io import job
 from mirelight.io.environment import write_environment
 from mirelight.io.job.captured_text import captured_text
@@ -41,7 +42,7 @@ def facing_down(position: F64) -> F64:
 @pytest.fixture(autouse=True, scope="module")
 def few_rays() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(transport, "RAYS", 96)
+        patch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))
         yield
 
 
@@ -70,7 +71,7 @@ def test_a_lamps_light_falls_with_distance_and_stops_at_walls() -> None:
     column = lamps.lit(places, AT[None])[0]
     tracer = Tracer(yard(), replace(SETTINGS, max_depth=1), layers=False, aovs=False)
     size = np.linalg.norm(np.subtract(*yard().bounds))
-    points = places.points - transport.LIFT * size * places.normals
+    points = places.points - TUNING.place_lift * size * places.normals
     alone = Lighting(lights=(PointLight(name="lamp", position=AT, intensity=1.0),))
     true = tracer.point_layers(alone, points, places.normals, 1).total[:, 0]
     assert (column > 0).mean() > 0.3

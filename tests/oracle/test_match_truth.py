@@ -43,7 +43,12 @@ def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures()
 
 def test_every_intensity_of_the_gels_is_within_a_tenth_in_two_pictures() -> None:
     """Their environment is a fiftieth of the pictures' light."""
-    full = "relight.texture_scale=1", "render.spp=8", "render.denoise=false"  # cleaning costs most of it
+    full = (
+        "resolution=[640, 360]",
+        "relight.texture_scale=1",
+        "render.spp=8",
+        "render.denoise=false",
+    )  # cleaning costs most of it
     layers = found("stage", "gels", ["front", "low"], *full, keep_colours=True)
     assert [x.name for x in layers if x.seen] == ["magenta", "cyan", "amber", "environment"]
     for layer in layers:

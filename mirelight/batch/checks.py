@@ -91,18 +91,21 @@ class Sums:
 
     def __init__(self, lightings: Sequence[Lighting]) -> None:
         every = {lighting.name: tuple(terms(lighting)) for lighting in lightings}
-        alone: dict[str, tuple[str, Term]] = {}  # by digest of a light the first lighting of it alone
-        for name, own in every.items():
+        alone: dict[tuple[int, str], tuple[str, Term]] = {}  # by objects and digest of a light the first of it alone
+        for x in lightings:
+            own = every[x.name]
             if len(own) == 1 and own[0].weight.all():
-                alone.setdefault(own[0].unit.digest, (name, own[0]))
+                alone.setdefault((id(x.objects), own[0].unit.digest), (x.name, own[0]))
         whole = [
-            x for x in lightings if len(every[x.name]) > 1 and all(term.unit.digest in alone for term in every[x.name])
+            x
+            for x in lightings
+            if len(every[x.name]) > 1 and all((id(x.objects), term.unit.digest) in alone for term in every[x.name])
         ]
         self._sums: list[_Sum] = []
         for lighting in sorted(whole, key=lambda x: -len(every[x.name]))[:_AT_ONCE]:
             parts: dict[str, list[tuple[Term, Term]]] = {}
             for term in every[lighting.name]:
-                name, own_term = alone[term.unit.digest]
+                name, own_term = alone[id(lighting.objects), term.unit.digest]
                 parts.setdefault(name, []).append((own_term, term))
             self._sums.append(_Sum(lighting, parts))
 

@@ -18,7 +18,8 @@ class Draws:
     """`count` frames of a data set under random strengths of its lights: `draws[i]` depends on seed and `i` alone, so
     that any worker may make any of them. It has a length and can be iterated.
 
-    A frame has a random camera. Each unit light is on with probability `lit` (one at least is), as strong as the
+    A frame has a random camera, and objects stand in one of the job's ways. Each unit light is on with probability
+    `lit` (one at least is), as strong as the
     brightest lighting of the job has it, times 2 to a power that is uniform in ±`stops`.
 
     Raises:
@@ -50,8 +51,10 @@ class Draws:
             raise IndexError(f"draw {i} of {self.count}")
         stream = np.random.Generator(np.random.PCG64([self.seed, i]))
         camera = int(stream.integers(len(self.data.cameras)))
-        strengths = self.data.strongest
-        able = np.flatnonzero(strengths.any(axis=1))
+        strengths, ways = self.data.strongest, len(self.data.index.arrangements)
+        arrangement = int(stream.integers(ways)) if ways > 1 else 0
+        able = self.data.lights_in(arrangement)
+        able = able[strengths[able].any(axis=1)]
         on = stream.random(len(able)) < self.lit
         on[stream.integers(len(able))] = True
         factors = np.zeros((len(strengths), 1), dtype=np.float32)

@@ -25,11 +25,13 @@ from mirelight.dataset.layouts.pictures import PARTS, Part, file_names
 from mirelight.dataset.view import DataSet
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.model import DatasetSettings, HeldOut, Job, Layout, PointLight, SpotLight, digest
+from mirelight.pipeline import requirements
 from mirelight.store.layer_index import Index, KeptView, Weighted
 
 __all__ = ["LAYOUTS", "Progress", "Silent", "check", "export"]
 
 _NO_LAMP = "no lighting of one point or spot light", "sweep with one_at_a_time = true, or leave the layout olat out"
+_BY_FRAME: tuple[Layout, ...] = ("coco", "hub")  # layouts whose frames need not be of one scene
 _MOST_POINTS = 100_000
 _MARGIN = 0.1  # that the range of depths is wider, as a share
 
@@ -104,9 +106,10 @@ def export(
         training=files_of[chosen.training],
         exposure=data.index.display.exposure,
         hdr=settings.hdr,
-        objects=tuple(Labelled(x.name, x.category, box) for x, box in zip(data.objects, data.boxes, strict=True)),
+        objects=tuple(dict.fromkeys(x.name for one in data.index.arrangements for x in one.objects)),
     )
     writer = WRITERS[layout]
+    _check_arrangements(data.folder, layout, len(data.index.arrangements))
     writer.check(data.cameras, shared)
     heard.started(len(names) * len(data.cameras))
     for line in chosen.advice(settings):
@@ -134,12 +137,26 @@ def check(job: Job) -> None:
     Raises:
         InputError: names the camera, or says that no lighting fits.
     """
-    objects = tuple(Labelled(x.name, x.category, np.eye(4)) for x in job.objects)
+    objects = tuple(x.name for x in job.objects)
     for layout in job.dataset.layouts:
+        _check_arrangements(job.source, layout, len(requirements.arrangements(job)))
         WRITERS[layout].check(job.cameras, Shared(source=job.source, objects=objects))
         alone = [x.lights[0] for x in job.lightings if len(x.lights) == 1 and x.environment is None and x.sky is None]
         if layout == "olat" and not any(isinstance(light, PointLight | SpotLight) for light in alone):
             raise InputError(job.source, *_NO_LAMP, field="dataset.layouts")
+
+
+def _check_arrangements(source: Path, layout: Layout, count: int) -> None:
+    """Raises InputError: objects stand in more than one way, and the layout has one depth a camera for all frames."""
+    if count > 1 and layout not in _BY_FRAME:
+        found = f"objects that stand elsewhere in other frames, and the layout {layout}, which has one scene"
+        raise InputError(source, found, f"use the layouts {' or '.join(_BY_FRAME)}", field="dataset.layouts")
+
+
+def _labelled(data: DataSet, lighting: int) -> tuple[Labelled, ...]:
+    """The objects as they stand under a lighting."""
+    here = zip(data.objects(lighting), data.boxes(lighting), strict=True)
+    return tuple(Labelled(x.name, x.category, box) for x, box in here)
 
 
 # --- what is chosen --------------------------------------------------------------------------------------------------
@@ -208,15 +225,22 @@ class _Frames:
 
     def __init__(self, data: DataSet, chosen: _Chosen, world: Matrix) -> None:
         self._data, self._chosen, self._world, self._read = data, chosen, world, _Geometry(data)
+        self._objects: dict[int, tuple[Labelled, ...]] = {}  # by arrangement
 
     def __iter__(self) -> Iterator[Picture]:
         """Camera by camera: a camera's layers are read once."""
         return (self.one(i, name) for i in range(len(self._data.cameras)) for name in self._chosen.lightings)
 
+    def _labelled(self, arrangement: int, lighting: int) -> tuple[Labelled, ...]:
+        if arrangement not in self._objects:
+            self._objects[arrangement] = _labelled(self._data, lighting)
+        return self._objects[arrangement]
+
     def one(self, camera: int, lighting: str) -> Picture:
         """The frame of a camera, by its index, and a lighting."""
         data, chosen, seen = self._data, self._chosen, self._data.cameras[camera]
         view, place = data.views[camera], chosen.places[lighting]
+        arrangement = data.index.lightings[place].arrangement
         return Picture(
             camera=seen,
             view=chosen.cameras[seen.name],
@@ -224,20 +248,25 @@ class _Frames:
             number=data.numbers[camera],
             part=chosen.part(camera, lighting),
             key=picture_key(data.index, view, place, self._world),
-            view_key=view_key(view, self._world),
+            view_key=view_key(data.index, view, place, self._world),
+            arrangement=arrangement if len(data.index.arrangements) > 1 else None,
+            objects=self._labelled(arrangement, place),
             pixels=Pixels(
                 partial(data.frame, camera, place),
-                partial(self._read, camera),
+                partial(self._read, camera, place),
                 data.index.display,
-                partial(data.shares, camera) if data.objects else None,
+                partial(data.shares, camera, place) if data.objects(place) else None,
             ),
         )
 
 
-def view_key(view: KeptView, world: Matrix) -> str:
-    """The key of what a camera sees, whatever lights it."""
-    objects = (view.front, view.objects) if view.objects is not None else ()
-    return digest("view 1", view.composite, view.groups[0], view.camera, world, *objects)
+def view_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
+    """The key of what a camera sees with objects as under the lighting at a place in the index, whatever lights it."""
+    arrangement = index.lightings[place].arrangement
+    sight = view.sights[arrangement]
+    first = next(x.groups[0] for x in index.lightings if x.arrangement == arrangement)
+    objects = (sight.front, sight.objects) if sight.objects is not None else ()
+    return digest("view 1", view.composite, view.groups[first], view.camera, world, *objects)
 
 
 def picture_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
@@ -254,9 +283,10 @@ def picture_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
     relit = {name: getattr(settings, name) for name in sorted(relighting.reads(settings))}
     compared = relighting.mode_of(settings).needs_captured
     captured = (lit(index.captured), index.captured_level) if compared else None
-    glows = (view.glow,) if view.captured_glow == view.glow else (view.glow, view.captured_glow)
+    glow = view.sights[own.arrangement].glow
+    glows = (glow,) if view.captured_glow == glow else (glow, view.captured_glow)
     made_from = lit(own), captured, relit, index.display, index.linear, index.profile
-    return digest("frame 2", view_key(view, world), *glows, *made_from)
+    return digest("frame 2", view_key(index, view, place, world), *glows, *made_from)
 
 
 class _Geometry:
@@ -265,18 +295,19 @@ class _Geometry:
 
     def __init__(self, data: DataSet) -> None:
         self._data = data
-        self._last: tuple[int, Geometry] | None = None
+        self._last: tuple[tuple[int, int], Geometry] | None = None
 
-    def __call__(self, camera: int) -> Geometry:
-        if self._last is None or self._last[0] != camera:
-            seen, size = self._data.geometry(camera), self._data.cameras[camera]
+    def __call__(self, camera: int, lighting: int) -> Geometry:
+        known = camera, self._data.index.lightings[lighting].arrangement
+        if self._last is None or self._last[0] != known:
+            seen, size = self._data.geometry(camera, lighting), self._data.cameras[camera]
             rows, columns = (
                 ((np.arange(count) + 0.5) * have / count).astype(np.intp)
                 for count, have in zip((size.height, size.width), seen.depth.shape, strict=True)
             )
             planes = (plane[rows[:, None], columns] for plane in (seen.depth, seen.coverage, seen.normal, seen.albedo))
             found = Geometry(**dict(zip(("depth", "coverage", "normal", "albedo"), planes, strict=True)))
-            self._last = camera, found
+            self._last = known, found
         return self._last[1]
 
 

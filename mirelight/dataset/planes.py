@@ -58,15 +58,17 @@ class SeenObjects:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadyView:
-    """What is ready of a camera."""
+    """What is ready of a camera, with objects in one arrangement."""
 
+    lights: NDArray[np.intp]  # (l,) indices of the unit lights that its planes hold
     planes: Planes
     objects: SeenObjects | None
     size: tuple[int, int]  # h, w
     relit: Callable[[F32, F32 | None, RelightSettings | None], F32]
 
     def frame(self, weights: F32, relight: RelightSettings | None = None) -> F32:
-        """(H, W, 4) under lights of these weights (L, 3); `relight`: None: as the job says."""
+        """(H, W, 4) under the data set's lights of these weights (L, 3); `relight`: None: as the job says."""
+        weights = weights[self.lights]
         beauty = self.planes.mixed(weights).reshape(*self.size, 3)
         return self.relit(beauty, None if self.objects is None else self.objects.rgba(weights), relight)
 

@@ -7,7 +7,7 @@ folder again there) and read by forked ones.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
@@ -84,13 +84,13 @@ class DataSet:
         placed = [
             (i, v)
             for i, v in enumerate(self._index.views)
-            if there >= {*v.groups, *(x for x in (v.composite, v.front, v.objects) if x is not None)}
+            if there >= {*v.groups, *(x for x in (v.composite, *_veils(v)) if x is not None)}
         ]
         self._views = tuple(v for _, v in placed)
         self.numbers = tuple(i for i, _ in placed)  # of the cameras in the job
         if not self._views:
             raise InputError(self.folder, "no camera whose layers are all there", "render the job to its end")
-        self._ready: OrderedDict[int, ReadyView] = OrderedDict()
+        self._ready: OrderedDict[tuple[int, int], ReadyView] = OrderedDict()  # by camera and arrangement
 
     def __reduce__(self) -> tuple[Any, ...]:
         return DataSet, (self.folder, self._memory)
@@ -138,14 +138,19 @@ class DataSet:
 
     def layers(self, camera: int | str) -> F32:
         """(L, h, w, 3) linear radiance of each unit light on the proxy, premultiplied by its coverage."""
-        view = self._view(self._at(camera, [x.name for x in self.cameras], "camera"))
-        return np.ascontiguousarray(np.moveaxis(view.planes.units, 0, -1).reshape(-1, *view.size, 3))
+        place = self._at(camera, [x.name for x in self.cameras], "camera")
+        out = np.zeros((len(self.lights), *self._views[place].light_size, 3), np.float32)
+        for arrangement in range(len(self._index.arrangements)):
+            view = self._view(place, arrangement)
+            out[view.lights] = np.moveaxis(view.planes.units, 0, -1).reshape(-1, *view.size, 3)
+        return out
 
-    def geometry(self, camera: int | str) -> LightingBuffer:
-        """The proxy, and inserted objects, as that camera sees them: coverage, depth, position, normals, albedo;
-        without light."""
+    def geometry(self, camera: int | str, lighting: int | str = 0) -> LightingBuffer:
+        """The proxy, and objects as they stand under a lighting, as that camera sees them: coverage, depth, position,
+        normals, albedo; without light."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
-        return surface_of(self._buffer(self._first_group(view), self._light_camera(view)))
+        group = self._first_group(self._arrangement(lighting))
+        return surface_of(self._buffer(view.groups[group], self._light_camera(view)))
 
     def environment(self, lighting: int | str, rows: int | None = None) -> F32 | None:
         """What a lighting sends from far away: environment, sky and suns as one equirectangular map.
@@ -184,27 +189,26 @@ class DataSet:
 
     # --- inserted objects ---
 
-    @property
-    def objects(self) -> tuple[KeptObject, ...]:
-        """Those that are put into the capture, n of them."""
-        return self._index.objects
+    def objects(self, lighting: int | str = 0) -> tuple[KeptObject, ...]:
+        """Those that stand in the capture under a lighting, n of them."""
+        return self._index.arrangements[self._arrangement(lighting)].objects
 
-    @cached_property
-    def boxes(self) -> F64:
+    def boxes(self, lighting: int | str = 0) -> F64:
         """(n, 4, 4) round each object the least box along its own axes: world from the cube of side 1 about 0."""
-        key = self._index.boxes
+        key = self._index.arrangements[self._arrangement(lighting)].boxes
         return np.zeros((0, 4, 4)) if key is None else self._far.array(key).astype(np.float64)
 
-    def shares(self, camera: int | str) -> F32:
+    def shares(self, camera: int | str, lighting: int | str = 0) -> F32:
         """(n, H, W) how much of each pixel an object is seen to cover: not what splats in front of it veil."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
-        out = np.zeros((len(self.objects), view.camera.height, view.camera.width), np.float32)
-        if view.objects is None:
+        objects, sight = self.objects(lighting), view.sights[self._arrangement(lighting)]
+        out = np.zeros((len(objects), view.camera.height, view.camera.width), np.float32)
+        if sight.objects is None:
             return out
-        matte = self._kept.get(view.objects, matte_of(tuple(x.name for x in self.objects)))
+        matte = self._kept.get(sight.objects, matte_of(tuple(x.name for x in objects)))
         if matte is None or matte.index.shape[:2] != out.shape[1:] or int(matte.index.max(initial=-1)) >= len(out):
             raise InputError(self.folder, f"what {view.camera.name!r} sees of objects is damaged", _REMEDY)
-        front = self._splats(view, view.front)
+        front = self._splats(view, sight.front)
         for k, share in enumerate(out):
             share += (matte.share * (matte.index == k)).sum(-1)
             if front is not None:
@@ -223,7 +227,7 @@ class DataSet:
         camera, lighting = divmod(i % len(self), len(self._index.lightings))
         one = self._index.lightings[lighting]
         weights = self._weights(one)
-        return Sample(self._view(camera).frame(weights, one.relight), weights, camera, lighting)
+        return Sample(self._view(camera, one.arrangement).frame(weights, one.relight), weights, camera, lighting)
 
     def __iter__(self) -> Iterator[Sample]:
         return (self[i] for i in range(len(self)))
@@ -245,12 +249,22 @@ class DataSet:
         place = self._at(camera, [x.name for x in self.cameras], "camera")
         if isinstance(lighting, int | str):
             one = self._index.lightings[self._at(lighting, self.lightings, "lighting")]
-            return self._view(place).frame(self._weights(one), one.relight)
+            return self._view(place, one.arrangement).frame(self._weights(one), one.relight)
         weights = np.asarray(lighting, dtype=np.float32)
         weights = np.repeat(weights[:, None], 3, axis=1) if weights.ndim == 1 else weights
         if weights.shape != (len(self.lights), 3) or not (weights >= 0).all():
             raise ValueError(f"weights of shape {weights.shape}, expected {(len(self.lights), 3)}, 0 or more")
-        return self._view(place).frame(weights)
+        used = np.flatnonzero(weights.any(axis=1))
+        for arrangement in range(len(self._index.arrangements)):
+            if np.isin(used, self.lights_in(arrangement)).all():
+                return self._view(place, arrangement).frame(weights)
+        raise ValueError("weights of lights that shine on objects in different places")
+
+    def lights_in(self, arrangement: int) -> NDArray[np.intp]:
+        """(l,) indices of the unit lights, in order, that are known with objects in an arrangement, or with none."""
+        own = [x.units for x in self._index.lightings if x.arrangement == arrangement]
+        captured = () if self._index.captured is None else self._index.captured.units
+        return np.unique(np.array([*(i for units in own for i in units), *captured], dtype=np.intp))
 
     # --- inside ---
 
@@ -261,39 +275,49 @@ class DataSet:
             return names.index(wanted)
         return range(len(names))[wanted]
 
+    def _arrangement(self, lighting: int | str) -> int:
+        """Index of how objects stand under a lighting."""
+        if not self._index.lightings:
+            return 0
+        return self._index.lightings[self._at(lighting, self.lightings, "lighting")].arrangement
+
     def _weights(self, of: Weighted) -> F32:
         out = np.zeros((len(self._index.units), 3), dtype=np.float32)
         np.add.at(out, list(of.units), np.asarray(of.weights, dtype=np.float32).reshape(-1, 3))
         return out
 
-    def _view(self, place: int) -> ReadyView:
-        found = self._ready.pop(place, None) or self._made(place)
-        self._ready[place] = found
+    def _view(self, place: int, arrangement: int) -> ReadyView:
+        found = self._ready.pop((place, arrangement), None) or self._made(place, arrangement)
+        self._ready[place, arrangement] = found
         while len(self._ready) > 1 and sum(x.nbytes for x in self._ready.values()) > self._memory:
             self._ready.popitem(last=False)
         return found
 
-    def _made(self, place: int) -> ReadyView:
-        view, index = self._views[place], self._index
-        seen = self._light_camera(view)
-        buffers = [self._buffer(key, seen) for key in view.groups]
+    def _made(self, place: int, arrangement: int) -> ReadyView:
+        view, index, lights = self._views[place], self._index, self.lights_in(arrangement)
+        seen, sight = self._light_camera(view), view.sights[arrangement]
+        needed = {self._first_group(arrangement), *(index.units[i].group for i in lights)}
+        needed |= set(() if index.captured is None else index.captured.groups)
+        buffers = {i: self._buffer(view.groups[i], seen) for i in sorted(needed)}
         glow, bare = (
             self._buffer(key, seen) if self._kept.path(key).is_file() else None
-            for key in (view.glow, view.captured_glow)
+            for key in (sight.glow, view.captured_glow)
         )
         every = np.arange(seen.height * seen.width)
-        planes = self._planes(buffers, glow, every)
+        planes = self._planes(lights, buffers, glow, every)
         splats, size = self._composite(view), (seen.height, seen.width)
-        first = buffers[index.lightings[0].groups[0] if index.lightings else 0]
+        first = buffers[self._first_group(arrangement)]
         objects: SeenObjects | None = None
         if first.objects is not None:
             where = np.flatnonzero(first.objects.coverage)
-            own = self._planes([x.objects for x in buffers], None if glow is None else glow.objects, where)
+            theirs = {i: x.objects for i, x in buffers.items()}
+            own = self._planes(lights, theirs, None if glow is None else glow.objects, where)
             objects = SeenObjects(where, first.objects.coverage, own)
         captured: LightingBuffer | None = None
         if index.captured is not None:
             constant = None if bare is None else planar(bare, "", every)
-            beauty = replace(planes, constant=constant).mixed(self._weights(index.captured)).reshape(*size, 3)
+            weights = self._weights(index.captured)[lights]
+            beauty = replace(planes, constant=constant).mixed(weights).reshape(*size, 3)
             layer = LightLayer(name="captured", direct=beauty, indirect=np.zeros_like(beauty))
             captured = replace(buffers[index.captured.groups[0]], layers=(layer,), noisy=())
         level = None  # there is none where the machine that rendered could not tell it
@@ -308,7 +332,7 @@ class DataSet:
             shown = relighting.repaired(captured, self._captured_sun(buffers), relighting.unlit_rgba(splats))
             return relighting.Lit.of(shown)
 
-        front = self._splats(view, view.front)
+        front = self._splats(view, sight.front)
 
         @lru_cache(_MOST_RELIGHTS)
         def relighter(settings: RelightSettings) -> Callable[[F32, F32 | None], F32]:
@@ -318,13 +342,17 @@ class DataSet:
         def relit(beauty: F32, seen: F32 | None, settings: RelightSettings | None) -> F32:
             return relighter(settings or index.relight)(beauty, seen)
 
-        return ReadyView(planes, objects, size, relit)
+        return ReadyView(lights, planes, objects, size, relit)
 
     def _planes(
-        self, buffers: Sequence[LightingBuffer | None], glow: LightingBuffer | None, where: NDArray[np.intp]
+        self,
+        lights: NDArray[np.intp],
+        buffers: Mapping[int, LightingBuffer | None],
+        glow: LightingBuffer | None,
+        where: NDArray[np.intp],
     ) -> Planes:
-        """The unit lights on some pixels; those of no buffer are dark."""
-        units = self._index.units
+        """Unit lights, by their indices, on some pixels; those of no buffer are dark."""
+        units = [self._index.units[i] for i in lights]
         planes = np.zeros((3, len(units), len(where)), dtype=np.float32)
         for i, unit in enumerate(units):
             buffer = buffers[unit.group]
@@ -338,11 +366,11 @@ class DataSet:
         whole = np.array([unit.kind == "whole" for unit in units], dtype=np.bool_)
         return Planes(planes, None if glow is None else planar(glow, "", where), whole)
 
-    def _first_group(self, view: KeptView) -> str:
+    def _first_group(self, arrangement: int) -> int:
         """A set that shows all of the scene."""
-        return view.groups[self._index.lightings[0].groups[0] if self._index.lightings else 0]
+        return next((x.groups[0] for x in self._index.lightings if x.arrangement == arrangement), 0)
 
-    def _captured_sun(self, buffers: Sequence[LightingBuffer]) -> relighting.Sun | None:
+    def _captured_sun(self, buffers: Mapping[int, LightingBuffer]) -> relighting.Sun | None:
         """The strongest distant lamp of the captured light, in a view with these sets."""
         captured = self._index.captured
         assert captured is not None
@@ -378,3 +406,8 @@ class DataSet:
             name = view.camera.name
             raise InputError(self.folder, f"the composite of {name!r} is damaged", _REMEDY)
         return found
+
+
+def _veils(view: KeptView) -> Iterator[str | None]:
+    """Keys of which objects a camera sees in any arrangement, and of what is in front of them."""
+    return (key for sight in view.sights for key in (sight.front, sight.objects))

@@ -15,6 +15,7 @@ from mirelight.model.cameras import Camera
 from mirelight.model.cones import ConeLaw
 from mirelight.model.deferred import Deferred
 from mirelight.model.ies import IesProfile
+from mirelight.model.inserted import Inserted
 from mirelight.model.relight_settings import RelightSettings
 
 Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
@@ -236,6 +237,7 @@ class Lighting:
     sky: SkyModel | EstimatedSky | None = None
     mix: tuple[LayerFactor, ...] = ()  # multiply light as given above; of layers that are not named: 1
     relight: RelightSettings | None = None  # how it meets the splats; None: as the job says
+    objects: tuple[Inserted, ...] | None = None  # that stand in the capture then; None: as the job says
     time: float | None = None  # s: lights of a moment, for the cameras of that moment alone; None: for all cameras
 
     def __repr__(self) -> str:

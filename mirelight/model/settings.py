@@ -222,7 +222,7 @@ class Job:
         Deferred[F32] | None, ...
     ] = ()  # what those took, (H, W, 4) linear and what counts; or none
     materials: tuple[Dress, ...] = ()  # how parts of the proxy mirror; what they send out is in `proxy` itself
-    objects: tuple[Inserted, ...] = ()  # that are put into the capture
+    objects: tuple[Inserted, ...] = ()  # that are put into the capture; lightings of a sweep may have theirs elsewhere
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()
     lightings: tuple[Lighting, ...] = ()  # every camera is rendered under every one
@@ -241,6 +241,10 @@ class Job:
     def relight_of(self, lighting: Lighting | None) -> RelightSettings:
         """How a lighting meets the splats."""
         return self.relight if lighting is None or lighting.relight is None else lighting.relight
+
+    def objects_of(self, lighting: Lighting) -> tuple[Inserted, ...]:
+        """What stands in the capture when a lighting is seen."""
+        return self.objects if lighting.objects is None else lighting.objects
 
     def __repr__(self) -> str:
         there = [name for name in ("splats", "proxy", "captured") if getattr(self, name) is not None]

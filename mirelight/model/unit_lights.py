@@ -176,7 +176,7 @@ class LightSets:
 
     def _mixture(self, lighting: Lighting, wanted: tuple[Term, ...]) -> Mixture:
         if not self._is_linear(wanted):
-            return Mixture(lighting, (LightSet(whole=replace(lighting, relight=None, time=None)),))
+            return Mixture(lighting, (LightSet(whole=replace(lighting, relight=None, objects=None, time=None)),))
         self._trace_together(self._new(wanted))
         sets = {self._home[t.unit.digest].digest: self._home[t.unit.digest] for t in wanted}
         return Mixture(lighting, tuple(sets.values()) or (LightSet(),), wanted)

@@ -15,6 +15,7 @@ from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.prepared import Prepared
+from mirelight.pipeline.requirements import Arrangement
 from mirelight.pipeline.view_light import Progress
 
 if TYPE_CHECKING:
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
 class SceneWithObjects(Prepared):
     """New light falls on proxy and objects, while captured light knows the proxy alone."""
 
-    def __init__(self, bare: Prepared) -> None:
+    def __init__(self, bare: Prepared, objects: Arrangement) -> None:
         super().__init__(bare.job, bare.kept, bare._report)
+        self.objects = objects
         self.keys = bare.keys
         self._bare: Prepared = weakref.proxy(bare)  # the scene holds this: a cycle would outlive both
 
@@ -38,11 +40,11 @@ class SceneWithObjects(Prepared):
 
         proxy = self._bare.proxy
         assert proxy is not None
-        for one in self.job.objects:
+        for one in self.objects:
             ignored = dict.fromkeys(x for material in one.mesh.value.materials for x in material.ignored)
             if ignored:
                 self._tell(f"{one.name}: its file's {', '.join(ignored)} is not followed")
-        return inserted(self.job.objects, proxy)
+        return inserted(self.objects, proxy)
 
     @cached_property
     def proxy(self) -> ProxyMesh | None:
@@ -65,10 +67,11 @@ class SceneWithObjects(Prepared):
         from mirelight.lighting import detail, lattices
 
         job, proxy = self.job, self._bare.proxy
-        boxes = [box for one, box in zip(job.objects, self.placed.boxes, strict=True) if _mirrors(one)]
+        boxes = [box for one, box in zip(self.objects, self.placed.boxes, strict=True) if _mirrors(one)]
         if not boxes or not requirements.colors_proxy(job) or proxy is None or job.captured is None:
             return None
-        found = self.kept.get(self.keys.mirrored, ARRAY)
+        key = self.keys.mirrored(self.objects)
+        found = self.kept.get(key, ARRAY)
         if found is None:
             self._tell("finding what mirrors show of the capture; it is kept for the next time")
             near = [(box[:3, 3], float(np.linalg.norm(box[:3, :3], axis=0).max()) / 2) for box in boxes]
@@ -76,12 +79,12 @@ class SceneWithObjects(Prepared):
             captured = self.resolved(job.captured)
             made = detail.told(proxy, near, self._bare.splats, self._bare.views, captured, job.render)
             found = made.packed()
-            self.kept.put(self.keys.mirrored, found, ARRAY)
+            self.kept.put(key, found, ARRAY)
         return lattices.Detail.unpacked(found)
 
     def light_key(self, light_set: LightSet, seen: Camera) -> str:
         """The key of a set's traced buffer; `seen` is the lighting's camera."""
-        return self.keys.light_with_objects(light_set, seen)
+        return self.keys.light_with_objects(light_set, seen, self.objects)
 
     def resolved(self, lighting: Lighting) -> Lighting:
         """As the scene has it, whose estimate is made once."""

@@ -14,9 +14,9 @@ from functools import cached_property
 
 from mirelight import relighting
 from mirelight.model import Camera, Environment, EstimatedSky, Job, Lighting, RelightSettings, SkyModel, digest
-from mirelight.model.planes import OBJECT_MATTE
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
 from mirelight.pipeline import provenance, reads, requirements
+from mirelight.pipeline.requirements import Arrangement
 
 FILE_SUFFIXES = (".exr", ".png")
 
@@ -28,6 +28,7 @@ class Keys:
         self.job = job
         self._eyes: dict[int, tuple[Camera, str, str]] = {}
         self._seen: dict[tuple[str, ...], str] = {}
+        self._arranged: dict[int, tuple[Arrangement, str]] = {}  # digests of objects in their places
         self._composites: dict[str, str] = {}  # by view
         self._old: dict[str, list[str]] = {}  # what a frame reads of the captured light, by view
         self._relights: dict[RelightSettings, str] = {}
@@ -142,9 +143,9 @@ class Keys:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""
         return self._light(light_set, reads.view(camera))
 
-    def light_with_objects(self, light_set: LightSet, camera: Camera) -> str:
-        """The same with the job's inserted objects in the scene."""
-        return self._light(light_set, reads.view(camera), self._objects)
+    def light_with_objects(self, light_set: LightSet, camera: Camera, objects: Arrangement) -> str:
+        """The same with inserted objects in the scene."""
+        return self._light(light_set, reads.view(camera), self._objects(objects))
 
     def light_of_lobes(self, light_set: LightSet, camera: Camera) -> str:
         """Key of what the proxy's materials mirror of it."""
@@ -163,29 +164,31 @@ class Keys:
             found = self._seen[place] = _joined(self._traced, *place)
         return found
 
-    def in_front(self, camera: Camera) -> str:
-        """The splats in front of the job's objects, as a camera sees them."""
-        return _joined("in front", self.composite(camera), self._traced, self._objects, *self._eye(camera))
+    def in_front(self, camera: Camera, objects: Arrangement) -> str:
+        """The splats in front of objects, as a camera sees them."""
+        return _joined("in front", self.composite(camera), self._traced, self._objects(objects), *self._eye(camera))
 
-    def object_matte(self, camera: Camera) -> str:
-        """Which of the job's objects a camera sees where."""
-        return _joined("object matte", self._traced, self._objects, self._eye(camera)[0])
+    def object_matte(self, camera: Camera, objects: Arrangement) -> str:
+        """Which of the objects a camera sees where."""
+        return _joined("object matte", self._traced, self._objects(objects), self._eye(camera)[0])
 
-    @cached_property
-    def mirrored(self) -> str:
-        """What mirrors among the job's objects show of the capture."""
-        return digest("mirrored", self.proxy, self._objects, self._device)
+    def mirrored(self, objects: Arrangement) -> str:
+        """What mirrors among objects show of the capture."""
+        return digest("mirrored", self.proxy, self._objects(objects), self._device)
 
-    @cached_property
-    def object_boxes(self) -> str:
-        """Where the job's objects stand."""
-        return digest("boxes round objects", self.proxy, self._objects) if self.job.objects else ""
+    def object_boxes(self, objects: Arrangement) -> str:
+        """Where objects stand."""
+        return digest("boxes round objects", self.proxy, self._objects(objects))
 
-    @cached_property
-    def _objects(self) -> str:
+    def _objects(self, objects: Arrangement) -> str:
         """What is put into the scene; empty where nothing is."""
-        objects = self.job.objects
-        return digest("objects", [(x.mesh.digest, x.drop, x.scatter) for x in objects]) if objects else ""
+        if not objects:
+            return ""
+        found = self._arranged.get(id(objects))
+        if found is None:
+            made = digest("objects", [(x.mesh.digest, x.drop, x.scatter) for x in objects])
+            found = self._arranged[id(objects)] = objects, made
+        return found[1]
 
     @cached_property
     def _traced(self) -> str:
@@ -236,7 +239,8 @@ class Keys:
             seen = relighting.lighting_camera(camera, job.relight)
             if any(relighting.adds_lobes(job.relight_of(x)) for x in job.lightings):
                 yield from (self.light_of_lobes(s, seen) for s in (*every.values(), GLOW))
-            yield from (*needs.lights, *needs.veiled, self.light(GLOW, seen), self.light_with_objects(GLOW, seen))
+            yield from (*needs.lights, *needs.veiled, self.light(GLOW, seen))
+            yield from (self.light_with_objects(GLOW, seen, x) for x in requirements.arrangements(job))
         if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
@@ -246,14 +250,15 @@ class Keys:
         seen = relighting.lighting_camera(camera, job.relight)
         own = [x for x in lightings if x is not None]
         compared = requirements.with_compared(job, own)[len(own) :]
-        lights = {self.light_with_objects(s, seen): s for x in own for s in self.mixture(x).sets}
+        lights = {self.light_with_objects(s, seen, job.objects_of(x)): s for x in own for s in self.mixture(x).sets}
         alone = own if requirements.wants_shadow(job) else []
         lights |= {self.light(s, seen): s for x in (*alone, *compared) for s in self.mixture(x).sets}
         composite = None if job.splats is None else self.composite(camera)
-        veiled: tuple[str, ...] = ()
-        if job.objects:
-            veiled = (self.object_matte(camera), *(() if composite is None else (self.in_front(camera),)))
-        return requirements.FrameNeeds(composite, tuple(lights.values()), tuple(lights), veiled)
+        veiled: list[str] = []
+        for objects in {id(x): x for x in map(job.objects_of, own)}.values() if job.objects else ():
+            veiled += [self.object_matte(camera, objects)]
+            veiled += [] if composite is None else [self.in_front(camera, objects)]
+        return requirements.FrameNeeds(composite, tuple(lights.values()), tuple(lights), tuple(veiled))
 
     # --- frames ---
 
@@ -266,7 +271,8 @@ class Keys:
         if lighting is None:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
-        parts = [composite, *self._lit(lighting, seen, self._objects), self._relit(job.relight_of(lighting))]
+        objects = self._objects(job.objects_of(lighting))
+        parts = [composite, *self._lit(lighting, seen, objects), self._relit(job.relight_of(lighting))]
         if requirements.wants_shadow(job):
             parts += ["shadow", *self._lit(lighting, seen)]
         if relighting.adds_lobes(job.relight_of(lighting)):
@@ -352,16 +358,17 @@ class Keys:
     def _mattes(self) -> str:
         """The names of the proxy's things in a file, whatever lights it; what a camera sees is in its frames' keys."""
         wanted, proxy = requirements.mattes(self.job), self.job.proxy
-        named = [x.name for x in self.job.objects] if OBJECT_MATTE in wanted else []
-        return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, named, self._device)
+        return "" if proxy is None or not wanted else digest("mattes", wanted, proxy.digest, self._device)
 
     def _names(self, lighting: Lighting | None) -> str:
-        """What a lighting and its layers are called; those of one lighting are kept."""
+        """What a lighting, its layers and the objects in it are called; those of one lighting are kept."""
         if lighting is None:
             return ""
         found = self._named.get(id(lighting))
         if found is None or found[0] is not lighting:
-            found = self._named[id(lighting)] = (lighting, digest(lighting.name, [x.layer for x in terms(lighting)]))
+            objects = [x.name for x in self.job.objects_of(lighting)]
+            named = digest(lighting.name, [x.layer for x in terms(lighting)], objects)
+            found = self._named[id(lighting)] = (lighting, named)
         return found[1]
 
     @cached_property

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from mirelight import relighting
 from mirelight.base.errors import InputError
-from mirelight.model import Camera, Job, Lighting
+from mirelight.model import Camera, Inserted, Job, Lighting
 from mirelight.model.planes import MATTES, OBJECT_MATTE
 from mirelight.model.profiles import rules_of
 from mirelight.model.unit_lights import LightSet, Rules
+
+Arrangement: TypeAlias = tuple[Inserted, ...]  # objects, each in its place; the same one is the same tuple
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +102,11 @@ def reads_surface(job: Job) -> bool:
     """True where light that has been reflected may be kept on the surface and read there ("auto": if the proxy is a
     room); beside inserted objects, which change it, all is traced."""
     return job.render.indirect != "traced" and not follows_engine(job) and not job.objects
+
+
+def arrangements(job: Job) -> tuple[Arrangement, ...]:
+    """The different ways in which objects stand in the capture, in the order of the lightings; one where it is one."""
+    return tuple({id(x): x for x in map(job.objects_of, job.lightings)}.values()) or (job.objects,)
 
 
 def mattes(job: Job) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
 from mirelight.pipeline.prepared import Prepared
+from mirelight.pipeline.requirements import Arrangement
 from mirelight.pipeline.splat_light import SplatLight
 from mirelight.pipeline.view_light import ViewLight
 
@@ -69,7 +70,9 @@ class Scene(Prepared):
         self._view_with_objects: ViewLight | None = None
         self._view_of_lobes: ViewLight | None = None
         self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # was, seen in, is
-        self._mattes: tuple[Camera, tuple[Matte, ...]] | None = None
+        self._arranged: SceneWithObjects | None = None
+        self._object_rays: Mattes | None = None  # of that
+        self._mattes: tuple[Camera, dict[str, Matte]] | None = None
         self._front: tuple[str, SplatLayer] | None = None  # its key
         self._object_matte: tuple[str, Matte] | None = None  # its key
 
@@ -139,13 +142,13 @@ class Scene(Prepared):
             self._view = ViewLight(self, seen)
         return self._view
 
-    def new_light(self, seen: Camera) -> ViewLight:
-        """The light of a view with the job's objects in the scene; without any, `view_light`."""
-        if not self.job.objects:
+    def new_light(self, seen: Camera, objects: Arrangement) -> ViewLight:
+        """The light of a view with objects in the scene; without any, `view_light`."""
+        if not objects:
             return self.view_light(seen)
-        view = self._view_with_objects
+        scene, view = self._with(objects), self._view_with_objects
         if view is None or view.is_broken or reads.view(view.camera) != reads.view(seen):
-            self._view_with_objects = view = ViewLight(self._with_objects, seen)
+            self._view_with_objects = view = ViewLight(scene, seen)
         return view
 
     def lobes(self, seen: Camera) -> ViewLight:
@@ -157,11 +160,14 @@ class Scene(Prepared):
 
     @cached_property
     def _of_lobes(self) -> SceneOfLobes:
-        return SceneOfLobes(self)
+        return SceneOfLobes(self, ())
 
-    @cached_property
-    def _with_objects(self) -> SceneWithObjects:
-        return SceneWithObjects(self)
+    def _with(self, objects: Arrangement) -> SceneWithObjects:
+        """The scene with objects in it; that of the last ones is kept."""
+        if self._arranged is None or self._arranged.objects is not objects:
+            self._arranged = SceneWithObjects(self, objects)
+            self._view_with_objects = self._object_rays = None
+        return self._arranged
 
     @cached_property
     def splat_light(self) -> SplatLight:
@@ -182,51 +188,53 @@ class Scene(Prepared):
             self._repaired = captured, splats, made
         return self._repaired[2]
 
-    def in_front(self, camera: Camera, objects: LightingBuffer) -> SplatLayer:
-        """The splats in front of the job's objects, which are seen in a buffer; those of the last camera are kept."""
-        key, settings = self.keys.in_front(camera), self.job.compositor
+    def in_front(self, camera: Camera, objects: Arrangement, seen: LightingBuffer) -> SplatLayer:
+        """The splats in front of objects, which are seen in a buffer; those of the last camera are kept."""
+        key, settings = self.keys.in_front(camera, objects), self.job.compositor
         if self._front is None or self._front[0] != key:
             codec = composite_of(camera, settings.profile, settings.holds_light)
             found = self.kept.get(key, codec)
             if found is None:
-                found = self.compositor.in_front(camera, relighting.upsample(objects, camera).depth)
+                found = self.compositor.in_front(camera, relighting.upsample(seen, camera).depth)
                 self.kept.put(key, found, codec)
             self._front = key, found
         return self._front[1]
 
-    def object_matte(self, camera: Camera) -> Matte:
-        """Which of the job's objects a camera sees where; that of the last camera is kept."""
-        key, names = self.keys.object_matte(camera), tuple(x.name for x in self.job.objects)
+    def object_matte(self, camera: Camera, objects: Arrangement) -> Matte:
+        """Which of the objects a camera sees where; that of the last camera is kept."""
+        key, names = self.keys.object_matte(camera, objects), tuple(x.name for x in objects)
         if self._object_matte is None or self._object_matte[0] != key:
             found = self.kept.get(key, matte_of(names))
             if found is None:
-                found = self._object_rays.of(camera, OBJECT_MATTE, (names, self._with_objects.placed.owners))
+                placed = self._with(objects).placed
+                self._object_rays = self._object_rays or self._rays_on(placed.mesh)
+                found = self._object_rays.of(camera, OBJECT_MATTE, (names, placed.owners))
                 self.kept.put(key, found, matte_of(names))
             self._object_matte = key, found
         return self._object_matte[1]
 
-    def keep_objects(self, camera: Camera) -> None:
-        """Keep what data sets say of the job's objects besides their light: which are seen, behind what, and where
-        they stand; light of the view is there."""
-        if not self.job.objects:
+    def keep_objects(self, camera: Camera, objects: Arrangement) -> None:
+        """Keep what data sets say of objects besides their light: which are seen, behind what, and where they stand;
+        light of the view is there."""
+        if not objects:
             return
-        self.object_matte(camera)
-        seen = self.new_light(relighting.lighting_camera(camera, self.job.relight)).objects()
+        self.object_matte(camera, objects)
+        seen = self.new_light(relighting.lighting_camera(camera, self.job.relight), objects).objects()
         if self.job.splats is not None and seen is not None:
-            self.in_front(camera, seen)
-        if not self.kept.has(self.keys.object_boxes, ARRAY):
-            self.kept.put(self.keys.object_boxes, self._with_objects.placed.boxes, ARRAY)
+            self.in_front(camera, objects, seen)
+        if not self.kept.has(self.keys.object_boxes(objects), ARRAY):
+            self.kept.put(self.keys.object_boxes(objects), self._with(objects).placed.boxes, ARRAY)
 
-    def mattes(self, camera: Camera) -> tuple[Matte, ...]:
+    def mattes(self, camera: Camera, objects: Arrangement) -> tuple[Matte, ...]:
         """The cryptomattes that the job's files hold, of one camera; those of the last camera are kept."""
         wanted = requirements.mattes(self.job)
         if not wanted:
             return ()
         if self._mattes is None or reads.view(self._mattes[0]) != reads.view(camera):
             own = self._matte_rays.of
-            made = (self.object_matte(camera) if name == OBJECT_MATTE else own(camera, name) for name in wanted)
-            self._mattes = (camera, tuple(made))
-        return self._mattes[1]
+            self._mattes = (camera, {name: own(camera, name) for name in wanted if name != OBJECT_MATTE})
+        known = self._mattes[1]
+        return tuple(self.object_matte(camera, objects) if x == OBJECT_MATTE else known[x] for x in wanted)
 
     def backdrop(self, camera: Camera, lighting: Lighting | None) -> F32 | None:
         """(H, W, 3) what stands behind a frame, see :meth:`mirelight.pipeline.backdrops.Backdrops.of`."""
@@ -240,10 +248,6 @@ class Scene(Prepared):
     def _matte_rays(self) -> Mattes:
         assert self.mesh is not None
         return self._rays_on(self.mesh)
-
-    @cached_property
-    def _object_rays(self) -> Mattes:
-        return self._rays_on(self._with_objects.placed.mesh)
 
     def _rays_on(self, mesh: ProxyMesh) -> Mattes:
         from mirelight.lighting.mattes import Mattes

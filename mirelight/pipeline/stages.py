@@ -96,7 +96,7 @@ def light(
     camera, job = camera.pinhole, scene.job
     seen = relighting.lighting_camera(camera, job.relight)
     compared = requirements.compared_in(job, lighting)
-    view, new = scene.view_light(seen), scene.new_light(seen)
+    view, new = scene.view_light(seen), scene.new_light(seen, job.objects_of(lighting))
     if new is view:
         view.expect([lighting] if compared is None else [compared, lighting], progress)
     else:  # objects are in the new light alone
@@ -159,14 +159,15 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
         _ = scene.captured_level
     new = list(lightings)
     every = requirements.with_compared(job, new)
-    view, lit = scene.view_light(seen), scene.new_light(seen)
+    view = scene.view_light(seen)
     try:
-        if lit is view:
+        if not job.objects:
             view.trace(every, progress)
-        else:  # objects are in the new light alone
-            view.trace(every if requirements.wants_shadow(job) else every[len(new) :], progress)
-            lit.trace(new, progress)
-            scene.keep_objects(camera)
+            return
+        view.trace(every if requirements.wants_shadow(job) else every[len(new) :], progress)
+        for objects in {id(x): x for x in map(job.objects_of, new)}.values():  # which are in the new light alone
+            scene.new_light(seen, objects).trace([x for x in new if job.objects_of(x) is objects], progress)
+            scene.keep_objects(camera, objects)
     except ViewStopped:
         raise Stopped(None) from None
 
@@ -218,14 +219,16 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     if lit is not None and lit.lobes is not None:
         made = relighting.with_lobes(made, lit.lobes, settings, lit.captured_lobes)
     front: SplatLayer | None = None
-    if job.objects and lit is not None:
-        front = None if splats is None or lit.new.objects is None else scene.in_front(camera, lit.new.objects)
+    objects = job.objects if lit is None else job.objects_of(lit.lighting)
+    if objects and lit is not None:
+        if splats is not None and lit.new.objects is not None:
+            front = scene.in_front(camera, objects, lit.new.objects)
         made = relighting.with_objects(made, front, settings)
         if lit.bare is not None:
             made = replace(made, shadow=relighting.shadow(lit.new, lit.bare, camera))
         if job.output.store != "frames":
-            scene.keep_objects(camera)
-    mattes = scene.mattes(camera)
+            scene.keep_objects(camera, objects)
+    mattes = scene.mattes(camera, objects)
     if front is not None:
         mattes = tuple(x.behind(front.transmittance) if x.name == OBJECT_MATTE else x for x in mattes)
     behind = scene.backdrop(camera, lit.lighting if lit else None)

@@ -34,7 +34,7 @@ from mirelight.store import fitting
 
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
-VERSION = 2
+VERSION = 3
 _LIGHTS = {kind.__name__: kind for kind in (AreaLight, DirectionalLight, PointLight, SpotLight, SunLight)}
 
 
@@ -56,7 +56,7 @@ class UnitLight:
     name: str  # unique; that of its layer in the first lighting that has it
     kind: str  # lamp, sun, area, group, environment, sky, or whole: a lighting that was traced as it is
     lights: tuple[Light, ...]  # white, of intensity 1; those of a group or a whole as they shine; none of skies
-    group: int  # index of the set that it was traced in
+    group: int  # index of the set that it was traced in; of each arrangement the sets are its own
     layer: str  # its layer there; "": all of them
     around: tuple[Around, ...] = ()  # of environments and skies
 
@@ -70,6 +70,16 @@ class Weighted:
     units: tuple[int, ...]
     weights: tuple[tuple[float, float, float], ...]  # linear: colour times intensity
     relight: RelightSettings | None = None  # how it meets the splats; None: as the job says
+    arrangement: int = 0  # index of that which stands in the capture then
+
+
+@dataclass(frozen=True, slots=True)
+class KeptSight:
+    """What a camera sees of an arrangement besides its light, each a key."""
+
+    glow: str  # of what surfaces send out of themselves; there is no such file where nothing glows
+    front: str | None = None  # of the splats in front of inserted objects
+    objects: str | None = None  # of which of them is seen where; None: there are none
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,18 +90,24 @@ class KeptView:
     light_size: tuple[int, int]  # rows and columns of the light's pictures
     composite: str | None  # key; None: the job has no splats
     groups: tuple[str, ...]  # keys of the traced sets
-    glow: str  # key of what the proxy's own surfaces send out; there is no such file where nothing glows
-    captured_glow: str  # the same in the captured light, which knows no inserted objects
-    front: str | None = None  # key of the splats in front of inserted objects
-    objects: str | None = None  # key of which of them is seen where; None: there are none
+    captured_glow: str  # key of what surfaces send out in the captured light, which knows no inserted objects
+    sights: tuple[KeptSight, ...]  # one for each arrangement
 
 
 @dataclass(frozen=True, slots=True)
 class KeptObject:
     """An object that is put into the capture."""
 
-    name: str  # unique
+    name: str  # unique in its arrangement
     category: str
+
+
+@dataclass(frozen=True, slots=True)
+class Arrangement:
+    """Objects, each in its place."""
+
+    objects: tuple[KeptObject, ...] = ()
+    boxes: str | None = None  # key of an array (n, 4, 4): world from the cube of side 1 about 0, round each of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,8 +125,7 @@ class Index:
     denoised: bool  # the job's own frames are, after mixing; the layers are as traced
     profile: str
     linear: bool  # composites hold linear light
-    objects: tuple[KeptObject, ...] = ()  # that are put into the capture
-    boxes: str | None = None  # key of an array (n, 4, 4): world from the cube of side 1 about 0, round each of them
+    arrangements: tuple[Arrangement, ...] = (Arrangement(),)  # ways in which objects stand in the capture
 
 
 def write(index: Index, folder: Path) -> None:
@@ -165,7 +180,7 @@ def _require_places(index: Index) -> None:
     if index.profile not in PROFILES:
         raise ValueError("an unknown profile")
     counts = {len(view.groups) for view in index.views}
-    if len(counts) != 1:
+    if len(counts) != 1 or any(len(view.sights) != len(index.arrangements) for view in index.views):
         raise ValueError("views of different sets")
     groups, units = range(counts.pop()), range(len(index.units))
     for view in index.views:
@@ -174,6 +189,7 @@ def _require_places(index: Index) -> None:
             raise ValueError("light of another size")
     for one in (*index.lightings, *(() if index.captured is None else (index.captured,))):
         known = all(i in groups for i in one.groups) and all(i in units for i in one.units)
+        known = known and one.arrangement in range(len(index.arrangements))
         if not one.groups or not known or len(one.units) != len(one.weights):
             raise ValueError("a lighting of unknown lights")
     if any(unit.group not in groups for unit in index.units):
@@ -200,7 +216,17 @@ def _packed(value: Any) -> Any:
         case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
             own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
             return {"type": type(value).__name__, **own}
-        case Camera() | Index() | KeptView() | KeptObject() | UnitLight() | Weighted() | Around():
+        case (
+            Camera()
+            | Index()
+            | KeptView()
+            | KeptSight()
+            | Arrangement()
+            | KeptObject()
+            | UnitLight()
+            | Weighted()
+            | Around()
+        ):
             return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
         case _:
             return value
@@ -220,9 +246,13 @@ def _index(data: dict[str, Any]) -> Index:
         denoised=bool(data["denoised"]),
         profile=str(data["profile"]),
         linear=bool(data["linear"]),
-        objects=tuple(KeptObject(str(x["name"]), str(x["category"])) for x in data.get("objects", ())),
-        boxes=_key_or_none(data.get("boxes")),
+        arrangements=tuple(_arrangement(x) for x in data["arrangements"]),
     )
+
+
+def _arrangement(data: dict[str, Any]) -> Arrangement:
+    objects = tuple(KeptObject(str(x["name"]), str(x["category"])) for x in data["objects"])
+    return Arrangement(objects, _key_or_none(data["boxes"]))
 
 
 def _view(data: dict[str, Any]) -> KeptView:
@@ -230,17 +260,11 @@ def _view(data: dict[str, Any]) -> KeptView:
     camera["far"] = math.inf if camera["far"] is None else camera["far"]
     rows, columns = data["light_size"]
     groups = tuple(_key(x) for x in data["groups"])
-    glow, bare = _key(data["glow"]), data.get("captured_glow")
-    return KeptView(
-        Camera(**camera),
-        (rows, columns),
-        _key_or_none(data["composite"]),
-        groups,
-        glow,
-        glow if bare is None else _key(bare),
-        _key_or_none(data.get("front")),
-        _key_or_none(data.get("objects")),
+    sights = tuple(
+        KeptSight(_key(x["glow"]), _key_or_none(x["front"]), _key_or_none(x["objects"])) for x in data["sights"]
     )
+    composite, bare = _key_or_none(data["composite"]), _key(data["captured_glow"])
+    return KeptView(Camera(**camera), (rows, columns), composite, groups, bare, sights)
 
 
 def _key_or_none(value: Any) -> str | None:
@@ -291,4 +315,5 @@ def _weighted(data: dict[str, Any]) -> Weighted:
     weights = tuple((float(r), float(g), float(b)) for r, g, b in data["weights"])
     relight = data.get("relight")
     settings = None if relight is None else RelightSettings(**relight)
-    return Weighted(data["name"], tuple(data["groups"]), tuple(data["units"]), weights, settings)
+    groups, units = tuple(data["groups"]), tuple(data["units"])
+    return Weighted(data["name"], groups, units, weights, settings, data["arrangement"])

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight import relighting
-from mirelight.model import F32, AreaLight, DirectionalLight, Environment, Light, Lighting, SkyModel, SunLight
+from mirelight.model import F32, AreaLight, Camera, DirectionalLight, Environment, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import keys, requirements
@@ -17,8 +17,9 @@ from mirelight.pipeline import plan as planning
 from mirelight.pipeline.artefact_cache import ArtefactCache
 from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.plan import Plan
+from mirelight.pipeline.requirements import Arrangement as Objects
 from mirelight.relighting.surroundings import shrunk
-from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
+from mirelight.store.layer_index import Around, Arrangement, Index, KeptObject, KeptSight, KeptView, UnitLight, Weighted
 
 _TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
 
@@ -32,7 +33,7 @@ def describe(plan: Plan) -> Index:
     known = _Units(made)
     lightings = tuple(known.weighted(x) for x in job.lightings)
     compared = requirements.compared(job)
-    captured = None if compared is None else known.weighted(compared, bare=bool(job.objects))
+    captured = None if compared is None else known.weighted(compared, bare=True)
     views: list[KeptView] = []
     for group in plan.groups:
         camera = group.camera
@@ -42,13 +43,9 @@ def describe(plan: Plan) -> Index:
                 camera=camera,
                 light_size=(seen.height, seen.width),
                 composite=None if job.splats is None else made.composite(camera),
-                groups=tuple(
-                    (made.light if bare else made.light_with_objects)(one, seen) for bare, one in known.sets.values()
-                ),
-                glow=made.light_with_objects(GLOW, seen),
+                groups=tuple(made.light_with_objects(one, seen, objects) for objects, one in known.sets.values()),
                 captured_glow=made.light(GLOW, seen),
-                front=made.in_front(camera) if job.objects and job.splats is not None else None,
-                objects=made.object_matte(camera) if job.objects else None,
+                sights=tuple(_sight(made, camera, objects) for objects in known.arrangements),
             )
         )
     return Index(
@@ -63,9 +60,23 @@ def describe(plan: Plan) -> Index:
         denoised=job.render.denoise,
         profile=job.compositor.profile,
         linear=job.compositor.holds_light,
-        objects=tuple(KeptObject(x.name, x.category or x.name) for x in job.objects),
-        boxes=made.object_boxes if job.objects else None,
+        arrangements=tuple(
+            Arrangement(tuple(KeptObject(x.name, x.category or x.name) for x in one), made.object_boxes(one))
+            if one
+            else Arrangement()
+            for one in known.arrangements
+        ),
     )
+
+
+def _sight(made: keys.Keys, camera: Camera, objects: Objects) -> KeptSight:
+    """What a camera sees of objects in their places."""
+    seen = relighting.lighting_camera(camera, made.job.relight)
+    glow = made.light_with_objects(GLOW, seen, objects)
+    if not objects:
+        return KeptSight(glow)
+    front = None if made.job.splats is None else made.in_front(camera, objects)
+    return KeptSight(glow, front, made.object_matte(camera, objects))
 
 
 class _Units:
@@ -73,22 +84,26 @@ class _Units:
 
     def __init__(self, made: keys.Keys) -> None:
         self._made = made
-        self.sets: dict[str, tuple[bool, LightSet]] = {}  # and whether it is traced without the job's objects
+        self.sets: dict[str, tuple[Objects, LightSet]] = {}  # and the objects that it is traced with
+        self.arrangements = requirements.arrangements(made.job)
         self.units: list[UnitLight] = []
         self._places: dict[str, int] = {}  # of units, by digest
         self._names: dict[str, int] = {}
 
     def weighted(self, lighting: Lighting, *, bare: bool = False) -> Weighted:
-        """`bare`: traced without the job's objects, though there are some."""
-        mixture, apart = self._made.mixture(lighting), "bare " if bare else ""
+        """`bare`: traced without objects, though there may be some."""
+        objects = () if bare else self._made.job.objects_of(lighting)
+        arrangement = 0 if bare else next(i for i, x in enumerate(self.arrangements) if x is objects)
+        mixture, apart = self._made.mixture(lighting), f"{arrangement} " if objects else ""
         for one in mixture.sets:
-            self.sets.setdefault(f"{apart}{one.digest}", (bare, one))
+            self.sets.setdefault(f"{apart}{one.digest}", (objects, one))
         order = list(self.sets)
         groups = {one.digest: order.index(f"{apart}{one.digest}") for one in mixture.sets}
         first = mixture.sets[0]
         if first.whole is not None:
             place = self._place(f"{apart}{first.digest}", lighting.name, "whole", groups[first.digest], "", first.whole)
-            return Weighted(lighting.name, (groups[first.digest],), (place,), ((1.0, 1.0, 1.0),), lighting.relight)
+            own, white = (groups[first.digest],), ((1.0, 1.0, 1.0),)
+            return Weighted(lighting.name, own, (place,), white, lighting.relight, arrangement)
         places: list[int] = []
         for term in mixture.terms:
             home = mixture.home(term.unit)
@@ -99,7 +114,7 @@ class _Units:
                 )
             )
         weights = tuple((float(t.weight[0]), float(t.weight[1]), float(t.weight[2])) for t in mixture.terms)
-        return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights, lighting.relight)
+        return Weighted(lighting.name, tuple(groups.values()), tuple(places), weights, lighting.relight, arrangement)
 
     def _place(self, digest: str, name: str, kind: str, group: int, layer: str, of: Unit | Lighting) -> int:
         if digest not in self._places:

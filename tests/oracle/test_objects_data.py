@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ from PIL import Image
 from pycocotools.coco import COCO
 
 from mirelight import cli, dataset
+from mirelight.dataset.draws import Draws
 from mirelight.io.exr import read_exr
 from mirelight.io.gltf.write import write_glb
+from mirelight.io.mesh import read_mesh
 from mirelight.model import Material, ProxyMesh
 
 from .test_dataset_view import JOB, assert_equal_to_files, make_scene, render
@@ -62,7 +65,7 @@ def test_mixed_frames_with_objects_are_those_that_render_writes(out: Path) -> No
 def test_shares_are_those_of_the_files_cryptomatte(out: Path) -> None:
     view = dataset.open(out)
     shares = view.shares("front")
-    assert shares.shape == (2, 40, 60) and [x.name for x in view.objects] == ["cube", "lamp"]
+    assert shares.shape == (2, 40, 60) and [x.name for x in view.objects()] == ["cube", "lamp"]
     file = read_exr(out / "front.day.exr")
     total = sum(file.layer(f"CryptoAsset0{k}")[..., 1::2].sum(-1) for k in range(3))
     np.testing.assert_allclose(shares.sum(0), total, atol=1e-6)
@@ -84,7 +87,7 @@ def test_a_coco_loader_finds_the_objects(out: Path) -> None:
         for annotation in found.anns.values():
             image = found.imgs[annotation["image_id"]]
             mask = found.annToMask(annotation).astype(bool)
-            place = [x.name for x in view.objects].index(annotation["object"])
+            place = [x.name for x in view.objects()].index(annotation["object"])
             index = np.asarray(Image.open(folder / image["mask"]))
             np.testing.assert_array_equal(mask, index == place + 1)
             name = Path(image["file_name"]).stem
@@ -120,3 +123,59 @@ def test_the_page_s_code_loads_it(
     exec(code, {})
     found = json.loads((folder / "annotations" / "instances_train.json").read_text())
     assert capsys.readouterr().out.split()[-1] == str(len(found["annotations"]))
+
+
+SWEPT = """
+[sweep]
+how = "paired"
+lightings = ["day"]
+
+[[sweep.axes]]
+field = "objects.lamp.scatter.seed"
+draws = 2
+
+[[sweep.axes]]
+field = "objects.cube.path"
+values = ["cube.glb", "flat.glb"]
+"""
+
+
+def test_objects_that_stand_elsewhere_in_each_frame_are_found_there(tmp_path: Path, out: Path) -> None:
+    """Each lighting's mixed frame is the one that render wrote, and boxes and masks are of that frame's objects."""
+    make_scene(tmp_path)
+    cube = read_mesh(out.parent / "cube.glb")
+    write_glb(tmp_path / "cube.glb", cube)
+    write_glb(tmp_path / "flat.glb", replace(cube, vertices=cube.vertices * np.array([1, 0.2, 1], np.float32)))
+    scatter = 'name = "lamp"\nscatter = { center = [0, 0, 0], radius = 0.6 }'
+    objects = OBJECTS.replace('name = "lamp"', scatter).replace('category = "box"', 'name = "cube"')
+    made = render(tmp_path, JOB.replace("[24, 16]", "[60, 40]") + objects + SWEPT)
+    data = dataset.open(made)
+    assert data.lightings == ("day-seed0000-path-cube", "day-seed0001-path-flat", "lamps", "dim")
+    assert_equal_to_files(data, made)
+    assert len({data.boxes(x).tobytes() for x in data.lightings}) == 3
+    with pytest.raises(ValueError, match="objects in different places"):
+        data.frame(0, data.weights(0) + data.weights(1))
+    drawn = {np.flatnonzero(x.weights.any(axis=1)).tobytes(): x for x in Draws(data, 6, lit=1.0)}
+    assert len(drawn) == 3 and all(np.isfinite(x.rgba).all() for x in drawn.values())
+    folder, seen = made / "dataset" / "coco", 0
+    for split in ("train", "val"):
+        with contextlib.redirect_stdout(io.StringIO()):
+            found = COCO(str(folder / "annotations" / f"instances_{split}.json"))
+        for annotation in found.anns.values():
+            image = found.imgs[annotation["image_id"]]
+            camera, place = Path(image["file_name"]).stem, ["cube", "lamp"].index(annotation["object"])
+            lighting = next(x for x in data.lightings if x.replace(".", "_") == image["lighting"])
+            mask = found.annToMask(annotation).astype(bool)
+            np.testing.assert_array_equal(mask, np.asarray(Image.open(folder / image["mask"])) == place + 1)
+            assert (data.shares(camera, lighting)[place][mask] >= 0.5).all()
+            corners = np.array(annotation["box_3d"]["corners"])
+            low = (np.column_stack([corners, np.ones(8)]) @ np.array(image["world_from_camera"]).T)[:, 2].min()
+            np.testing.assert_allclose(low, 0, atol=1e-5)  # it stands on the ground, in a world with Z up
+            at = corners @ np.array(image["K"]).T
+            left, top = (at[:, :2] / at[:, 2:]).min(0)
+            assert left <= annotation["bbox"][0] + 1 and top <= annotation["bbox"][1] + 1
+            height = 0.4 if place else 0.12 if "flat" in lighting else 0.6
+            np.testing.assert_allclose(np.abs(data.boxes(lighting)[place][1, :3]).sum(), height, rtol=1e-5)
+            seen += 1
+    assert seen >= 12
+    assert cli.main(["export", str(made), "--layout", "nerf", "-o", str(tmp_path / "nerf")]) == 2

@@ -8,7 +8,7 @@ object in `lists.objects`. What covers half of a pixel counts as seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,32 +35,43 @@ def check_coco(cameras: Sequence[Camera], shared: Shared) -> None:
 
 def write_coco(files: Files, pictures: Iterable[Picture], shared: Shared) -> None:
     """Write pictures and what is seen in them. Raises OutputError: a file cannot be written."""
-    kinds = list(dict.fromkeys(x.category for x in shared.objects))
+    kinds: dict[str, int] = {}  # ids of categories
     whole: dict[str, dict[str, Any]] = {
         split: {
             "info": {"description": shared.name},
             "images": [],
             "annotations": [],
-            "categories": [{"id": i, "name": name} for i, name in enumerate(kinds, 1)],
-            "objects": [x.name for x in shared.objects],
+            "categories": [],
+            "objects": list(shared.objects),
         }
         for split in ("train", "val")
     }
     views: dict[str, list[dict[str, Any]]] = {}
     for number, picture in enumerate(pictures, 1):
-        if picture.view not in views:
+        mask = _mask(picture)
+        if mask not in views:
+            for one in picture.objects:
+                kinds.setdefault(one.category, len(kinds) + 1)
+            places = np.array([0, *(shared.objects.index(x.name) + 1 for x in picture.objects)], np.uint16)
             index = _index(picture.pixels.shares)
-            files.bytes(f"masks/{picture.view}.png", _png(index))
-            views[picture.view] = _seen(index, picture.camera, shared, kinds)
+            files.bytes(mask, _png(places[index]))
+            views[mask] = _seen(index, picture, shared, kinds)
         image = f"images/{picture.within}{picture.view}.png"
         files.png(image, picture.key, lambda picture=picture: picture.pixels.rgb)  # type: ignore[misc]
         own = whole["train" if picture.split == "train" else "val"]
         own["images"].append({"id": number, "file_name": image, **_camera(picture, shared)})
-        for row in views[picture.view]:
+        for row in views[mask]:
             own["annotations"].append({"id": len(own["annotations"]) + 1, "image_id": number, **row})
         files.frame(picture, image)
     for split, content in whole.items():
+        content["categories"] = [{"id": i, "name": name} for name, i in kinds.items()]
         files.json(f"annotations/instances_{split}.json", content)
+
+
+def _mask(picture: Picture) -> str:
+    """The file that tells the objects of a picture apart; pictures of them as they stand in others share it."""
+    within = "" if picture.arrangement is None else f"{picture.arrangement:05d}/"
+    return f"masks/{within}{picture.view}.png"
 
 
 def _index(shares: F32) -> NDArray[np.uint16]:
@@ -86,7 +97,7 @@ def _camera(picture: Picture, shared: Shared) -> dict[str, Any]:
         "width": camera.width,
         "height": camera.height,
         "lighting": picture.lighting,
-        "mask": f"masks/{picture.view}.png",
+        "mask": _mask(picture),
         "K": [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]],
         "world_from_camera": _pose(camera, shared).tolist(),
     }
@@ -99,18 +110,20 @@ def _pose(camera: Camera, shared: Shared) -> Matrix:
     return pose
 
 
-def _seen(index: NDArray[np.uint16], camera: Camera, shared: Shared, kinds: Sequence[str]) -> list[dict[str, Any]]:
+def _seen(
+    index: NDArray[np.uint16], picture: Picture, shared: Shared, kinds: Mapping[str, int]
+) -> list[dict[str, Any]]:
     """What a view's annotations say, but for their numbers."""
-    back = np.linalg.inv(_pose(camera, shared)) @ shared.world
+    back = np.linalg.inv(_pose(picture.camera, shared)) @ shared.world
     out: list[dict[str, Any]] = []
-    for place, one in enumerate(shared.objects, 1):
+    for place, one in enumerate(picture.objects, 1):
         mask = index == place
         if not mask.any():
             continue
         (top, bottom), (left, right) = (np.flatnonzero(mask.any(axis=axis))[[0, -1]].tolist() for axis in (1, 0))
         out.append(
             {
-                "category_id": kinds.index(one.category) + 1,
+                "category_id": kinds[one.category],
                 "object": one.name,
                 "bbox": [left, top, right - left + 1, bottom - top + 1],
                 "area": int(mask.sum()),

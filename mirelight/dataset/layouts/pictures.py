@@ -145,6 +145,8 @@ class Picture:
     part: Part = "seen"
     key: str = ""  # digest of what the pixels are made from; "": unknown
     view_key: str = ""  # the same of geometry and mask
+    objects: tuple[Labelled, ...] = ()  # that stand in the capture, in the order of the pixels' shares
+    arrangement: int | None = None  # number of how they stand; None: they do so in all pictures
     pixels: Pixels
 
     @property
@@ -195,7 +197,7 @@ class Shared:
     exposure: float = 0.0  # stops, of 8-bit pictures
     hdr: bool = True  # linear pictures, too, where loaders take them
     spp: int = 0  # of the traced light
-    objects: tuple[Labelled, ...] = ()
+    objects: tuple[str, ...] = ()  # names of all that are put into the capture
 
     @property
     def scale(self) -> float:

@@ -26,6 +26,7 @@ from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.light_tables import CAPTURED, AsCaptured, Lit
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path as Place
+from mirelight.io.job.scene_tables import ObjectTable
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
@@ -76,15 +77,18 @@ def build(source: Source, table: JobTable) -> Job:
     proxy = _glowing(proxy, dresses, source) if proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
-    captured = _captured(table, lightings, assets, wrong)
+    captured = _captured(table, lightings, assets, wrong) or _estimated(table, splats, proxy, assets, wrong)
+    if any(isinstance(x, AsCaptured) for x in table.lightings):
+        lightings, is_moment = _as_captured(captured, relight_settings(table), wrong)
+
+    def objects(tables: list[ObjectTable]) -> tuple[model.Inserted, ...]:
+        return inserted.named_apart([assets.inserted(x) for x in tables])
+
     if table.sweep is not None and not wrong:
-        relit = partial(relight_settings, table)
-        lightings = sweep.swept(table, lightings, assets, source.folder, relit, wrong)
+        makers = sweep.Makers(assets, partial(relight_settings, table), objects)
+        lightings = sweep.swept(table, lightings, makers, source.folder, wrong)
         is_moment = [False] * len(lightings)
     mixed = mixing.mixed(moving.moved(lightings, table.moved, wrong), table.mix, wrong)
-    captured = captured or _estimated(table, splats, proxy, assets, wrong)
-    if any(isinstance(x, AsCaptured) for x in table.lightings):
-        mixed, is_moment = _as_captured(captured, relight_settings(table), wrong)
     cameras_of()
     source.refuse(wrong)
     return Job(
@@ -96,11 +100,11 @@ def build(source: Source, table: JobTable) -> Job:
         capture_cameras=capture_cameras,
         capture_pictures=capture_pictures,
         materials=dresses,
-        objects=inserted.named_apart([assets.inserted(x) for x in table.objects]),
+        objects=objects(table.objects),
         albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
         lightings=moments.numbered(mixed, is_moment),
-        pooled=table.sweep is not None,
+        pooled=table.sweep is not None and (table.sweep.how == "crossed" or all(x.objects is None for x in mixed)),
         captured=captured,
         render=model.RenderSettings(profile=table.profile, **_settings(table.render)),
         compositor=compositor,

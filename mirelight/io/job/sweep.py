@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,29 +18,32 @@ from mirelight.io.job import overrides
 from mirelight.io.job.light_tables import LightingTable
 from mirelight.io.job.lighting import FreeNames, LightFiles, lighting
 from mirelight.io.job.mistakes import Mistake
+from mirelight.io.job.scene_tables import ObjectTable
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.sweep_tables import MOST, SweepTable
 from mirelight.io.job.sweep_values import Value, plain, values
 from mirelight.io.job.tables import JobTable
 from mirelight.io.job.words import closest, shown
-from mirelight.model import Light, Lighting, RelightSettings
+from mirelight.model import Inserted, Light, Lighting, RelightSettings
 
 _AT = ("sweep",)
-_RELIGHT = "relight."  # fields of the relight settings begin so
+
+
+@dataclass(frozen=True, slots=True)
+class Makers:
+    """What makes the model's types of a job's tables."""
+
+    files: LightFiles
+    relight: Callable[[RelightTable], RelightSettings]
+    objects: Callable[[list[ObjectTable]], tuple[Inserted, ...]]
 
 
 def swept(
-    table: JobTable,
-    base: tuple[Lighting, ...],
-    files: LightFiles,
-    folder: Path,
-    settings: Callable[[RelightTable], RelightSettings],
-    wrong: list[Mistake],
+    table: JobTable, base: tuple[Lighting, ...], makers: Makers, folder: Path, wrong: list[Mistake]
 ) -> tuple[Lighting, ...]:
     """The job's lightings, those that are swept replaced by their variants; what is wrong is added to `wrong`.
 
     Names: the lighting's and a word for each axis, without dots; with lights one by one, the light's name after that.
-    `settings` makes the job's relight settings of a table.
     """
     sweep = table.sweep
     assert sweep is not None
@@ -58,12 +62,13 @@ def swept(
         return base
     chosen = set(names if sweep.lightings is None else sweep.lightings)
     free = FreeNames([x.name for x in base if x.name not in chosen])
+    variants = _Variants(table, sweep, axes, makers, folder, wrong)
     out: list[Lighting] = []
     for i, one in enumerate(base):
         if one.name not in chosen:
             out.append(one)
             continue
-        for variant in _variants(table, i, one, axes, files, folder, settings, wrong):
+        for variant in variants.of(i, one):
             named = replace(variant, name=free.take(variant.name))
             out.append(named)
             if sweep.one_at_a_time:
@@ -80,14 +85,14 @@ def one_by_one(whole: Lighting) -> Iterator[Lighting]:
     layers: dict[str, list[Light]] = {}
     for light in whole.lights:
         layers.setdefault(light.group or light.name, []).append(light)
-    how = whole.relight
+    alone = Lighting(relight=whole.relight, objects=whole.objects)
     for name, lights in layers.items():
-        yield Lighting(name=f"{whole.name}-{plain(name)}", lights=tuple(lights), relight=how)
+        yield replace(alone, name=f"{whole.name}-{plain(name)}", lights=tuple(lights))
     if whole.environment is not None:
         name = f"{whole.name}-{plain(whole.environment.name)}"
-        yield Lighting(name=name, environment=whole.environment, relight=how)
+        yield replace(alone, name=name, environment=whole.environment)
     if whole.sky is not None:
-        yield Lighting(name=f"{whole.name}-sky", sky=whole.sky, relight=how)
+        yield replace(alone, name=f"{whole.name}-sky", sky=whole.sky)
 
 
 def _counts(sweep: SweepTable, axes: list[list[Value]], lightings: int, folder: Path) -> Iterator[Mistake]:
@@ -117,48 +122,76 @@ def _shared(table: JobTable) -> Iterator[Mistake]:
             yield Mistake((*_AT, "axes", i, "field"), found, "give the proxy another albedo")
 
 
-def _variants(
-    table: JobTable,
-    index: int,
-    one: Lighting,
-    axes: list[list[Value]],
-    files: LightFiles,
-    folder: Path,
-    settings: Callable[[RelightTable], RelightSettings],
-    wrong: list[Mistake],
-) -> Iterator[Lighting]:
-    sweep = table.sweep
-    assert sweep is not None
-    if not axes:
-        yield one
-        return
-    whole: LightingTable | JobTable = table.lightings[index] if table.lightings else table
-    written = whole.model_dump(exclude_unset=True, include={"lights", "lights_from", "environment"})
-    how = table.relight.model_dump(exclude_unset=True)
-    of_light = any(not axis.field.startswith(_RELIGHT) for axis in sweep.axes)
-    of_relight = any(axis.field.startswith(_RELIGHT) for axis in sweep.axes)
-    together = itertools.product(*axes) if sweep.how == "crossed" else zip(*axes, strict=True)
-    for combination in together:
-        data = {**deepcopy(written), "relight": dict(how)}
-        for i, (axis, value) in enumerate(zip(sweep.axes, combination, strict=True)):
-            problem = _set(data, axis.field, value.value, one.name)
-            if problem is not None:
-                wrong.append(replace(problem, path=(*_AT, "axes", i, "field")))
-                return
-        words = [value.word for value in combination]
-        if sweep.how == "paired":  # their draws bear the same numbers
-            words = list(dict.fromkeys(words))
-        name = "-".join([plain(one.name), *words])
-        try:
-            relight = RelightTable.model_validate(data.pop("relight"))
-            made = replace(one, name=name)
-            if of_light:  # from the tables again; without, lights may be those of the proxy's file
-                checked = LightingTable.model_validate({"name": name[:100], **data}, context={"base": folder})
-                made = lighting(name, checked, _AT, files, wrong)
-        except ValidationError as e:
-            wrong.append(_refused(e, name, len(axes)))
+@dataclass(frozen=True, slots=True)
+class _Variants:
+    """Makes the lightings of a sweep out of the job's."""
+
+    table: JobTable
+    sweep: SweepTable
+    axes: list[list[Value]]
+    makers: Makers
+    folder: Path
+    wrong: list[Mistake]
+    arranged: dict[str, tuple[Inserted, ...]] = field(default_factory=dict)  # objects by what is said of them
+
+    def of(self, index: int, one: Lighting) -> Iterator[Lighting]:
+        """Those of the lighting of an index in the job."""
+        if not self.axes:
+            yield one
             return
-        yield replace(made, relight=settings(relight)) if of_relight else made
+        table = self.table
+        whole: LightingTable | JobTable = table.lightings[index] if table.lightings else table
+        written = whole.model_dump(exclude_unset=True, include={"lights", "lights_from", "environment"})
+        how = table.relight.model_dump(exclude_unset=True)
+        objects = [x.model_dump(exclude_unset=True) for x in table.objects]
+        for combination in self._combinations():
+            data = {**deepcopy(written), "relight": dict(how), **({"objects": deepcopy(objects)} if objects else {})}
+            for i, (axis, value) in enumerate(zip(self.sweep.axes, combination, strict=True)):
+                problem = _set(data, axis.field, value.value, one.name)
+                if problem is not None:
+                    self.wrong.append(replace(problem, path=(*_AT, "axes", i, "field")))
+                    return
+            words = [value.word for value in combination]
+            if self.sweep.how == "paired":  # their draws bear the same numbers
+                words = list(dict.fromkeys(words))
+            name = "-".join([plain(one.name), *words])
+            try:
+                yield self._made(replace(one, name=name), data)
+            except ValidationError as e:
+                self.wrong.append(_refused(e, name, len(self.axes)))
+                return
+
+    def _combinations(self) -> Iterator[list[Value]]:
+        """A value of each axis; where objects are elsewhere all else is gone through before they are moved again."""
+        if self.sweep.how == "paired":
+            yield from (list(x) for x in zip(*self.axes, strict=True))
+            return
+        order = sorted(range(len(self.axes)), key=lambda i: not _is_of(self.sweep.axes[i].field, "objects"))
+        for found in itertools.product(*(self.axes[i] for i in order)):
+            by_axis = dict(zip(order, found, strict=True))
+            yield [by_axis[i] for i in range(len(order))]
+
+    def _made(self, one: Lighting, data: dict[str, Any]) -> Lighting:
+        """A lighting with what the axes name made of the tables again; raises ValidationError."""
+        of = {kind: [_is_of(x.field, kind) for x in self.sweep.axes] for kind in ("relight", "objects")}
+        relight = RelightTable.model_validate(data.pop("relight"))
+        objects = data.pop("objects", [])
+        if not all(map(any, zip(*of.values(), strict=True))):  # else lights may be those of the proxy's file
+            said = {"name": one.name[:100], **data}
+            checked = LightingTable.model_validate(said, context={"base": self.folder})
+            one = replace(lighting(one.name, checked, _AT, self.makers.files, self.wrong), relight=one.relight)
+        if any(of["objects"]):
+            known = repr(objects)
+            if known not in self.arranged:
+                tables = [ObjectTable.model_validate(x, context={"base": self.folder}) for x in objects]
+                self.arranged[known] = self.makers.objects(tables)
+            one = replace(one, objects=self.arranged[known])
+        return replace(one, relight=self.makers.relight(relight)) if any(of["relight"]) else one
+
+
+def _is_of(field: str, kind: str) -> bool:
+    """Whether a field of an axis is one of the relight settings, or of objects."""
+    return re.match(rf"{kind}\b", field) is not None
 
 
 def _set(data: dict[str, Any], field: str, value: Any, name: str) -> Mistake | None:
@@ -171,19 +204,25 @@ def _set(data: dict[str, Any], field: str, value: Any, name: str) -> Mistake | N
     for depth, part in enumerate(path):
         last = depth == len(path) - 1
         if isinstance(node, list) and isinstance(part, str):
-            named = [i for i, x in enumerate(node) if isinstance(x, dict) and (x.get("name") or x.get("type")) == part]
+            named = [i for i, x in enumerate(node) if isinstance(x, dict) and _called(x) == part]
             if not named:
-                return Mistake((), f"no light {shown(part)} in lighting {shown(name)}", "name one that is there")
+                kind = "object" if path[0] == "objects" else "light"
+                return Mistake((), f"no {kind} {shown(part)} in lighting {shown(name)}", "name one that is there")
             part = named[0]
         there = 0 <= part < len(node) if isinstance(node, list) and isinstance(part, int) else isinstance(node, dict)
         if not there or (not last and isinstance(node, dict) and part not in node):
             found = f"{shown(field)} leads nowhere in lighting {shown(name)}"
-            return Mistake((), found, "name a key of a light or environment that the job file gives there")
+            return Mistake((), found, "name a key of a light, environment or object that the job file gives there")
         if last:
             node[part] = value
         else:
             node = node[part]
     return None
+
+
+def _called(table: dict[str, Any]) -> str | None:
+    """What a light, or an object, is known by."""
+    return table.get("name") or table.get("type") or (Path(table["path"]).stem if "path" in table else None)
 
 
 def _refused(error: ValidationError, name: str, axes: int) -> Mistake:

@@ -28,7 +28,8 @@ class AxisTable(Table):
         min_length=1,
         max_length=1000,
         description='A key of a lighting, as in overrides: "lights[0].position", or by name "lights.key.intensity", '
-        '"environment.rotation", "environment.sky.time"; or of the relight settings: "relight.blend".',
+        '"environment.rotation", "environment.sky.time"; of an object: "objects.chair.path", '
+        '"objects.chair.scatter.seed"; or of the relight settings: "relight.blend".',
     )
     name: str | None = Field(
         default=None, min_length=1, max_length=40, description="In the lightings' names. Default: the field's last key."
@@ -63,11 +64,14 @@ class AxisTable(Table):
         default=None,
         ge=1,
         le=MOST,
-        description="range, kelvin, dome, sphere: so many at random, by the seed; instead of steps.",
+        description="range, kelvin, dome, sphere: so many at random, by the seed; instead of steps. Alone, for a field "
+        "named seed: so many seeds.",
     )
 
     @model_validator(mode="after")
     def _check(self) -> AxisTable:
+        if self.are_seeds:
+            return self
         ways = ("values", *_SPREAD, "files")
         one_way(self, *((way,) for way in ways), needed="add values, range, kelvin, dome, sphere or files")
         one_way(self, ("steps",), ("draws",))
@@ -81,6 +85,12 @@ class AxisTable(Table):
         elif self.log:
             raise wrong("log without a range", "leave it out", at="log")
         return self
+
+    @property
+    def are_seeds(self) -> bool:
+        """Whether the values are seeds, drawn themselves."""
+        ways = given(self, "values", *_SPREAD, "files", "steps")
+        return self.draws is not None and not ways and self.field.endswith("seed") and not self.log
 
 
 def _check_range(ends: list[Any], log: bool) -> None:

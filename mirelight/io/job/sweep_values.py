@@ -40,6 +40,8 @@ def values(axis: AxisTable, seed: int, folder: Path) -> list[Value]:
     if axis.files is not None:
         return [Value(plain(PurePosixPath(x).stem), x) for x in _files(axis.files, folder)]
     count = axis.draws or axis.steps or 0
+    if axis.are_seeds:
+        return [Value(f"{prefix}{i:04d}", _stream(axis, seed, i).getrandbits(31)) for i in range(count)]
     shares = [_shares(axis, seed, i) for i in range(count)]
     made = [_at(axis, share, i, count) for i, share in enumerate(shares)]
     return [Value(f"{prefix}{f'{i:04d}' if axis.draws else _word(x, i)}", x) for i, x in enumerate(made)]
@@ -78,8 +80,12 @@ def _shares(axis: AxisTable, seed: int, index: int) -> list[float] | None:
     """Uniform numbers in [0, 1) of one draw; None for even steps."""
     if axis.draws is None:
         return None
-    stream = random.Random(f"{seed} {axis.field} {index}")  # a stream that Python promises to keep
+    stream = _stream(axis, seed, index)
     return [stream.random() for _ in range(max(2, len(_list(axis.range[0])) if axis.range else 0))]
+
+
+def _stream(axis: AxisTable, seed: int, index: int) -> random.Random:
+    return random.Random(f"{seed} {axis.field} {index}")  # a stream that Python promises to keep
 
 
 def _at(axis: AxisTable, draws: list[float] | None, index: int, count: int) -> Any:

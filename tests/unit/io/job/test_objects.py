@@ -78,14 +78,15 @@ def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJ
     (part,) = with_one.mixture(lighting).sets
     frames = {x.frame(camera, lighting) for x in (bare, with_one, moved, lifted)}
     assert len(frames) == 4
-    assert len({x.light_with_objects(part, camera) for x in (bare, with_one, moved, lifted)}) == 4
+    assert len({x.light_with_objects(part, camera, x.job.objects) for x in (bare, with_one, moved, lifted)}) == 4
     assert len({x.light(part, camera) for x in (with_one, moved, lifted)}) == 1
-    assert len({f(camera) for x in (with_one, moved, lifted) for f in (x.in_front, x.object_matte)}) == 6
-    assert len({x.object_boxes for x in (with_one, moved, lifted)}) == 3
+    assert len({f(camera, x.job.objects) for x in (with_one, moved, lifted) for f in (x.in_front, x.object_matte)}) == 6
+    assert len({x.object_boxes(x.job.objects) for x in (with_one, moved, lifted)}) == 3
+    objects = with_one.job.objects
     needs = with_one.needs(camera, [lighting])
-    assert with_one.light_with_objects(part, camera) in needs.keys and with_one.light(part, camera) in needs.keys
+    assert {with_one.light_with_objects(part, camera, objects), with_one.light(part, camera)} < set(needs.keys)
     assert (
-        {with_one.in_front(camera), with_one.object_matte(camera)}
+        {with_one.in_front(camera, objects), with_one.object_matte(camera, objects)}
         < set(needs.keys)
         <= set(with_one.lights()) | {with_one.composite(camera)}
     )
@@ -98,7 +99,8 @@ def test_a_scattered_object_is_known_by_its_seed(write_job: WriteJob, thing: Pat
         for seed in (1, 1, 2)
     )
     assert one.objects[0].scatter is not None and one.objects[0].scatter.radius == 2 and one.objects[0].scatter.turn
-    assert Keys(one).object_boxes == Keys(same).object_boxes != Keys(other).object_boxes
+    first, again, another = (Keys(x).object_boxes(x.objects) for x in (one, same, other))
+    assert first == again != another
     with pytest.raises(InputError, match="radius"):
         loaded(write_job, f"{HEAD}{OBJECT}scatter = {{ center = [0, 0, 0], radius = 0 }}\n")
 
@@ -136,3 +138,74 @@ def test_a_wrong_object_is_a_line(write_job: WriteJob, thing: Path, was: str, no
     with pytest.raises(InputError, match=says):
         job = loaded(write_job, HEAD + OBJECT.replace(was, now))
         _ = job.objects[0].mesh.value
+
+
+SCATTERED = (
+    OBJECT
+    + """scatter = { center = [0, 0, 0], radius = 2 }
+
+[[objects]]
+path = "thing.glb"
+name = "other"
+
+[[sweep.axes]]
+field = "objects.thing.scatter.seed"
+draws = 3
+
+[[sweep.axes]]
+field = "objects.other.roughness"
+values = [0, 1]
+"""
+)
+
+
+def test_objects_are_swept_and_each_way_they_stand_has_light_of_its_own(write_job: WriteJob, thing: Path) -> None:
+    job = loaded(write_job, HEAD + SCATTERED)
+    names = [f"captured-seed{i:04d}-roughness{k}" for i in range(3) for k in (0, 1)]
+    assert [x.name for x in job.lightings] == names and len(requirements.arrangements(job)) == 6
+    first, second = job.lightings[:2]
+    assert first.objects is not None and second.objects is not None and first.objects is not second.objects
+    assert first.objects[0].scatter is not None and second.objects[0].scatter is not None
+    assert first.objects[0].scatter.seed == second.objects[0].scatter.seed
+    assert [x.objects[1].mesh.value.materials[0].roughness for x in (first, second)] == [0, 1]  # type: ignore[index]
+    keys = Keys(job)
+    camera = job.cameras[0]
+    assert len({keys.frame(camera, x) for x in job.lightings}) == 6
+    assert len({s.digest for x in job.lightings for s in keys.mixture(x).sets}) == 1
+    needs = keys.needs(camera, job.lightings)
+    assert len(needs.lights) == 6 + 1 and len(needs.veiled) == 6 * 2  # and the captured light, which knows none
+    assert set(needs.keys) <= set(keys.lights()) | {keys.composite(camera)}
+    longer = loaded(write_job, HEAD + SCATTERED.replace("draws = 3", "draws = 4"))
+    assert [Keys(longer).frame(camera, x) for x in longer.lightings[:6]] == [
+        keys.frame(camera, x) for x in job.lightings
+    ]
+
+
+def test_light_is_gone_through_before_objects_are_moved(write_job: WriteJob, thing: Path) -> None:
+    axes = SCATTERED.replace('field = "objects.other.roughness"\nvalues', 'field = "environment.radiance"\nvalues')
+    head = HEAD.replace('lightings = "captured"\n', "environment = { radiance = 1 }\n")
+    swap = axes.split("[[sweep.axes]]")
+    job = loaded(write_job, head + "[[sweep.axes]]".join([swap[0], swap[2], swap[1]]))
+    assert [x.name for x in job.lightings[:3]] == [
+        "lighting-radiance0-seed0000",
+        "lighting-radiance1-seed0000",
+        "lighting-radiance0-seed0001",
+    ]
+    assert job.lightings[0].objects is job.lightings[1].objects and len(requirements.arrangements(job)) == 3
+    assert job.pooled
+    paired = loaded(write_job, head + axes.replace("[0, 1]", "[0, 1, 2]") + '\n[sweep]\nhow = "paired"\n')
+    assert not paired.pooled and len(paired.lightings) == 3
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "says"),
+    [
+        ("objects.thing.scatter", "objects.thin.scatter", "no object"),
+        ("objects.thing.scatter.seed", "objects.other.scatter.seed", "leads nowhere"),
+        ("draws = 3", "draws = 3\nlog = true", "nothing is given for it"),
+        ("values = [0, 1]", "values = [0, 2]", "roughness"),
+    ],
+)
+def test_a_wrong_sweep_of_objects_is_a_line(write_job: WriteJob, thing: Path, was: str, now: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        loaded(write_job, HEAD + SCATTERED.replace(was, now))

@@ -37,7 +37,7 @@ Int = NDArray[np.intp]
 REACH = 0.02  # of the bounds' diagonal
 MARGIN = 2.0**-18  # of the largest coordinate plus the longest edge: how far off edges points must lie for rays
 TINY = np.finfo(np.float64).tiny
-FEW, MANY = 4, 32  # samples a splat, to tell the dark side: of all, and of those that few have found dark
+FEW, MANY = 4, 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,13 @@ def lamps_in_view(tracer: Tracer, lighting: Lighting, camera: Camera) -> Lightin
     return tracer.tuned(settings, layers=False, aovs=False).trace(lighting, camera, emission=False)
 
 
-def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: Lighting | None) -> Places:
+def places_of(
+    splats: SplatCloud,
+    proxy: ProxyMesh,
+    tracer: Tracer,
+    reference: Lighting | None,
+    samples: tuple[int, int] = (FEW, MANY),
+) -> Places:
     """Where splats lie on the proxy.
 
     Args:
@@ -73,6 +79,7 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
         proxy: the tracer's own.
         tracer: from :func:`tracer_for`.
         reference: light that the splats were seen in, which tells the side; None: an even sky.
+        samples: a splat, to tell the dark side: of all, and of those that few have found dark.
 
     Raises:
         RenderError: no splat lies within 2 % of the proxy's diagonal.
@@ -99,12 +106,12 @@ def places_of(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reference: L
     if len(lost):
         _take_over(lost, found, points[found], means, points, normals)
     reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
-    front = _brightness(tracer, reference, points, normals, FEW)
+    front = _brightness(tracer, reference, points, normals, samples[0])
     dim = np.flatnonzero(front <= UNLIT * front.mean())
     if len(dim):  # seldom met, or dark
-        front[dim] = _brightness(tracer, reference, points[dim], normals[dim], MANY)
+        front[dim] = _brightness(tracer, reference, points[dim], normals[dim], samples[1])
         dark = dim[front[dim] <= UNLIT * front.mean()]
-        back = _brightness(tracer, reference, points[dark], -normals[dark], MANY)
+        back = _brightness(tracer, reference, points[dark], -normals[dark], samples[1])
         normals[dark[back > front[dark]]] *= -1
         front[dark] = np.maximum(front[dark], back)
         unseen = dark[front[dark] <= UNLIT * front.mean()]

@@ -126,9 +126,9 @@ class SplatLight:
         shape = len(layers), len(self.places.points), 3
         return self._made_once(key, shape, lambda: np.stack(list(self._traced(one, layers, what))))
 
-    def unit_light(self, unit: Unit) -> F32:
-        """(N, 3) irradiance / pi of one unit light, as it may be for a moment: it is not kept."""
-        return next(self._traced(LightSet((unit,)), ["0"], ""))
+    def unit_lights(self, units: tuple[Unit, ...]) -> Iterator[F32]:
+        """(N, 3) irradiance / pi of each of a few unit lights, as they may be for a moment: they are not kept."""
+        return self._traced(LightSet(units), [str(i) for i in range(len(units))], "")
 
     @cached_property
     def albedo(self) -> F32:

@@ -78,7 +78,8 @@ class StagedLight:
     """
 
     def __init__(self, scene: Prepared, stages: tuple[int, ...], progress: Progress) -> None:
-        self.scene, self.splats, self._stages = scene, SplatLight(scene, stages[0], progress), stages
+        self.scene, self.splats = scene, SplatLight(scene, stages[0], progress)
+        self.stages = stages
         self._first = FirstLight(self.splats.tracer, self.splats.places)
         self._finer: dict[int, SplatLight] = {}
 
@@ -91,7 +92,7 @@ class StagedLight:
         """(N, 3) irradiance / pi of a unit light, as a stage has it."""
         if stage == 0:
             return self._first.light(self.scene.lighting_of(LightSet((unit,))))
-        spp = self._stages[stage]
+        spp = self.stages[stage]
         if spp not in self._finer:
             self._finer[spp] = self.splats.with_samples(spp)
-        return self._finer[spp].unit_light(unit)
+        return next(self._finer[spp].unit_lights((unit,)))

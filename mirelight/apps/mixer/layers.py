@@ -20,6 +20,7 @@ from mirelight.model import F32, F64, Job, Lighting
 from mirelight.model.lights import position_of
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSets, Unit, terms
 from mirelight.pipeline import requirements
+from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.scene import Scene
 from mirelight.pipeline.splat_light import EMISSION, Progress, SplatLight
 
@@ -116,7 +117,8 @@ def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: P
         glow = splats.light(GLOW, "surfaces that glow")[0]
         values[len(names)] = glow
         old += glow
-    made = layering(scene, splats, old.astype(np.float32) if compares else None)
+    level = scene.captured_level or 0.0 if compares else None
+    made = layering(scene, splats, old.astype(np.float32) if compares else None, level)
     for k in range(len(values) - floor):
         values[k] = made.layer_of(values[k])
     if floor:
@@ -141,13 +143,14 @@ class Layering:
     base: F32  # (N, 3) what is there without any light
 
 
-def layering(scene: Scene, splats: SplatLight, old: F32 | None) -> Layering:
+def layering(scene: Prepared, splats: SplatLight, old: F32 | None, level: float | None) -> Layering:
     """How layers are made under a captured light.
 
     Args:
         scene: a prepared job.
         splats: of the scene.
         old: (N, 3) irradiance / pi of the captured light; None: the mode compares with none.
+        level: of the captured light, as `Scene.captured_level`; None where `old` is.
     """
     assert scene.splats is not None
     factor = relighting.splat_relighter(
@@ -155,7 +158,7 @@ def layering(scene: Scene, splats: SplatLight, old: F32 | None) -> Layering:
         splats.albedo,
         replace(scene.job.relight, max_ratio=_UNLIMITED),
         captured=old,
-        captured_level=None if old is None else scene.captured_level or 0.0,
+        captured_level=level,
     )
     base = factor(np.zeros((len(scene.splats), 3), np.float32))
 

@@ -15,10 +15,10 @@ from mirelight.apps.mixer.bundle import bookmark, write_splats
 from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import limit_of
 from mirelight.apps.mixer.news import News
-from mirelight.apps.studio import around
+from mirelight.apps.studio import around, early
 from mirelight.apps.studio.document import EDITED, Document
 from mirelight.apps.studio.helper import Helper
-from mirelight.apps.studio.lights import Layer, Lights
+from mirelight.apps.studio.lights import Layer, Lights, Supply
 from mirelight.apps.studio.renders import Renders
 from mirelight.apps.studio.worker import Ordered
 from mirelight.base.errors import InputError, MirelightError
@@ -87,7 +87,8 @@ class Session:
         self.file = f"{folder.name}/{file.name}"
         self._at: Job | None = None  # whose light is traced
         self._stuck: Job | None = None  # whose light cannot be
-        self._lights: Lights | None = None
+        self._lights = Supply(self._order, self._say)
+        self._refined = ""  # by which key places were asked for
         self._layers: tuple[Layer, ...] = ()
         self._around = 0, -1, "", b""  # version, edit, what it was made from, PNG file
         self._layered, self._layered_name = -1, ""  # the edit and the lighting that they are of
@@ -95,9 +96,11 @@ class Session:
         self._tracing, self._done, self._trouble = "", 0.0, ""
         self._found: Mapping[str, Any] | None = None
         self._near: float | None = None
+        self._level: float | None = None
         self._bookmarks: dict[str, dict[str, Any]] = {}  # of cameras that were told, by their digests
         self._file, self._edited = _file_of(document.path), False
         self._helper: Helper | None = None
+        self._helping = False
         self._renders = Renders(self._news.changed)
 
     # --- asked by any thread ---
@@ -188,11 +191,11 @@ class Session:
 
     def misfit(self) -> tuple[float, bytes]:
         """See :meth:`Lights.misfit`; nothing before there is a proxy."""
-        return (1.0, b"") if self._near is None or self._lights is None else self._lights.misfit()
+        return (1.0, b"") if self._lights.best is None else self._lights.best.misfit()
 
     def mesh(self) -> bytes:
         """See :meth:`Lights.mesh`; nothing before there is a proxy."""
-        return b"" if self._near is None or self._lights is None else self._lights.mesh()
+        return b"" if self._lights.best is None else self._lights.best.mesh()
 
     def around(self, version: int) -> bytes:
         """A PNG file of what the shown lighting has from far away; empty where there is none, or a newer one."""
@@ -208,7 +211,7 @@ class Session:
                 self._line,
                 self._layered,
                 self._layered_name,
-                vars(self._scene).get("captured_level"),
+                self._level,
                 self._layers,
                 self._around[:2],
                 self._near,
@@ -246,6 +249,8 @@ class Session:
         """Trace what is shown, until Ctrl-C, or until `until` says so."""
         try:
             self._begin()
+            if self._phase != "ready":
+                self._lights.warm(self._scene)
             while not until():
                 if not self._step():
                     with self._news:
@@ -266,8 +271,11 @@ class Session:
             self._phase = "ready"
         if made or self.document.begun:
             estimates = self.document.text({**self.edits, **self._adopted}) if self.document.begun else ""
-            self._line = "making the proxy mesh"
-            self._helper = Helper(Ordered(self._text, str(self.document.path), estimates), self._hear)
+            self._help(Ordered(self._text, str(self.document.path), estimates), "making the proxy mesh")
+
+    def _help(self, order: Ordered, line: str) -> None:
+        self._helping, self._line = True, line
+        self._helper = Helper(order, self._hear)
 
     @property
     def _adopted(self) -> dict[str, Any]:
@@ -282,7 +290,6 @@ class Session:
                 self._line = str(message["line"])
             if "proxy" in message:
                 self._phase = "ready"
-                self._line = "finding the captured light" if self.document.begun else ""
             if "estimate" in message:
                 self._found = {**message["estimate"], "edits": self._adopted}
             if "failed" in message:
@@ -290,7 +297,7 @@ class Session:
                 self._phase = "ready" if self._phase == "ready" else "failed"
                 self._tell(self._trouble)
             if "ended" in message:
-                self._line = ""
+                self._line, self._helping = "", False
             self._news.changed()
 
     def _step(self) -> bool:
@@ -316,20 +323,22 @@ class Session:
     def _traced(self, job: Job, number: int, shown: str) -> bool:
         lighting = next((x for x in job.lightings if x.name == shown), job.lightings[0])
         taken = job is not self._at or (number, lighting.name) != (self._layered, self._layered_name)
-        if job is not self._at:
-            self._take(job)
-        assert self._lights is not None
+        lights = self._take(job)
         self._look_around(lighting, number)
-        most = 1 if self._renders.busy else len(STAGES)  # the machine is the frame's
-        due = [x for x in self._lights.wanted(lighting) if x[0] < most]
+        if lights is None:
+            return False
+        due = list(lights.wanted(lighting))
+        if self._renders.busy:  # the machine is the frame's
+            due = [x for x in due if x[0] == 0]
         if not due and not taken:
             return False
         if due:
-            stage, unit = min(due, key=lambda x: x[0])
+            stage, units = min(due, key=lambda x: x[0])
             self._say("light on the splats" if stage == 0 else f"light, {STAGES[stage]} samples", 0, 1)
-            self._lights.trace(unit, stage)
-        layers = self._lights.layers(lighting)
+            lights.trace(units, stage)
+        layers = lights.layers(lighting)
         with self._news:
+            self._near, self._level = lights.near, lights.level or self._level
             if layers is not None:
                 self._layers, self._layered, self._layered_name = tuple(layers), number, lighting.name
             self._news.changed()
@@ -344,12 +353,19 @@ class Session:
         with self._news:
             self._around = version, number, key, png
 
-    def _take(self, job: Job) -> None:
-        scene = prepare(job, self._store.artefacts, like=self._scene)
-        if self._lights is None or not self._lights.follow(scene):
-            self._lights = Lights(scene, self._order, self._say)
-            self._near = self._lights.near
-        self._scene, self._at = scene, job
+    def _take(self, job: Job) -> Lights | None:
+        """What lights a job; None: nothing yet."""
+        if job is not self._at:
+            self._scene, self._at = prepare(job, self._store.artefacts, like=self._scene), job
+        return self._lights.of(self._scene, self._refine)
+
+    def _refine(self) -> None:
+        """Have made what fine light takes, once."""
+        key = self._scene.keys.splat_places
+        with self._news:
+            if not self._helping and self._refined != key and self._job is self._at:
+                self._refined = key
+                self._help(Ordered(self._text, str(self.document.path)), early.REFINING)
 
     def _say(self, what: str, done: int, total: int) -> None:
         """Progress of a trace; ends it where the job has changed."""

@@ -1,4 +1,4 @@
-"""A process of the studio: makes the proxy and finds the captured light, or renders a frame, and tells how far it is.
+"""A process of the studio: makes what light on splats takes and finds the captured light, or renders a frame.
 
 It reads one order, a line of JSON, and says lines of JSON. When its order's pipe is closed, it ends.
 """
@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mirelight.apps.studio import around
+from mirelight.apps.studio import around, early
 from mirelight.base.errors import MirelightError
 from mirelight.batch import executor
 from mirelight.batch.preview import Previews
@@ -37,7 +37,7 @@ class Ordered:
     text: str  # of the job
     path: str  # where it would stand
     estimates: str = ""  # the job whose captured light is to be estimated; "": none is
-    camera: str = ""  # to render; "": the proxy is made
+    camera: str = ""  # to render; "": the proxy is made, and what fine light on splats takes
     lighting: str = ""
 
 
@@ -54,12 +54,16 @@ def carry_out(asked: Ordered, say: Say) -> None:
         mesh = scene.mesh
         say(proxy=0 if mesh is None else len(mesh.faces))
         if asked.estimates:
-            _estimate(prepare(jobs.load_text(asked.estimates, asked.path), store.artefacts, like=scene), say)
+            with_found = prepare(jobs.load_text(asked.estimates, asked.path), store.artefacts, like=scene)
+            scene = with_found if _estimate(with_found, say) else scene
+        say(line=early.REFINING)
+        early.make(scene)
     finally:
         store.close()
 
 
-def _estimate(scene: Scene, say: Say) -> None:
+def _estimate(scene: Scene, say: Say) -> bool:
+    """Whether it is taken."""
     sky = None if scene.job.captured is None else scene.job.captured.sky
     assert isinstance(sky, EstimatedSky) and scene.splats is not None and scene.mesh is not None
     say(line="finding the captured light")
@@ -71,6 +75,7 @@ def _estimate(scene: Scene, say: Say) -> None:
     lines = [*against, *(" ".join(x.split()) for x in described(found))]
     seen = base64.b64encode(around.shown(found.radiance)).decode()
     say(estimate={"sound": bool(sound and level), "level": level or 1.0, "lines": lines, "picture": seen})
+    return bool(sound and level)
 
 
 def _render(asked: Ordered, store: Store, say: Say) -> None:

@@ -26,6 +26,7 @@ class PointRays:
         self.lift = float(np.abs(points).max(initial=1e-6)) * LIFT
         self._points = floats(_in_fours(points + normals * self.lift))
         self._ways = floats(_in_fours(-normals))
+        self._reach = dr.opaque(mi.Float, 2 * self.lift)  # a literal would make a kernel for each set of points
 
     def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
         """(index, stream) of a sample: each point has a sequence of its own."""
@@ -37,7 +38,7 @@ class PointRays:
         """(whether there is one, face, barycentric coordinates, unit way there, None) of a point, in any sample."""
         o, d = (dr.gather(mi.Vector4f, buffer, pixel) for buffer in (self._points, self._ways))
         way = mi.Vector3f(d.x, d.y, d.z)
-        ray = bounded_ray(mi.Point3f(o.x, o.y, o.z), way, mi.Float(2 * self.lift))
+        ray = bounded_ray(mi.Point3f(o.x, o.y, o.z), way, self._reach)
         found = surface.nearest(ray, mi.Bool(True), coherent=True)
         return (
             mi.Bool(found.is_valid()),
@@ -80,7 +81,7 @@ def nearest_along(surface: DeviceProxy, origins: F64, directions: F64, reach: fl
     slack = 0.05 * reach  # rays start a little behind, for an origin that lies on the surface
     face, uv, distance = np.full(len(origins), -1, np.int32), np.zeros((len(origins), 2)), np.full(len(origins), np.inf)
     for d in (directions, -directions):
-        ray = bounded_ray(_points(origins - d * slack), _vectors(d), mi.Float(reach + slack))
+        ray = bounded_ray(_points(origins - d * slack), _vectors(d), dr.opaque(mi.Float, reach + slack))
         found = surface.nearest(ray, mi.Bool(True))
         hit = _numpy(found.is_valid())
         away = np.abs(np.where(hit, _numpy(found.t).astype(np.float64), np.inf) - slack)

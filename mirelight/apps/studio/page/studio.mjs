@@ -9,6 +9,7 @@ import { aroundRow, lightRow, make } from './rows.mjs';
 import { createView } from './view.mjs';
 
 const SLOTS = 32;  // layers that the view has room for; the last is the misfit of the proxy
+const FINEST = 256;  // samples of a splat
 const AGAIN = 'start mirelight studio again';
 const find = (id) => document.getElementById(id);
 
@@ -90,7 +91,7 @@ function start(view, studio) {
         find('misfit').disabled = find('mesh').disabled = find('near').hidden = state.near === null;
         find('near').textContent = `${Math.floor(100 * state.near)} % of the splats lie on the proxy mesh.`;
         const lines = [state.line && `${state.line}…`, state.tracing && `${state.tracing}: ${Math.floor(100 * state.done)} %`];
-        find('news').textContent = lines.filter(Boolean).join(' · ') || (state.phase === 'ready' ? 'The light is as fine as it gets here' : '');
+        find('news').textContent = lines.filter(Boolean).join(' · ') || (finest() ? 'The light is as fine as it gets here' : '');
         find('queue-section').hidden = !state.renders.length;
         queue.show(state.renders);
         if (state.estimate && !adopted) found(state.estimate);
@@ -100,6 +101,7 @@ function start(view, studio) {
         paint();
         if (still) showFrame();
     }
+    const finest = () => state.shown === lighting().name && state.layers.length > 0 && state.layers.every((x) => x.samples >= FINEST || !x.name);
     // what of the shown lighting is newer than what the view has
     async function layers() {
         if (state.shown !== lighting().name) return;

@@ -1,0 +1,60 @@
+"""Light in the studio: early light of a few splats is near fine light of all, comes before it, and gives way to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.apps.mixer import rgb9e5
+from mirelight.apps.studio import early, opened
+from mirelight.apps.studio.lights import Layer
+from mirelight.apps.studio.session import Session
+from mirelight.apps.studio.worker import Ordered
+from mirelight.io import splats
+from mirelight.io.gltf.write import write_glb
+from mirelight.pipeline.scene import prepare
+
+from .mixer_scene import walls
+
+JOB = """
+splats = "corner.ply"
+proxy = { path = "proxy.glb", albedo = "splats" }
+captured = { environment = { radiance = 1 } }
+lights = [{ type = "sun", elevation = 40, azimuth = 200, intensity = 3, angular_diameter = 4 }]
+environment = { radiance = 0.4 }
+"""
+
+
+def shown(layers: tuple[Layer, ...]) -> np.ndarray:
+    """(N, 3) what the page multiplies the splats by."""
+    values = [rgb9e5.decode(np.frombuffer(x.packed, "<u4")) * (x.scale * x.weight) for x in layers]
+    return np.asarray(np.sum(values, axis=0))
+
+
+def test_early_light_comes_first_and_is_near_fine_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cloud, proxy = walls(40)
+    splats.write(cloud, tmp_path / "corner.ply")
+    write_glb(tmp_path / "proxy.glb", proxy, (), ())
+    (tmp_path / "job.toml").write_text(JOB)
+    (tmp_path / "page").mkdir()
+    monkeypatch.setattr(early, "FEW", 600)
+    session = Session(opened(tmp_path / "job.toml", None), tmp_path / "page")
+    session._phase = "ready"  # as its proxy is a file
+    asked: list[Ordered] = []
+    monkeypatch.setattr(session, "_help", lambda order, line: asked.append(order))
+    while session._step():
+        pass
+    first = session.state()
+    assert [x.samples for x in first.layers] == [early.SAMPLES] * 3 and len(asked) == 1 and not first.trouble
+    early.make(prepare(session.document.job(asked[0].text), session._store.artefacts))  # what the other process does
+    while session._step() and session.state().layers[0].samples < 64:
+        pass
+    last = session.state()
+    assert [x.version for x in last.layers] > [x.version for x in first.layers]
+    a, b = shown(first.layers), shown(last.layers)
+    assert np.abs(a.mean() / b.mean() - 1) < 0.08  # the proxy is grey at first
+    assert np.quantile(np.abs(a - b) / b.mean(), 0.9) < 0.2
+    assert first.level == pytest.approx(last.level, rel=0.1)
+    session.run(lambda: True)

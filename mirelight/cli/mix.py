@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from mirelight.base.errors import InputError, MirelightError
 from mirelight.cli import options, outputs, say
 from mirelight.cli.command import Command
-from mirelight.io.folders import NewFolders
 
 if TYPE_CHECKING:
     from mirelight.apps.mixer import Exported
@@ -38,6 +37,7 @@ def run_mix(args: argparse.Namespace) -> int:
     from mirelight.apps.mixer.server import claimed
     from mirelight.batch.order import named
     from mirelight.io import job
+    from mirelight.io.folders import NewFolders
     from mirelight.pipeline.requirements import check_lit_splats
 
     overrides = options.overrides(args)

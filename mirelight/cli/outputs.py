@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import OutputError
-from mirelight.io.atomic import output_error
 
 if TYPE_CHECKING:
     from mirelight.model import Job
@@ -30,6 +28,10 @@ def named(out: str, what: str, *suffixes: str) -> Path:
 
 def in_a_folder(*outs: Path) -> None:
     """Raises OutputError where a file to write has no folder to stand in, none that can be written, or is one."""
+    import tempfile  # with what it loads, a tenth of what help takes
+
+    from mirelight.io.atomic import output_error
+
     for out in outs:
         if not out.parent.is_dir():
             raise OutputError(f"{out}: cannot be written (the folder does not exist); nothing was written")
@@ -60,6 +62,8 @@ def own(out: Path, sign: str) -> None:
         with out.open("rb") as file:
             head = file.read(_HEAD)
     except OSError as error:
+        from mirelight.io.atomic import output_error
+
         raise output_error(out, error) from None
     if head and sign.encode() not in head:
         raise OutputError(f"{out}: mirelight has not written it, and would write over it; give another name")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import tempfile
 from pathlib import Path
 
 from mirelight.base.errors import InputError
@@ -22,6 +21,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_studio(args: argparse.Namespace) -> int:
     """The command. The page's address goes to stdout, the rest to stderr; Ctrl-C ends it well."""
+    import tempfile
+
     from mirelight.apps.studio.desk import Desk
     from mirelight.apps.studio.server import serving
 

@@ -21,6 +21,26 @@ class Placed:
     owners: I32  # (F,) index of the object that a face is of, -1: the proxy
     boxes: F64  # (n, 4, 4) of each object: world from the cube of side 1 about 0, along its own axes
 
+    @property
+    def alone(self) -> ProxyMesh:
+        """The objects without the proxy."""
+        mesh, faces = self.mesh, self.mesh.faces[self.first :]
+        start = int(faces.min(initial=len(mesh.vertices)))
+
+        def theirs(values: F32 | None) -> F32 | None:
+            return None if values is None else values[start:]
+
+        return replace(
+            mesh,
+            vertices=mesh.vertices[start:],
+            faces=faces - start,
+            normals=theirs(mesh.normals),
+            uvs=theirs(mesh.uvs),
+            vertex_colors=theirs(mesh.vertex_colors),
+            face_materials=None if mesh.face_materials is None else mesh.face_materials[self.first :],
+            face_nodes=None,
+        )
+
 
 def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> Placed:
     """Objects set down and joined with the proxy; those that are scattered come after the rest, and keep clear of it.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -245,6 +245,11 @@ class Job:
     def objects_of(self, lighting: Lighting) -> tuple[Inserted, ...]:
         """What stands in the capture when a lighting is seen."""
         return self.objects if lighting.objects is None else lighting.objects
+
+    @property
+    def bare(self) -> Job:
+        """The same without what is put into the capture."""
+        return replace(self, objects=(), lightings=tuple(replace(x, objects=None) for x in self.lightings))
 
     def __repr__(self) -> str:
         there = [name for name in ("splats", "proxy", "captured") if getattr(self, name) is not None]

@@ -31,14 +31,17 @@ from mirelight.io.gltf.scene import read_scene
 from mirelight.io.png import write_png
 from mirelight.io.splats import ply
 from mirelight.lighting import trace
+from mirelight.lighting.objects import inserted
 from mirelight.model import (
     Camera,
     CompositorSettings,
     Deferred,
     DirectionalLight,
     Environment,
+    Inserted,
     Job,
     Lighting,
+    Material,
     PointLight,
     ProxyMesh,
     RelightSettings,
@@ -182,6 +185,32 @@ def test_a_wall_that_turns_its_back_to_the_light_casts_a_shadow(tmp_path: Path) 
     shadow = (theirs[..., 3] > 0.5) & (ours[..., 0] == 0)
     assert shadow.sum() > 500
     assert (dark & shadow).sum() > 0.93 * (dark | shadow).sum()
+
+
+def test_objects_are_seen_and_cast_shadows_on_the_proxy(tmp_path: Path) -> None:
+    """Their shadow is compared with the one that rays find."""
+    corners = np.array([[x, y, z] for x in (-0.8, 0.8) for y in (0.5, 2.1) for z in (-0.8, 0.8)], np.float32)
+    sides = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    sides += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    red = Material(base_color=np.array([0.8, 0.1, 0.1]))
+    cube = ProxyMesh(vertices=corners, faces=np.array(sides, np.int32), materials=(red,), albedo=None)
+    floor = np.array([(-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)], np.float32)
+    ground = ProxyMesh(vertices=floor, faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    one = Inserted(name="cube", mesh=Deferred("cube", lambda: cube), drop=True)
+    job = Job(source=Path("test.toml"), proxy=Deferred.of(ground), objects=(one,))
+    camera = Camera.look_at((0, 4, 5), (0, 0, 0), 120, 90, yfov=40, near=0.1, far=50)
+    sun = Lighting(lights=(DirectionalLight(name="sun", direction=np.array([1.0, -1.0, 0.3]), intensity=3.0),))
+    made = realtime.render(job, camera, sun, tmp_path)
+    joined = inserted([one], ground)
+    alone = trace(joined.alone, sun, camera, RenderSettings(profile="playcanvas"))
+    shadow = trace(joined.mesh, sun, camera, RenderSettings(profile="playcanvas")).beauty[..., 0] == 0
+    seen = alone.coverage > 0.5
+    shadow &= (made.relight[..., 3] > 0.5) & ~seen
+    dark = (made.relight[..., 3] > 0.5) & (made.relight[..., 0] < 0.1 * made.relight[..., 0].max()) & ~seen
+    assert shadow.sum() > 200
+    assert (dark & shadow).sum() > 0.9 * (dark | shadow).sum()
+    lit = made.frame_f32[alone.beauty[..., 0] > 0.5 * alone.beauty.max()]
+    assert len(lit) > 100 and (lit[:, 0] > 2 * lit[:, 1]).all()
 
 
 def test_a_constant_environment_is_the_engines_ambient_colour(data: Path, tmp_path: Path) -> None:

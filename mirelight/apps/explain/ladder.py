@@ -73,6 +73,8 @@ def explain(
         BackendError: the variant cannot be used on this machine.
     """
     metrics.require(flip_alone=True)
+    left_out = ("inserted objects are left out: the steps are those of the capture's light",) if job.objects else ()
+    job, lighting = job.bare, replace(lighting, objects=None)
     splats, proxy = require(job, camera)
     plain = prepare(job).resolved(lighting)
     lights, warnings = to_engine(plain, proxy)
@@ -102,7 +104,7 @@ def explain(
         absent=tuple(rungs.absent),
         engine=f"PlayCanvas {VERSION}" if engine is not None else f"mirelight's prediction of PlayCanvas {VERSION}",
         really_rendered=engine is not None,
-        warnings=warnings if engine is None else engine.frames.warnings,
+        warnings=(*left_out, *(warnings if engine is None else engine.frames.warnings)),
     )
 
 

@@ -47,10 +47,12 @@ class EngineRun:
 
 
 def run_engine(job: Job, camera: Camera, lighting: Lighting, directory: Path) -> EngineRun:
-    """Render with the real engine, twice where its lights cast shadows; the first run stays in `directory`.
+    """Render with the real engine, twice where its lights cast shadows; the first run stays in `directory`. Inserted
+    objects are left out.
 
     Raises: as :func:`mirelight.apps.realtime.browser.render`.
     """
+    job, lighting = job.bare, replace(lighting, objects=None)
     frames = render(job, camera, lighting, directory)
     if not lighting.lights:
         return EngineRun(frames, frames.relight)

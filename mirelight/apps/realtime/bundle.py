@@ -21,6 +21,7 @@ from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
 from mirelight.lighting.engine.raster import culling_warnings
+from mirelight.lighting.objects import inserted
 from mirelight.model import (
     PROFILES,
     Camera,
@@ -112,6 +113,10 @@ def export(
         description["splat"] = captures.write(job, folder, lambda target, name: _linked(like, name, target))
     if scene.proxy is not None and not _linked(like, "proxy.glb", folder):
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
+    objects = job.objects_of(lighting)
+    if objects and scene.proxy is not None:
+        write_glb(folder / "objects.glb", _with_normals(inserted(objects, scene.proxy).alone))
+        description["objects"] = {"file": "objects.glb"}
     if engine_lighting.environment is not None:
         write_hdr(folder / "environment.hdr", engine_lighting.environment.pixels)
     with atomic_path(folder / "scene.json") as temporary:
@@ -158,18 +163,21 @@ def page_file(name: str) -> bytes:
 
 
 def _with_normals(proxy: ProxyMesh) -> ProxyMesh:
-    """A flat proxy with its faces apart and their normals written: the engine would smooth over shared corners."""
-    if proxy.normals is not None or not len(proxy.faces):
+    """A mesh that is flat, or flat where its normals are 0, with its faces apart and their normals written: the engine
+    would smooth over shared corners."""
+    if (proxy.normals is not None and proxy.normals.any(axis=1).all()) or not len(proxy.faces):
         return proxy
     corners = proxy.vertices[proxy.faces]  # (F, 3, 3)
     across = triangles.crossed(corners)
     normals = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-30)
     apart = proxy.faces.ravel()
+    flat = np.repeat(normals, 3, axis=0).astype(np.float32)
+    given = flat * 0 if proxy.normals is None else proxy.normals[apart]
     return replace(
         proxy,
         vertices=corners.reshape(-1, 3),
         faces=np.arange(len(apart), dtype=np.int32).reshape(-1, 3),
-        normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        normals=np.where(given.any(axis=1, keepdims=True), given, flat),
         uvs=None if proxy.uvs is None else proxy.uvs[apart],
         vertex_colors=None if proxy.vertex_colors is None else proxy.vertex_colors[apart],
     )
@@ -313,7 +321,7 @@ def _settings_warnings(job: Job) -> list[str]:
     if job.compositor.holds_light and not job.compositor.blends_linear:
         out.append("splats that hold linear light: the engine takes their colours as display values")
     if job.objects:
-        out.append("inserted objects: the engine shows the capture without them")
+        out.append("inserted objects: the engine's cast shadows, and neither mirror the capture nor light it")
     tone = job.compositor.tone if rules_of(job.compositor.profile).splats.pipelines else job.display.tone
     if tone == "agx":
         out.append("tone agx: the engine has no such curve; none is used")

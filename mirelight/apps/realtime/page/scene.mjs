@@ -32,9 +32,11 @@ export async function build(canvas, description) {
     await Promise.all([
         addSplats(app, splatFiles(description)),
         description.proxy && addProxy(app, description.proxy, relighting),
+        description.objects && addObjects(app, description.objects),
         description.env && addEnvironment(app, description.env)
     ]);
-    const lights = (description.lights ?? []).map((light) => addLight(app, light, relighting.layer));
+    const lit = [relighting.layer.id, ...(description.objects ? [pc.LAYERID_WORLD] : [])];
+    const lights = (description.lights ?? []).map((light) => addLight(app, light, lit));
     const ambient = description.ambient ?? [0, 0, 0];
     app.scene.ambientLight = new pc.Color(ambient);
     app.scene.exposure = description.exposure ?? 1;
@@ -143,6 +145,17 @@ async function addProxy(app, proxy, relighting) {
     app.root.addChild(entity);
 }
 
+// Things in the capture, with their files' materials: drawn before the splats, which they hide and which veil them, and
+// lit by the same lights, so that they and the proxy cast on each other.
+async function addObjects(app, objects) {
+    const asset = await load(app, 'objects', 'container', objects.file);
+    const entity = asset.resource.instantiateRenderEntity({ castShadows: false, receiveShadows: true });
+    const world = app.scene.layers.getLayerById(pc.LAYERID_WORLD);
+    for (const component of entity.findComponents('render')) world.addShadowCasters(component.meshInstances.map(twoSided));
+    place(entity, objects);
+    app.root.addChild(entity);
+}
+
 // The engine culls back faces in shadow maps too, so that a wall which turns its back to a light casts no shadow. This
 // copy is drawn into shadow maps alone, from both sides.
 function twoSided(instance) {
@@ -168,9 +181,9 @@ function proxyMaterial(proxy, own) {
     return material;
 }
 
-function addLight(app, light, layer) {
+function addLight(app, light, layers) {
     const entity = new pc.Entity(light.name ?? light.type);
-    const options = { type: light.type, layers: [layer.id], castShadows: false };
+    const options = { type: light.type, layers, castShadows: false };
     for (const name of LIGHT_NAMES) {
         if (light[name] !== undefined) options[name] = constant(light[name]);
     }

@@ -166,6 +166,7 @@ def test_objects_are_swept_and_each_way_they_stand_has_light_of_its_own(write_jo
     first, second = job.lightings[:2]
     assert first.objects is not None and second.objects is not None and first.objects is not second.objects
     assert first.objects[0].scatter is not None and second.objects[0].scatter is not None
+    assert not job.bare.objects and not any(job.bare.objects_of(x) for x in job.bare.lightings)
     assert first.objects[0].scatter.seed == second.objects[0].scatter.seed
     assert [x.objects[1].mesh.value.materials[0].roughness for x in (first, second)] == [0, 1]  # type: ignore[index]
     keys = Keys(job)

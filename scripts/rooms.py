@@ -13,6 +13,7 @@ import importlib.util
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -77,9 +78,14 @@ def room_of(path: Path, package: Path = PACKAGE) -> str:
     return "" if parts == ("__init__",) else parts[0]
 
 
-def imports(path: Path, package: Path = PACKAGE) -> Iterator[str]:
+@cache
+def imports(path: Path, package: Path = PACKAGE) -> tuple[str, ...]:
     """Every module that a file imports, as absolute dotted names: those inside functions and under TYPE_CHECKING, and
     those that a string names, too."""
+    return tuple(_imports(path, package))
+
+
+def _imports(path: Path, package: Path) -> Iterator[str]:
     own = "mirelight." + ".".join(path.relative_to(package).parent.parts)
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

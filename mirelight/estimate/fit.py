@@ -162,6 +162,18 @@ def compared(color: F64, light: F64, pairs: Pairs) -> F64:
     return np.asarray(pairs.weights(a) * (d * d / (d * d + TUNING.fit_robust**2)).mean(axis=1))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighing:
+    """What counts in a fit, and how much."""
+
+    firm: NDArray[np.bool_] | None = None  # (N,) places that are fitted to; None: all
+    robust: float = TUNING.fit_robust  # of the logarithm of albedo: less where colours are means
+    steady: float = 0.0  # weight of squared logarithms of quotients of neighbouring rings above the horizon
+
+
+_ALIKE = Weighing()
+
+
 def fit(
     color: F64,
     open_: F64,
@@ -170,9 +182,7 @@ def fit(
     pairs: Pairs,
     sky: float,
     beams: Sequence[float],
-    firm: NDArray[np.bool_] | None = None,
-    robust: float = TUNING.fit_robust,
-    steady: float = 0.0,
+    by: Weighing = _ALIKE,
 ) -> Fitted:
     """Descent (Adam, Kingma and Ba 2015) from an even sky.
 
@@ -183,11 +193,10 @@ def fit(
         pairs: of places.
         sky: radiance to start from.
         beams: their strengths to start from.
-        firm: (N,) places that are fitted to; None: all.
-        robust: of the logarithm of albedo, as `TUNING.fit_robust`: less where colours are means.
-        steady: weight of squared logarithms of quotients of neighbouring rings above the horizon.
+        by: what counts.
     """
-    task = _Compared.of(color, open_, met, seen, pairs, np.ones(len(color), bool) if firm is None else firm, robust)
+    firm = np.ones(len(color), bool) if by.firm is None else by.firm
+    task = _Compared.of(color, open_, met, seen, pairs, firm, by.robust)
     # ring means, each patch's departure from its ring's, the beams
     theta = np.zeros((_BEAMS + seen.shape[1], 3))
     theta[: len(RINGS)] = np.log(max(sky, 1e-6))
@@ -204,7 +213,7 @@ def fit(
         apart = theta[len(RINGS) : _BEAMS]
         gradient = np.zeros_like(theta)
         np.add.at(gradient, RING_OF, by_source[:PATCHES])
-        step_up = 2 * steady * np.diff(theta[:ABOVE], axis=0)
+        step_up = 2 * by.steady * np.diff(theta[:ABOVE], axis=0)
         gradient[1:ABOVE] += step_up
         gradient[: ABOVE - 1] -= step_up
         gradient[len(RINGS) : _BEAMS] = by_source[:PATCHES] + (2 * TUNING.fit_smooth / PATCHES) * apart

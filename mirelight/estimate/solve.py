@@ -263,9 +263,8 @@ def _descended(task: _Task, start: tuple[float, float] | None = None, steady: fl
     # a sky with a sun is fitted by what it differs from one that glows around it, as bright at these places
     shape = np.ones(PATCHES) if task.sun is None else glow(task.sun.to_sun)
     shape *= opening / max(float(places.open.mean(axis=0) @ shape), 1e-9)
-    light = fit.fit(
-        places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams, task.firm, task.robust, steady
-    )
+    by = fit.Weighing(task.firm, task.robust, steady)
+    light = fit.fit(places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams, by)
     return _Found(task.sun, task.lamps, replace(light, sky=light.sky * shape[:, None]))
 
 

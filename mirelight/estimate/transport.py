@@ -148,7 +148,7 @@ def places_of(
         views: as for :func:`mirelight.lighting.colored_by`.
 
     Raises:
-        RenderError: fewer than `FEWEST` splats show, lie on the proxy and have a colour.
+        RenderError: fewer than `TUNING.place_fewest` splats show, lie on the proxy and have a colour.
         BackendError: the variant cannot be used on this machine.
     """
     _refuse_few(splats)
@@ -188,13 +188,10 @@ def places_of(
         flat = np.flatnonzero(hit.ravel())
         way = directions.reshape(-1, 3)[flat]
         met_color, unseen = shown.at(origins[flat] + way * distance[flat, None], facing[face[flat]], way)
+        place = flat // TUNING.place_rays
         for k in range(3):
-            met[rows, k] = (
-                np.bincount(flat // TUNING.place_rays, met_color[:, k], minlength=len(hit)) / TUNING.place_rays
-            )
-        guessed[rows] = np.bincount(flat // TUNING.place_rays, unseen, minlength=len(hit)) / np.maximum(
-            hit.sum(axis=1), 1
-        )
+            met[rows, k] = np.bincount(place, met_color[:, k], minlength=len(hit)) / TUNING.place_rays
+        guessed[rows] = np.bincount(place, unseen, minlength=len(hit)) / np.maximum(hit.sum(axis=1), 1)
     # the noise of few rays through windows is worth as much as the light: less of it would look better explained
     rays = min(int(TUNING.place_going_out / max(float(around.sum(axis=1).mean()), 1e-9)), TUNING.place_most_rays)
     if rays > 1.5 * TUNING.place_rays:
@@ -216,10 +213,9 @@ def places_of(
 
 def _refuse_few(splats: SplatCloud) -> None:
     if int((splats.opacities >= SOLID).sum()) < TUNING.place_fewest:
-        raise RenderError(
-            f"fewer than {TUNING.place_fewest} splats show (opacity {SOLID} and more), "
-            "too few to tell the captured light from; check the capture, or describe the light in the job"
-        )
+        few = f"fewer than {TUNING.place_fewest} splats show (opacity {SOLID} and more)"
+        what = "too few to tell the captured light from; check the capture, or describe the light in the job"
+        raise RenderError(f"{few}, {what}")
 
 
 def _from_lights(mesh: ProxyMesh, lights: Sequence[Light], points: F64, normals: F64, settings: RenderSettings) -> F64:

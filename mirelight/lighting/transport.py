@@ -248,7 +248,7 @@ def _bounced(base: F32, transport: SurfaceTransport, n: int) -> F32:
 
 def _fours(light: F32) -> Float:
     """(layers, nodes, 3) on the device, node by node in groups of four."""
-    from mirelight.lighting.kernel.transport import in_fours
+    from mirelight.lighting.kernel.memory import in_fours
 
     return in_fours(light.swapaxes(0, 1))
 

@@ -1,6 +1,6 @@
 """Keys of finished work: the digest of exactly what each product is made from.
 
-docs/guides/rendering.md says for every setting what is made again when it changes; a test holds that table against
+docs/reference/made-again.md says for every setting what is made again when it changes; a test holds that table against
 this module.
 """
 

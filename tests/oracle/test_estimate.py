@@ -440,7 +440,7 @@ def test_a_sun_is_as_strong_as_it_was_though_the_proxys_shadows_miss() -> None:
     color: F64 = 0.35 * np.exp(0.1 * rng.standard_normal((1500, 1))) * light
     pairs = fit.pairs_of(points, color, rng)
     every, without = (
-        fit.fit(color, open_, met, seen, pairs, 0.5, [1.0], rows).beams.mean() / 2
+        fit.fit(color, open_, met, seen, pairs, 0.5, [1.0], fit.Weighing(rows)).beams.mean() / 2
         for rows in (np.ones(1500, bool), firm)
     )
     assert abs(every - 1) > 0.1

@@ -119,7 +119,8 @@ def test_a_sky_that_a_rough_proxy_shows_unevenly_is_as_bright_as_it_was() -> Non
         alone = fit.fit(places.even, places.open, places.met, none, pairs, 1.0, [])
         beside = groups(places, EVERY, NONE)
         even, open_, met = (beside.mean(x) for x in (places.even, places.open, places.met))
-        found.append((alone.sky.mean(), fit.fit(even, open_, met, none, pairs, 1.0, [], beside.sound).sky.mean()))
+        together = fit.fit(even, open_, met, none, pairs, 1.0, [], fit.Weighing(beside.sound))
+        found.append((alone.sky.mean(), together.sky.mean()))
     alone_sky, grouped_sky = np.mean(found, axis=0)
     assert alone_sky < 0.9
     assert abs(grouped_sky - 1) < 0.5 * abs(alone_sky - 1)

@@ -65,6 +65,11 @@ def test_figures_of_quality_stand_in_the_benchmarks_alone() -> None:
     assert not typed
 
 
+def test_a_guide_is_read_at_one_sitting() -> None:
+    long = [x.name for x in PAGES if x.parent.name == "guides" and x.read_text(encoding="utf-8").count("\n") > 150]
+    assert not long
+
+
 def pages_with(language: str) -> list[Path]:
     """Those that hold a block of a language: on others there would be nothing to test."""
     return [page for page in PAGES if any(blocks(page.read_text(encoding="utf-8"), language))]

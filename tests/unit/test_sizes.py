@@ -9,11 +9,6 @@ from rooms import PACKAGE, sources
 
 MOST_LINES, MOST_PARAMETERS = 60, 8  # of a body without its docstring; of a signature without self and cls
 
-# Functions that may be larger, and why.
-LARGER = {
-    "estimate/fit.py fit": "to take its settings as one record",
-}
-
 
 def _too_large() -> Iterator[str]:
     for path in sources():
@@ -28,4 +23,4 @@ def _too_large() -> Iterator[str]:
 
 
 def test_functions_are_short_and_take_little() -> None:
-    assert set(_too_large()) <= set(LARGER)
+    assert list(_too_large()) == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -151,7 +151,3 @@ class FileCamera:
             cx=lens.cx,
             cy=lens.cy,
         )
-
-    def renamed(self, name: str) -> FileCamera:
-        """The same camera under another name."""
-        return replace(self, name=name)

@@ -7,7 +7,6 @@ was found, and what to do.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
@@ -158,11 +157,6 @@ def _existing_or_splats(value: str, info: ValidationInfo) -> str:
 
 MeshPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing_or_splats)]
 GltfPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_existing_or_proxy)]
-
-
-def folder_of(job: Path) -> Path:
-    """The folder that the paths of a job file are relative to."""
-    return job.absolute().parent
 
 
 def path_as_table(value: Any) -> Any:

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.kernel.memory import floats
+from mirelight.lighting.kernel.memory import floats, in_fours
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix
@@ -24,8 +24,8 @@ class PointRays:
 
     def __init__(self, points: F64, normals: F64) -> None:
         self.lift = float(np.abs(points).max(initial=1e-6)) * LIFT
-        self._points = floats(_in_fours(points + normals * self.lift))
-        self._ways = floats(_in_fours(-normals))
+        self._points = in_fours(np.asarray(points + normals * self.lift, np.float32))
+        self._ways = in_fours(np.asarray(-normals, np.float32))
         self._reach = dr.opaque(mi.Float, 2 * self.lift)  # a literal would make a kernel for each set of points
 
     def sequence(self, pixel: UInt32, sample: UInt32, tiles: Tiles, seed: UInt32) -> tuple[UInt32, UInt32]:
@@ -119,13 +119,6 @@ def blocked(surface: DeviceProxy, origins: F64, directions: F64) -> NDArray[np.b
 
 def _numpy(value: Any) -> NDArray[Any]:
     return np.asarray(value.numpy())
-
-
-def _in_fours(rows: F64) -> NDArray[np.float32]:
-    """(n, 3) as n + 2 groups of four."""
-    padded = np.zeros((len(rows) + 2, 4), np.float32)
-    padded[: len(rows), :3] = rows
-    return padded
 
 
 def _points(rows: F64) -> Point3f:

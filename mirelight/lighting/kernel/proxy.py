@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight.lighting.kernel.detail import DeviceDetail
 from mirelight.lighting.kernel.fresnel import fresnel, of_coat
-from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.memory import floats, integers, rgb
 from mirelight.lighting.kernel.see_through import MOST, OFFSET, Passed, beyond
 from mirelight.lighting.kernel.tables import DeviceAtlas
 from mirelight.lighting.kernel.types import (
@@ -141,7 +141,7 @@ class DeviceProxy:
     def at(self, face: UInt32, uv: Point2f, d: Vector3f, active: Bool) -> Point:
         """The point with barycentric coordinates `uv` on a face, seen along direction d."""
         i, b = self._around(face, uv, active)
-        v = [self._vector(self.vertices, k, active) for k in i]
+        v = [rgb(self.vertices, k, active) for k in i]
         e1, e2 = v[1] - v[0], v[2] - v[0]
         p = v[0] + e1 * uv.x + e2 * uv.y
         longest = dr.maximum(dr.max(abs(e1)), dr.max(abs(e2)))
@@ -170,7 +170,7 @@ class DeviceProxy:
         """What of light along d goes straight on behind a point of glass."""
         i, b = self._around(face, uv, active)
         finish, (base, _) = self._finish(face, i, b, active), self._material(face, i, b, active)
-        v = [self._vector(self.vertices, k, active) for k in i]
+        v = [rgb(self.vertices, k, active) for k in i]
         cosine = abs(dr.dot(dr.normalize(dr.cross(v[1] - v[0], v[2] - v[0])), d))
         kept = (1 - fresnel(finish.specular, finish.weight, cosine)) * (finish.transmission * (1 - finish.metallic))
         if finish.coat is not None:
@@ -190,10 +190,7 @@ class DeviceProxy:
 
     def shows_front(self, face: UInt32, d: Vector3f, active: Bool) -> Bool:
         """Whether a ray along d meets a face from the side that its winding points to."""
-        a, b, c = (
-            self._vector(self.vertices, dr.gather(mi.UInt32, self.faces, face * 3 + k, active), active)
-            for k in range(3)
-        )
+        a, b, c = (rgb(self.vertices, dr.gather(mi.UInt32, self.faces, face * 3 + k, active), active) for k in range(3))
         return dr.dot(dr.cross(b - a, c - a), d) < 0
 
     def is_inserted(self, face: UInt32) -> Bool:
@@ -212,7 +209,7 @@ class DeviceProxy:
         slot = dr.minimum(mi.UInt32(choice * mi.Float(self.glow_count)), self.glow_count - 1)
         face = dr.gather(mi.UInt32, self.glow_slots, slot, active)
         i = [dr.gather(mi.UInt32, self.faces, face * 3 + k, active) for k in range(3)]
-        v = [self._vector(self.vertices, k, active) for k in i]
+        v = [rgb(self.vertices, k, active) for k in i]
         b = mi.warp.square_to_uniform_triangle(inside)
         e1, e2 = v[1] - v[0], v[2] - v[0]
         way = v[0] + e1 * b.x + e2 * b.y - mi.Vector3f(p)
@@ -220,10 +217,6 @@ class DeviceProxy:
         way = way / distance
         pdf = self.glow_pdf(face, distance, abs(dr.dot(dr.normalize(dr.cross(e1, e2)), way)), active)
         return way, distance, pdf, self._emission(face, i, (1 - b.x - b.y, b.x, b.y), active)
-
-    def _vector(self, buffer: Float, index: UInt32, active: Bool) -> Vector3f:
-        q = dr.gather(mi.Vector4f, buffer, index, active)
-        return mi.Vector3f(q.x, q.y, q.z)
 
     def _smooth(
         self, i: Corners, v: list[Vector3f], b: Weights, p: Vector3f, ng: Vector3f, side: Float, active: Bool
@@ -233,7 +226,7 @@ class DeviceProxy:
         Rays start from the lifted point, so facets do not shadow their neighbours at the terminator (Hanika, "Hacking
         the Shadow Terminator", Ray Tracing Gems II, 2021).
         """
-        ns = [self._vector(self.normals, k, active) * side for k in i]
+        ns = [rgb(self.normals, k, active) * side for k in i]
         n = ns[0] * b[0] + ns[1] * b[1] + ns[2] * b[2]
         length2 = dr.squared_norm(n)
         n = dr.select(length2 > 1e-12, n * dr.rsqrt(length2), ng)
@@ -250,7 +243,7 @@ class DeviceProxy:
         if self.colored:
             albedo = self._atlas.value(BASE_COLOR, face, i, b, active)
         if self.colors is not None:
-            c = [self._vector(self.colors, k, active) for k in i]
+            c = [rgb(self.colors, k, active) for k in i]
             albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
         return dr.clip(albedo, 0, 1), emission
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.cell_points import CellPoints
 from mirelight.lighting.kernel.cells import DeviceCells
-from mirelight.lighting.kernel.memory import floats, integers
+from mirelight.lighting.kernel.memory import integers
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.samples import mix, number, pair
 from mirelight.lighting.kernel.sky import Sky
@@ -160,11 +160,3 @@ def _gather(
     for k, value in enumerate((total.x, total.y, total.z)):
         dr.scatter_reduce(dr.ReduceOp.Add, out, value, node * 4 + k, mode=dr.ReduceMode.NoConflicts)
     dr.eval(out)
-
-
-def in_fours(rows: F32) -> Float:
-    """(..., 3) as a flat buffer of groups of four."""
-    flat = rows.reshape(-1, 3)
-    padded = np.zeros((len(flat) + 2, 4), np.float32)
-    padded[: len(flat), :3] = flat
-    return floats(padded)

@@ -1,4 +1,4 @@
-"""Every setting's line in docs/guides/rendering.md, held against the keys themselves."""
+"""Every setting's line in docs/reference/made-again.md, held against the keys themselves."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
 from mirelight.store import layer_records
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "rendering.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "made-again.md"
 SETTINGS: Mapping[str, type[Any]] = {
     "render": RenderSettings,
     "compositor": CompositorSettings,

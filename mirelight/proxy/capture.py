@@ -15,7 +15,8 @@ from mirelight.proxy.joining import joined
 from mirelight.proxy.types import Int
 
 FEWEST = 50  # splats that a surface takes
-SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08, captures 0.2-0.4)
+SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)
+ALIKE = 0.75  # of the splats, that are as thin as that: real captures have medians of 0.04 to 0.3, three quarters 0.2
 SMALLEST = 1e-12  # world units: squares of distances in what is smaller leave single precision (1e-10 is as 1)
 POINTS = 1e-4  # of the spacing: splats that are smaller leave no surface between them
 FLAT = 0.5  # smallest over middle axis, below which a splat has a normal of its own
@@ -53,7 +54,7 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     radius = float(np.linalg.norm(means, axis=1).max())
     kept = replace(kept, means=means.astype(np.float32))
     shape = np.sort(kept.scales[:: max(len(kept) // _SAMPLE, 1)], axis=1)
-    surfels = bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < SURFEL)
+    surfels = bool(np.quantile(shape[:, 0] / np.maximum(shape[:, 1], 1e-30), ALIKE) < SURFEL)
     if len(kept) > MOST_SPLATS:
         kept = joined(kept, MOST_SPLATS)
     spacing = _spacing(kept.means.astype(np.float64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,6 +28,7 @@ _TYPICAL = 2.0
 _THINNEST = 1e-3  # of the longest axis: flatter splats are taken as that flat, which their plane does not notice
 _BEHIND = 1e-6
 _LEAST = 1e-8  # of what is blended, below which a pixel shows nothing
+_FEW = 20_000  # points that tell a pixel's size
 _CLIP = 1e-4  # alpha below which thinned splats add nothing
 
 
@@ -161,6 +163,18 @@ def pixels_of(camera: Camera, own: F32) -> NDArray[np.int64]:
     y = np.floor(np.float32(camera.cy) - np.float32(camera.fy) * own[:, 1] / w)
     seen = (z > camera.near) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
     return np.where(seen, y * camera.width + x, -1).astype(np.int64)
+
+
+def footprint(cameras: Sequence[Camera], points: F32) -> float:
+    """Side of a camera's pixel where points (N, 3) lie: the median over both, world units; 0: no camera has any."""
+    few = points[:: max(len(points) // _FEW, 1)]
+    sides = []
+    for camera in cameras:
+        own = turned(few - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4"))
+        away = -own[pixels_of(camera, own) >= 0, 2] if camera.projection == "perspective" else np.ones(1)
+        if len(away):
+            sides.append(float(np.median(away)) / camera.fx)
+    return float(np.median(sides)) if sides else 0.0
 
 
 def points_of(view: DepthMap, step: int = 1) -> tuple[F64, F64]:

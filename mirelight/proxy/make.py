@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
-from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, pixels_of
+from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.inside import HIDDEN, hidden_share, places
@@ -30,6 +31,7 @@ from mirelight.proxy.views import ORBIT, PIXELS, around, fewer, from_points, mov
 
 PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
 FEWEST_PIXELS = 96  # along the longer side of a view
+GRAIN = 2.0  # pixels: nothing is told finer, as splats of real captures lie closer and deeper than pictures tell
 LEAST_OPAQUE = 0.005  # share of the pixels around a capture; less is no surface
 LEAST_SEEN = 0.5  # of the splats, that the cameras of their own capture have in their pictures
 FOG = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
@@ -69,14 +71,21 @@ def make(
     report, began = progress or quiet, time.monotonic()
     report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)
-    maps = DepthMaps(capture, settings)
     method = _method(capture, settings)
     there = [moved(camera, -capture.middle) for camera in cameras]
     refuse_strangers(capture, there, source)
     if method == "cells":
+        maps = DepthMaps(capture, settings)
         soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
-        soup = _fused(capture, maps, there, settings, part(report, 0.05, 0.9), source)
+        through = fewer(there) if there else _around(capture)
+        capture = replace(capture, spacing=max(capture.spacing, GRAIN * footprint(through, capture.splats.means)))
+        maps = DepthMaps(capture, settings)
+        views = [maps.of(camera) for camera in counted(through, part(report, 0.05, 0.3))]
+        _refuse_depth(capture, maps, views, source)
+        if not there:
+            views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
+        soup = _fused(capture, views, part(report, 0.4, 0.9))
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     if settings.triangles is not None:
@@ -105,30 +114,19 @@ def refuse_fog(splats: SplatCloud, source: str | Path) -> None:
     """
     capture = look_at_capture(splats, source)
     if _method(capture, _DEFAULT) == "depth":
-        _seen_around(capture, DepthMaps(capture, _DEFAULT), quiet, source)
+        maps = DepthMaps(capture, _DEFAULT)
+        _refuse_depth(capture, maps, [maps.of(camera) for camera in _around(capture)], source)
 
 
 def _method(capture: Capture, settings: ProxySettings) -> Method:
     return settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
 
 
-def _fused(
-    capture: Capture,
-    maps: DepthMaps,
-    cameras: Sequence[Camera],
-    settings: ProxySettings,
-    report: Progress,
-    source: str | Path,
-) -> Soup:
-    """By depth maps: of the capture's own cameras, else of views from around and inside."""
-    if cameras:
-        views = [maps.of(camera) for camera in counted(fewer(cameras), part(report, 0.0, 0.4))]
-        _refuse_depth(capture, maps, views, source)
-    else:
-        views = _guessed(capture, maps, settings, part(report, 0.0, 0.4), source)
-    report("smoothing depth maps", 0.4)
+def _fused(capture: Capture, views: list[DepthMap], report: Progress) -> Soup:
+    """By depth maps, each point of the surface in some of them."""
+    report("smoothing depth maps", 0.0)
     views = [slanted(view, capture.spacing) for view in views]
-    report("finding planes", 0.6)
+    report("finding planes", 0.3)
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
     if windows:
@@ -137,26 +135,26 @@ def _fused(
     fog = fog_of(views)
     views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog) for view in views]
     cell = TUNING.cell * capture.spacing
-    grid = fuse(views, capture.half, cell, part(report, 0.8, 0.9))
-    report("finding the surface", 0.9)
+    grid = fuse(views, capture.half, cell, part(report, 0.6, 0.8))
+    report("finding the surface", 0.8)
     soup = on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
     for window in windows:
         soup = soup.beside(window.solid())
     return soup
 
 
-def _guessed(
-    capture: Capture, maps: DepthMaps, settings: ProxySettings, report: Progress, source: str | Path
+def _inside(
+    capture: Capture, maps: DepthMaps, outer: list[DepthMap], settings: ProxySettings, report: Progress
 ) -> list[DepthMap]:
-    """Views of a capture whose cameras are not known."""
-    views = _seen_around(capture, maps, part(report, 0.0, 0.6), source)
-    hidden = hidden_share(capture, views)
-    if settings.views == "inside" or (settings.views == "auto" and hidden > HIDDEN):
-        inner = from_points(places(capture), _pixels(capture), 1e-3 * capture.radius)
-        more = views + [maps.of(camera) for camera in counted(inner, part(report, 0.6, 1.0))]
-        if settings.views == "inside" or hidden_share(capture, more) < 0.5 * hidden:  # else it is hidden in the solid
-            views = more
-    return views
+    """Views from inside a capture whose cameras are not known, where those from around miss much."""
+    hidden = hidden_share(capture, outer)
+    if settings.views != "inside" and (settings.views == "around" or hidden <= HIDDEN):
+        return []
+    pixels = max(max(x.camera.width, x.camera.height) for x in outer)
+    looked = from_points(places(capture), pixels, 1e-3 * capture.radius)
+    inner = [maps.of(camera) for camera in counted(looked, report)]
+    # else it is hidden in the solid
+    return inner if settings.views == "inside" or hidden_share(capture, outer + inner) < 0.5 * hidden else []
 
 
 def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | Path) -> None:
@@ -180,17 +178,10 @@ def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | 
         raise InputError(source, found, "give the cameras of this capture, in its own axes; or none")
 
 
-def _seen_around(capture: Capture, maps: DepthMaps, report: Progress, source: str | Path) -> list[DepthMap]:
-    """Views from around. Raises InputError: they show no surface."""
-    cameras = around(capture.splats.means, capture.radius, ORBIT, _pixels(capture))
-    views = [maps.of(camera) for camera in counted(cameras, report)]
-    _refuse_depth(capture, maps, views, source)
-    return views
-
-
-def _pixels(capture: Capture) -> int:
-    """Along the longer side of a view."""
-    return int(np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS))
+def _around(capture: Capture) -> tuple[Camera, ...]:
+    """Views from around, whose pixels are as fine as splats lie, up to a bound."""
+    pixels = np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS)
+    return around(capture.splats.means, capture.radius, ORBIT, int(pixels))
 
 
 def counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:

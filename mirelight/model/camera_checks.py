@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from mirelight.model import F64, AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
-from mirelight.model.triangles import crossed
+from mirelight.model.triangles import crossed, distances_to
 
 _POINTS = 12_000  # spread evenly over the proxy, on its triangles in turn, and of the splats
 _CELLS = 12  # along the picture's longer side
@@ -265,14 +265,11 @@ def _back_share(away: F64, distances: F64, normals: F64) -> float:
     return len(np.unique(cell[front][back])) / len(first)
 
 
-def _nearest(surface: _Surface, position: F64, distances: F64) -> float:
+def _nearest(surface: _Surface, position: F64, to_points: F64) -> float:
     """Distance to the nearest of the triangles around the nearest points."""
-    from trimesh.triangles import closest_point
-
-    count = min(_NEAREST, len(distances))
-    faces = np.unique(surface.faces[np.argpartition(distances, count - 1)[:count]])
-    found = closest_point(surface.triangles[faces], np.broadcast_to(position, (len(faces), 3)))
-    return float(np.linalg.norm(found - position, axis=1).min())
+    count = min(_NEAREST, len(to_points))
+    faces = np.unique(surface.faces[np.argpartition(to_points, count - 1)[:count]])
+    return float(distances_to(surface.triangles[faces], position).min())
 
 
 def _picture_rays(camera: Camera) -> tuple[F64, F64]:

@@ -43,6 +43,18 @@ def barycentric(corners: NDArray[np.float64], points: NDArray[np.float64]) -> ND
     return np.where(total > 0, weights / np.maximum(total, 1e-300), 1 / 3).astype(np.float32)
 
 
+def distances_to(corners: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(F,) from a point (3,) to the nearest of each triangle (F, 3 corners, 3)."""
+    sides, to = np.roll(corners, -1, axis=1) - corners, point - corners
+    along = np.einsum("fck,fck->fc", to, sides) / np.maximum(np.einsum("fck,fck->fc", sides, sides), 1e-300)
+    to_sides = np.linalg.norm(to - np.clip(along, 0, 1)[..., None] * sides, axis=2).min(axis=1)
+    long = crossed(corners)
+    size = np.linalg.norm(long, axis=1)
+    above = (np.einsum("fk,fck->fc", long, np.cross(sides, to)) >= 0).all(axis=1) & (size > 0)
+    to_plane = np.abs(np.einsum("fk,fk->f", long, to[:, 0])) / np.where(above, size, 1)
+    return np.asarray(np.where(above, to_plane, to_sides))
+
+
 def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
     """(V, 3) unit means of the normals of the faces (F, 3) around vertices (V, 3), by area; length 0 where none are."""
     own = crossed(vertices[faces])

@@ -3,6 +3,7 @@
 
 PYTHON=.venv/bin/python
 unset PYTHONPATH PYTHONHOME
+unset PYTHONDONTWRITEBYTECODE # hundreds of processes start: each would compile the package anew
 
 say() { printf '==> %s\n' "$*"; }
 

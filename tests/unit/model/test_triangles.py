@@ -25,3 +25,19 @@ def test_a_right_triangle_one_without_area_and_none(kind: Any) -> None:
     np.testing.assert_array_equal(triangles.areas(corners), [6, 0])
     np.testing.assert_array_equal(triangles.normals(corners), [[0, 0, 1], [0, 0, 0]])
     assert triangles.areas(corners[:0]).shape == (0,)
+
+
+def test_distances_are_those_of_the_closest_points() -> None:
+    """Against trimesh's; slivers, segments and single points among them."""
+    from trimesh.triangles import closest_point
+
+    rng = np.random.default_rng(1)
+    corners = rng.normal(size=(3000, 3, 3))
+    corners[:500, 2] = corners[:500, 0] + 1e-9 * rng.normal(size=(500, 3))
+    corners[500:700, 1] = corners[500:700, 0]
+    corners[700:800] = corners[700:800, :1]
+    for point in rng.normal(scale=2, size=(8, 3)):
+        true = np.linalg.norm(closest_point(corners, np.broadcast_to(point, (len(corners), 3))) - point, axis=1)
+        np.testing.assert_allclose(triangles.distances_to(corners, point), true, atol=1e-6)
+    flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], float)
+    assert triangles.distances_to(flat, np.array([0.2, 0.2, -3.0])) == 3

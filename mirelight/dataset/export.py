@@ -256,6 +256,7 @@ class _Frames:
                 partial(self._read, camera, place),
                 data.index.display,
                 partial(data.shares, camera, place) if data.objects(place) else None,
+                partial(data.shadow, camera, place) if view.bare else None,
             ),
         )
 
@@ -276,7 +277,11 @@ def picture_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
         if of is None:
             return None
         units = [index.units[i] for i in of.units]
-        return [(view.groups[u.group], u.layer, list(w)) for u, w in zip(units, of.weights, strict=True)]
+        beside = [x for x in (view.mirrored, view.bare) if x]
+        return [
+            (view.groups[u.group], u.layer, list(w), *(x[u.group] for x in beside))
+            for u, w in zip(units, of.weights, strict=True)
+        ]
 
     own = index.lightings[place]
     settings = own.relight or index.relight

@@ -63,19 +63,34 @@ class ReadyView:
     lights: NDArray[np.intp]  # (l,) indices of the unit lights that its planes hold
     planes: Planes
     objects: SeenObjects | None
+    mirrored: Planes | None  # what the proxy's materials mirror of the lights
+    bare: Planes | None  # light without objects
     size: tuple[int, int]  # h, w
-    relit: Callable[[F32, F32 | None, RelightSettings | None], F32]
+    relit: Callable[[F32, F32 | None, F32 | None, RelightSettings | None], F32]
+    shadowed: Callable[[F32, F32], F32]
 
     def frame(self, weights: F32, relight: RelightSettings | None = None) -> F32:
         """(H, W, 4) under the data set's lights of these weights (L, 3); `relight`: None: as the job says."""
         weights = weights[self.lights]
-        beauty = self.planes.mixed(weights).reshape(*self.size, 3)
-        return self.relit(beauty, None if self.objects is None else self.objects.rgba(weights), relight)
+        beauty, mirrored = (
+            None if x is None else x.mixed(weights).reshape(*self.size, 3) for x in (self.planes, self.mirrored)
+        )
+        assert beauty is not None
+        return self.relit(beauty, None if self.objects is None else self.objects.rgba(weights), mirrored, relight)
+
+    def shadow(self, weights: F32) -> F32 | None:
+        """(H, W, 3) light beside objects over the same without them; None: it was not asked for."""
+        if self.bare is None:
+            return None
+        weights = weights[self.lights]
+        new, bare = (x.mixed(weights).reshape(*self.size, 3) for x in (self.planes, self.bare))
+        return self.shadowed(new, bare)
 
     @property
     def nbytes(self) -> int:
         """Bytes of its planes."""
-        return self.planes.units.nbytes + (0 if self.objects is None else self.objects.planes.units.nbytes)
+        more = (None if self.objects is None else self.objects.planes, self.mirrored, self.bare)
+        return self.planes.units.nbytes + sum(x.units.nbytes for x in more if x is not None)
 
 
 def planar(buffer: LightingBuffer, layer: str, where: NDArray[np.intp]) -> F32 | None:

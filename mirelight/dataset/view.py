@@ -7,11 +7,10 @@ folder again there) and read by forked ones.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import cache, cached_property, lru_cache
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,27 +18,22 @@ from numpy.typing import ArrayLike, NDArray
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.dataset.far_light import FarLight
-from mirelight.dataset.planes import Planes, ReadyView, SeenObjects, planar, surface_of
+from mirelight.dataset.layers import REMEDY, Layers
+from mirelight.dataset.planes import ReadyView, surface_of
 from mirelight.model import (
     F32,
     F64,
     Camera,
     LightingBuffer,
-    LightLayer,
-    Profile,
-    RelightSettings,
     SplatLayer,
 )
-from mirelight.pipeline.captured_sun import strongest, sun_of
-from mirelight.pipeline.codecs import ARRAY, composite_of, light_of, matte_of
+from mirelight.pipeline.codecs import matte_of
 from mirelight.relighting.surroundings import Sun, Surroundings
 from mirelight.store import layer_index as indexing
 from mirelight.store.artefacts import Artefacts
-from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight, Weighted
+from mirelight.store.layer_index import Around, Index, KeptObject, KeptView, UnitLight
 
 _MEMORY = 2**30  # bytes of layers that a process keeps
-_REMEDY = "mirelight verify --rebuild forgets it, and mirelight render makes it again"
-_MOST_RELIGHTS = 4  # ways of relighting that are kept ready for a camera
 
 
 class Sample(NamedTuple):
@@ -73,18 +67,15 @@ class DataSet:
         if any(relighting.per_splat(x) for x in ways):
             found = "frames whose light is found for splats"
             raise InputError(self.folder, found, 'render with relight.per = "pixel"')
-        if any(x.gloss for x in ways):
-            raise InputError(
-                self.folder, "frames with gloss, which no layer holds", "render with relight.gloss = false"
-            )
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)
-        self._far = FarLight(self.folder, self._index, self._scene, _REMEDY)
+        self._far = FarLight(self.folder, self._index, self._scene, REMEDY)
+        self._layers = Layers(self.folder, self._index, self._kept, self._scene, self._far)
         there = self._kept.there()
         placed = [
             (i, v)
             for i, v in enumerate(self._index.views)
-            if there >= {*v.groups, *(x for x in (v.composite, *_veils(v)) if x is not None)}
+            if there >= {*v.groups, *(x for x in (v.composite, *v.mirrored, *v.bare, *_veils(v)) if x is not None)}
         ]
         self._views = tuple(v for _, v in placed)
         self.numbers = tuple(i for i, _ in placed)  # of the cameras in the job
@@ -128,12 +119,12 @@ class DataSet:
 
     def weights(self, lighting: int | str) -> F32:
         """(L, 3) what a lighting takes of the unit lights."""
-        return self._weights(self._index.lightings[self._at(lighting, self.lightings, "lighting")])
+        return self._layers.weights(self._index.lightings[self._at(lighting, self.lightings, "lighting")])
 
     @cached_property
     def strongest(self) -> F32:
         """(L, 3) the most that any of the job's lightings takes of each unit light; 0 where none has it."""
-        every = [self._weights(x) for x in self._index.lightings]
+        every = [self._layers.weights(x) for x in self._index.lightings]
         return np.asarray(np.max(every, axis=0) if every else np.zeros((len(self.lights), 3)), dtype=np.float32)
 
     def layers(self, camera: int | str) -> F32:
@@ -149,8 +140,8 @@ class DataSet:
         """The proxy, and objects as they stand under a lighting, as that camera sees them: coverage, depth, position,
         normals, albedo; without light."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
-        group = self._first_group(self._arrangement(lighting))
-        return surface_of(self._buffer(view.groups[group], self._light_camera(view)))
+        group = self._layers.first_group(self._arrangement(lighting))
+        return surface_of(self._layers.buffer(view.groups[group], self._layers.light_camera(view)))
 
     def environment(self, lighting: int | str, rows: int | None = None) -> F32 | None:
         """What a lighting sends from far away: environment, sky and suns as one equirectangular map.
@@ -185,7 +176,7 @@ class DataSet:
     def composite(self, camera: int | str) -> SplatLayer | None:
         """The splats as that camera sees them; None where the job has none."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
-        return self._composite(view)
+        return self._layers.splats(view, view.composite)
 
     # --- inserted objects ---
 
@@ -207,13 +198,19 @@ class DataSet:
             return out
         matte = self._kept.get(sight.objects, matte_of(tuple(x.name for x in objects)))
         if matte is None or matte.index.shape[:2] != out.shape[1:] or int(matte.index.max(initial=-1)) >= len(out):
-            raise InputError(self.folder, f"what {view.camera.name!r} sees of objects is damaged", _REMEDY)
-        front = self._splats(view, sight.front)
+            raise InputError(self.folder, f"what {view.camera.name!r} sees of objects is damaged", REMEDY)
+        front = self._layers.splats(view, sight.front)
         for k, share in enumerate(out):
             share += (matte.share * (matte.index == k)).sum(-1)
             if front is not None:
                 share *= front.transmittance
         return out
+
+    def shadow(self, camera: int | str, lighting: int | str) -> F32 | None:
+        """(H, W, 3) light beside objects over that without them; None where `output.aovs` names no "shadow"."""
+        one = self._index.lightings[self._at(lighting, self.lightings, "lighting")]
+        place = self._at(camera, [x.name for x in self.cameras], "camera")
+        return self._view(place, one.arrangement).shadow(self._layers.weights(one))
 
     # --- frames ---
 
@@ -226,7 +223,7 @@ class DataSet:
             raise IndexError(f"frame {i} of {len(self)}")
         camera, lighting = divmod(i % len(self), len(self._index.lightings))
         one = self._index.lightings[lighting]
-        weights = self._weights(one)
+        weights = self._layers.weights(one)
         return Sample(self._view(camera, one.arrangement).frame(weights, one.relight), weights, camera, lighting)
 
     def __iter__(self) -> Iterator[Sample]:
@@ -249,7 +246,7 @@ class DataSet:
         place = self._at(camera, [x.name for x in self.cameras], "camera")
         if isinstance(lighting, int | str):
             one = self._index.lightings[self._at(lighting, self.lightings, "lighting")]
-            return self._view(place, one.arrangement).frame(self._weights(one), one.relight)
+            return self._view(place, one.arrangement).frame(self._layers.weights(one), one.relight)
         weights = np.asarray(lighting, dtype=np.float32)
         weights = np.repeat(weights[:, None], 3, axis=1) if weights.ndim == 1 else weights
         if weights.shape != (len(self.lights), 3) or not (weights >= 0).all():
@@ -262,9 +259,7 @@ class DataSet:
 
     def lights_in(self, arrangement: int) -> NDArray[np.intp]:
         """(l,) indices of the unit lights, in order, that are known with objects in an arrangement, or with none."""
-        own = [x.units for x in self._index.lightings if x.arrangement == arrangement]
-        captured = () if self._index.captured is None else self._index.captured.units
-        return np.unique(np.array([*(i for units in own for i in units), *captured], dtype=np.intp))
+        return self._layers.lights_in(arrangement)
 
     # --- inside ---
 
@@ -281,130 +276,12 @@ class DataSet:
             return 0
         return self._index.lightings[self._at(lighting, self.lightings, "lighting")].arrangement
 
-    def _weights(self, of: Weighted) -> F32:
-        out = np.zeros((len(self._index.units), 3), dtype=np.float32)
-        np.add.at(out, list(of.units), np.asarray(of.weights, dtype=np.float32).reshape(-1, 3))
-        return out
-
     def _view(self, place: int, arrangement: int) -> ReadyView:
-        found = self._ready.pop((place, arrangement), None) or self._made(place, arrangement)
+        found = self._ready.pop((place, arrangement), None)
+        found = found or self._layers.ready(self._views[place], arrangement)
         self._ready[place, arrangement] = found
         while len(self._ready) > 1 and sum(x.nbytes for x in self._ready.values()) > self._memory:
             self._ready.popitem(last=False)
-        return found
-
-    def _made(self, place: int, arrangement: int) -> ReadyView:
-        view, index, lights = self._views[place], self._index, self.lights_in(arrangement)
-        seen, sight = self._light_camera(view), view.sights[arrangement]
-        needed = {self._first_group(arrangement), *(index.units[i].group for i in lights)}
-        needed |= set(() if index.captured is None else index.captured.groups)
-        buffers = {i: self._buffer(view.groups[i], seen) for i in sorted(needed)}
-        glow, bare = (
-            self._buffer(key, seen) if self._kept.path(key).is_file() else None
-            for key in (sight.glow, view.captured_glow)
-        )
-        every = np.arange(seen.height * seen.width)
-        planes = self._planes(lights, buffers, glow, every)
-        splats, size = self._composite(view), (seen.height, seen.width)
-        first = buffers[self._first_group(arrangement)]
-        objects: SeenObjects | None = None
-        if first.objects is not None:
-            where = np.flatnonzero(first.objects.coverage)
-            theirs = {i: x.objects for i, x in buffers.items()}
-            own = self._planes(lights, theirs, None if glow is None else glow.objects, where)
-            objects = SeenObjects(where, first.objects.coverage, own)
-        captured: LightingBuffer | None = None
-        if index.captured is not None:
-            constant = None if bare is None else planar(bare, "", every)
-            weights = self._weights(index.captured)[lights]
-            beauty = replace(planes, constant=constant).mixed(weights).reshape(*size, 3)
-            layer = LightLayer(name="captured", direct=beauty, indirect=np.zeros_like(beauty))
-            captured = replace(buffers[index.captured.groups[0]], layers=(layer,), noisy=())
-        level = None  # there is none where the machine that rendered could not tell it
-        if index.captured_level is not None and self._scene.has(index.captured_level, ARRAY):
-            level = self._far.array(index.captured_level)
-        surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
-
-        @cache
-        def compared(repair: bool) -> relighting.Lit | None:
-            if captured is None or splats is None or not repair:
-                return None if captured is None else relighting.Lit.of(captured)
-            shown = relighting.repaired(captured, self._captured_sun(buffers), relighting.unlit_rgba(splats))
-            return relighting.Lit.of(shown)
-
-        front = self._splats(view, sight.front)
-
-        @lru_cache(_MOST_RELIGHTS)
-        def relighter(settings: RelightSettings) -> Callable[[F32, F32 | None], F32]:
-            known, old = None if level is None else float(level[0]), compared(relighting.repairs(settings))
-            return relighting.relighter(splats, surface, settings, captured=old, captured_level=known, front=front)
-
-        def relit(beauty: F32, seen: F32 | None, settings: RelightSettings | None) -> F32:
-            return relighter(settings or index.relight)(beauty, seen)
-
-        return ReadyView(lights, planes, objects, size, relit)
-
-    def _planes(
-        self,
-        lights: NDArray[np.intp],
-        buffers: Mapping[int, LightingBuffer | None],
-        glow: LightingBuffer | None,
-        where: NDArray[np.intp],
-    ) -> Planes:
-        """Unit lights, by their indices, on some pixels; those of no buffer are dark."""
-        units = [self._index.units[i] for i in lights]
-        planes = np.zeros((3, len(units), len(where)), dtype=np.float32)
-        for i, unit in enumerate(units):
-            buffer = buffers[unit.group]
-            if buffer is None:
-                continue
-            found = planar(buffer, unit.layer, where)
-            if found is None:
-                raise InputError(self.folder / indexing.FILE, f"no layer {unit.layer!r} is kept", _REMEDY)
-            for layer_planes, values in zip(planes, found, strict=True):
-                layer_planes[i] = values
-        whole = np.array([unit.kind == "whole" for unit in units], dtype=np.bool_)
-        return Planes(planes, None if glow is None else planar(glow, "", where), whole)
-
-    def _first_group(self, arrangement: int) -> int:
-        """A set that shows all of the scene."""
-        return next((x.groups[0] for x in self._index.lightings if x.arrangement == arrangement), 0)
-
-    def _captured_sun(self, buffers: Mapping[int, LightingBuffer]) -> relighting.Sun | None:
-        """The strongest distant lamp of the captured light, in a view with these sets."""
-        captured = self._index.captured
-        assert captured is not None
-        found: list[relighting.Sun] = []
-        for place, weight in zip(captured.units, captured.weights, strict=True):
-            unit = self._index.units[place]
-            lamp = self._far.lamp(unit)
-            own = [x for x in buffers[unit.group].layers if x.name == unit.layer]
-            if lamp is not None and own:
-                found.append(sun_of(lamp, own[0].direct, np.asarray(weight, np.float32)))
-        return strongest(found)
-
-    def _light_camera(self, view: indexing.KeptView) -> Camera:
-        rows, columns = view.light_size
-        camera = view.camera
-        return camera if (columns, rows) == (camera.width, camera.height) else camera.resized(columns, rows)
-
-    def _buffer(self, key: str, seen: Camera) -> LightingBuffer:
-        found = self._kept.get(key, light_of(seen))
-        if found is None:
-            raise InputError(self.folder, f"the light of {seen.name!r} is damaged", _REMEDY)
-        return found
-
-    def _composite(self, view: indexing.KeptView) -> SplatLayer | None:
-        return self._splats(view, view.composite)
-
-    def _splats(self, view: indexing.KeptView, key: str | None) -> SplatLayer | None:
-        if key is None:
-            return None
-        profile = cast(Profile, self._index.profile)
-        found = self._kept.get(key, composite_of(view.camera, profile, self._index.linear))
-        if found is None:
-            name = view.camera.name
-            raise InputError(self.folder, f"the composite of {name!r} is damaged", _REMEDY)
         return found
 
 

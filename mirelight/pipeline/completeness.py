@@ -68,11 +68,6 @@ def _check_gloss(job: Job) -> None:
     wrong = (
         (job.proxy is None, "no proxy mesh whose materials mirror", 'add the line proxy = "splats"'),
         (requirements.follows_engine(job), "the profile playcanvas, whose light is not traced", "use profile physical"),
-        (
-            job.output.store == "layers" or bool(job.dataset.layouts),
-            "frames that are mixed from layers, which do not hold it",
-            'leave dataset.layouts and output.store = "layers" out',
-        ),
     )
     for is_so, found, remedy in wrong:
         if is_so:

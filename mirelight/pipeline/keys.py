@@ -253,6 +253,9 @@ class Keys:
         lights = {self.light_with_objects(s, seen, job.objects_of(x)): s for x in own for s in self.mixture(x).sets}
         alone = own if requirements.wants_shadow(job) else []
         lights |= {self.light(s, seen): s for x in (*alone, *compared) for s in self.mixture(x).sets}
+        shiny = requirements.with_compared(job, [x for x in own if relighting.adds_lobes(job.relight_of(x))])
+        if len(shiny) > (requirements.compared(job) is not None):
+            lights |= {self.light_of_lobes(s, seen): s for x in shiny for s in self.mixture(x).sets}
         composite = None if job.splats is None else self.composite(camera)
         veiled: list[str] = []
         for objects in {id(x): x for x in map(job.objects_of, own)}.values() if job.objects else ():

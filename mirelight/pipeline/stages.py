@@ -160,7 +160,10 @@ def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progre
     new = list(lightings)
     every = requirements.with_compared(job, new)
     view = scene.view_light(seen)
+    shiny = [x for x in new if relighting.adds_lobes(job.relight_of(x))]
     try:
+        if shiny:
+            scene.lobes(seen).trace(requirements.with_compared(job, shiny), progress)
         if not job.objects:
             view.trace(every, progress)
             return

@@ -9,8 +9,8 @@ docs/explanation/relighting.md.
 from __future__ import annotations
 
 from mirelight.relighting.backdrop import without_leaks
-from mirelight.relighting.frame import apply, lighting_camera, relighter, unlit_rgba
-from mirelight.relighting.inserted import shadow, with_objects
+from mirelight.relighting.frame import Relighter, apply, lighting_camera, relighter, unlit_rgba
+from mirelight.relighting.inserted import shadow, shadow_of, with_objects
 from mirelight.relighting.lobes import with_lobes
 from mirelight.relighting.mode import Lit, Mode, Task
 from mirelight.relighting.modes import MODES, adds_lobes, gloss_of, mode_of, per_splat, reads, repairs
@@ -22,6 +22,7 @@ __all__ = [
     "MODES",
     "Lit",
     "Mode",
+    "Relighter",
     "Sun",
     "Task",
     "adds_lobes",
@@ -38,6 +39,7 @@ __all__ = [
     "repaired",
     "repairs",
     "shadow",
+    "shadow_of",
     "splat_relighter",
     "unlit_rgba",
     "upsample",

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from mirelight.base import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
+from mirelight.relighting.lobes import glossed, matt_share
 from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of
 from mirelight.relighting.noise import noise as noise_of
 from mirelight.relighting.pixels import multiply
 from mirelight.relighting.resample import bilinear, upsample
+
+Relighter: TypeAlias = Callable[[F32, F32 | None, F32 | None], F32]
 
 
 def apply(
@@ -101,10 +106,11 @@ def relighter(
     captured: Lit | None = None,
     captured_level: float | None = None,
     front: SplatLayer | None = None,
-) -> Callable[[F32, F32 | None], F32]:
+    lobes: tuple[Lit, Lit | None] | None = None,
+) -> Relighter:
     """What many lightings of one view share, made ready once: a function from the light's beauty (h, w, 3), linear and
     premultiplied by coverage, to the frame's `rgba` (H, W, 4), the very one that :func:`apply` gives. It takes a
-    picture of inserted objects (h, w, 4), too, or None.
+    picture of inserted objects (h, w, 4), too, or None, and what lobes reflect (h, w, 3), or None.
 
     Args:
         splats: the composite; None: the lit proxy itself.
@@ -113,28 +119,32 @@ def relighter(
         captured: as for :func:`apply`.
         captured_level: as for :func:`apply`.
         front: the splats in front of inserted objects; None where there are no objects, or no splats.
+        lobes: of the proxy's materials, whose beauty is not read, and the same with that of the captured light.
     """
 
-    def with_objects(rgba: F32, factor: F32 | None, objects: F32 | None) -> F32:
+    def finished(rgba: F32, factor: F32 | None, objects: F32 | None, mirrored: F32 | None) -> F32:
+        if lobes is not None and mirrored is not None:
+            rest = matt_share(*lobes, rgba[..., 3:], None if splats is None else unlit_rgba(splats), settings)
+            rgba = glossed(rgba, rest, replace(lobes[0], beauty=mirrored), settings)
         if objects is None:
             return rgba
         return covered(rgba, factor, front, bilinear(objects, (rgba.shape[0], rgba.shape[1])), settings)
 
     if splats is None:
-        return lambda beauty, objects: with_objects(
-            np.concatenate([beauty, surface.coverage[..., None]], axis=-1), None, objects
+        return lambda beauty, objects, mirrored: finished(
+            np.concatenate([beauty, surface.coverage[..., None]], axis=-1), None, objects, mirrored
         )
     composite, unlit, mode = splats, unlit_rgba(splats), mode_of(settings)
     size = composite.camera.height, composite.camera.width
     old = captured if mode.needs_captured else None
     if settings.blend == 0:
-        return lambda beauty, objects: with_objects(unlit, np.ones((*size, 3), np.float32), objects)
+        return lambda beauty, objects, mirrored: finished(unlit, np.ones((*size, 3), np.float32), objects, None)
     task = Task(size=size, unlit=unlit, new=surface, captured=old, captured_level=captured_level, settings=settings)
     made = mode.prepared(task)
 
-    def relit(beauty: F32, objects: F32 | None) -> F32:
+    def relit(beauty: F32, objects: F32 | None, mirrored: F32 | None) -> F32:
         factor = blended(made(beauty), settings.blend)
-        return with_objects(multiplied(composite, unlit, factor, settings), factor, objects)
+        return finished(multiplied(composite, unlit, factor, settings), factor, objects, mirrored)
 
     return relit
 

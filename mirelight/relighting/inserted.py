@@ -8,7 +8,8 @@ import numpy as np
 
 from mirelight.model import F32, Camera, Frame, LightingBuffer, RelightSettings, SplatLayer
 from mirelight.relighting.frame import covered
-from mirelight.relighting.resample import upsample
+from mirelight.relighting.mode import Lit
+from mirelight.relighting.resample import bilinear
 
 
 def with_objects(frame: Frame, front: SplatLayer | None, settings: RelightSettings) -> Frame:
@@ -38,9 +39,16 @@ def shadow(new: LightingBuffer, bare: LightingBuffer, camera: Camera) -> F32:
         bare: of the same camera without them.
         camera: whose pixels are wanted.
     """
-    with_them, without = (upsample(x, camera) for x in (new, bare))
-    light, before = (x.beauty / np.maximum(x.coverage, 1e-6)[..., None] for x in (with_them, without))
-    known = (with_them.coverage > 0)[..., None] & (before > 0)
+    return shadow_of(Lit.of(new), Lit.of(bare), (camera.height, camera.width))
+
+
+def shadow_of(new: Lit, bare: Lit, size: tuple[int, int]) -> F32:
+    """(H, W, 3) the same of any light, on pixels of `size` (rows, columns)."""
+    shares = [bilinear(x.coverage, size)[..., None] for x in (new, bare)]
+    light, before = (
+        bilinear(x.beauty, size) / np.maximum(share, 1e-6) for x, share in zip((new, bare), shares, strict=True)
+    )
+    known = (shares[0] > 0) & (before > 0)
     return np.where(known, light / np.where(known, before, 1), 1).astype(np.float32)
 
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.model import F32, Frame, LightingBuffer, RelightSettings
+from mirelight.relighting.mode import Lit
 from mirelight.relighting.pixels import divide
-from mirelight.relighting.resample import upsample
+from mirelight.relighting.resample import bilinear, upsample
 
 
 def with_lobes(
@@ -25,20 +26,51 @@ def with_lobes(
         settings: the frame's own.
         captured: the same of the captured light; None: its highlights are not known, and stay.
     """
+    old = None if captured is None else Lit.of(captured)
+    rest = matt_share(Lit.of(lobes), old, frame.rgba[..., 3:], frame.unlit, settings)
+    rgba = glossed(frame.rgba, rest, Lit.of(lobes), settings)
     seen = upsample(lobes, frame.camera)
-    cover, blend, alpha = seen.coverage[..., None], np.float32(settings.blend), frame.rgba[..., 3:]
-    rest = 1 - seen.albedo[..., :1] * (cover > 0) * np.ones(3, np.float32)
-    if captured is not None and frame.unlit is not None:
-        own = upsample(captured, frame.camera)
-        mirrored = alpha * _over(own.beauty, own.coverage[..., None])
-        rest *= np.maximum(1 - divide(mirrored, np.ascontiguousarray(frame.unlit[..., :3])), np.float32(0))
-    rest = 1 - blend * (1 - rest)
-    rgba = frame.rgba.copy()
-    rgba[..., :3] = frame.rgba[..., :3] * rest + blend * alpha * _over(seen.beauty, cover)
     if frame.noise is None or seen.variance is None:
         return replace(frame, rgba=rgba)
-    noise = blend * alpha * _over(np.sqrt(np.maximum(seen.variance, np.float32(0))), cover)
+    shown = np.float32(settings.blend) * frame.rgba[..., 3:]
+    noise = shown * _over(np.sqrt(np.maximum(seen.variance, np.float32(0))), seen.coverage[..., None])
     return replace(frame, rgba=rgba, noise=np.asarray(np.hypot(frame.noise * rest, noise), np.float32))
+
+
+def matt_share(lobes: Lit, captured: Lit | None, alpha: F32, unlit: F32 | None, settings: RelightSettings) -> F32:
+    """(H, W, 3) what is left of a matt frame, 1 - b + b (1 - m) (1 - a S' / C), whatever the new light.
+
+    Args:
+        lobes: of a tracer of lobes; its beauty is not read.
+        captured: the same of the captured light; None: it is not known.
+        alpha: (H, W, 1) of the frame.
+        unlit: (H, W, 4) the frame as captured; None: there are no splats.
+        settings: the frame's own.
+    """
+    size, blend = (alpha.shape[0], alpha.shape[1]), np.float32(settings.blend)
+    cover = bilinear(lobes.coverage, size)[..., None]
+    metal = lobes.albedo
+    if metal.shape[:2] != size:
+        summed = bilinear(metal * lobes.coverage[..., None], size)
+        metal = divide(summed, np.broadcast_to(cover, summed.shape))
+    rest = 1 - metal[..., :1] * (cover > 0) * np.ones(3, np.float32)
+    if captured is not None and unlit is not None:
+        mirrored = alpha * _seen(captured, size)
+        rest *= np.maximum(1 - divide(mirrored, np.ascontiguousarray(unlit[..., :3])), np.float32(0))
+    return np.asarray(1 - blend * (1 - rest), np.float32)
+
+
+def glossed(rgba: F32, rest: F32, lobes: Lit, settings: RelightSettings) -> F32:
+    """(H, W, 4) a matt frame, as far as `rest` (H, W, 3) leaves it, and what lobes reflect of the new light."""
+    out = rgba.copy()
+    shown = np.float32(settings.blend) * rgba[..., 3:]
+    out[..., :3] = rgba[..., :3] * rest + shown * _seen(lobes, (rgba.shape[0], rgba.shape[1]))
+    return out
+
+
+def _seen(lobes: Lit, size: tuple[int, int]) -> F32:
+    """(H, W, 3) light of lobes on a frame's pixels, not premultiplied."""
+    return _over(bilinear(lobes.beauty, size), bilinear(lobes.coverage, size)[..., None])
 
 
 def _over(values: F32, cover: F32) -> F32:

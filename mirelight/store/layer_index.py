@@ -92,6 +92,9 @@ class KeptView:
     groups: tuple[str, ...]  # keys of the traced sets
     captured_glow: str  # key of what surfaces send out in the captured light, which knows no inserted objects
     sights: tuple[KeptSight, ...]  # one for each arrangement
+    mirrored: tuple[str | None, ...] = ()  # keys of what the proxy's materials mirror of each set; (): of none
+    mirrored_glow: str | None = None  # key of what they mirror of what glows
+    bare: tuple[str | None, ...] = ()  # keys of the sets without objects, where their shadow is wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +188,8 @@ def _require_places(index: Index) -> None:
     groups, units = range(counts.pop()), range(len(index.units))
     for view in index.views:
         (rows, columns), camera = view.light_size, view.camera
+        if any(len(x) not in (0, len(view.groups)) for x in (view.mirrored, view.bare)):
+            raise ValueError("views of different sets")
         if not (0 < rows <= 4 * camera.height and 0 < columns <= 4 * camera.width):
             raise ValueError("light of another size")
     for one in (*index.lightings, *(() if index.captured is None else (index.captured,))):
@@ -264,7 +269,9 @@ def _view(data: dict[str, Any]) -> KeptView:
         KeptSight(_key(x["glow"]), _key_or_none(x["front"]), _key_or_none(x["objects"])) for x in data["sights"]
     )
     composite, bare = _key_or_none(data["composite"]), _key(data["captured_glow"])
-    return KeptView(Camera(**camera), (rows, columns), composite, groups, bare, sights)
+    mirrored, alone = (tuple(map(_key_or_none, data[name])) for name in ("mirrored", "bare"))
+    glow = _key_or_none(data["mirrored_glow"])
+    return KeptView(Camera(**camera), (rows, columns), composite, groups, bare, sights, mirrored, glow, alone)
 
 
 def _key_or_none(value: Any) -> str | None:

@@ -34,6 +34,8 @@ def describe(plan: Plan) -> Index:
     lightings = tuple(known.weighted(x) for x in job.lightings)
     compared = requirements.compared(job)
     captured = None if compared is None else known.weighted(compared, bare=True)
+    shiny = [x for x in job.lightings if relighting.adds_lobes(job.relight_of(x))]
+    lobes = {s.digest for x in requirements.with_compared(job, shiny) for s in made.mixture(x).sets} if shiny else set()
     views: list[KeptView] = []
     for group in plan.groups:
         camera = group.camera
@@ -46,6 +48,15 @@ def describe(plan: Plan) -> Index:
                 groups=tuple(made.light_with_objects(one, seen, objects) for objects, one in known.sets.values()),
                 captured_glow=made.light(GLOW, seen),
                 sights=tuple(_sight(made, camera, objects) for objects in known.arrangements),
+                mirrored=tuple(
+                    made.light_of_lobes(one, seen) if one.digest in lobes else None for _, one in known.sets.values()
+                )
+                if lobes
+                else (),
+                mirrored_glow=made.light_of_lobes(GLOW, seen) if lobes else None,
+                bare=tuple(made.light(one, seen) for _, one in known.sets.values())
+                if requirements.wants_shadow(job)
+                else (),
             )
         )
     return Index(

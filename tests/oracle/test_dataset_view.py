@@ -127,6 +127,8 @@ def test_mixed_frames_are_those_that_render_writes(folders: tuple[Path, Path]) -
         ("output.aovs=false",),
         ("lightings[0].environment={sky={elevation=30}}",),
         ("resolution=[7, 5]", "glow"),
+        ("relight.gloss=true", "materials=[{roughness=0.3}]", "glow"),
+        ("relight.gloss=true", "materials=[{roughness=0.3, metallic=0.5}]", "relight.texture_scale=0.5"),
     ],
 )
 def test_in_other_modes_too(tmp_path: Path, changed: tuple[str, ...]) -> None:

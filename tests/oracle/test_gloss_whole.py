@@ -67,7 +67,6 @@ def test_a_part_glows_in_every_lighting(folder: Path) -> None:
     ("change", "said"),
     [
         ('profile = "playcanvas"\n', "relight.gloss: gloss and the profile playcanvas"),
-        ('output.store = "layers"\n', "relight.gloss: gloss and frames that are mixed from layers"),
     ],
 )
 def test_gloss_is_refused_where_it_is_not(folder: Path, change: str, said: str) -> None:

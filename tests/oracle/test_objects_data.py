@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import re
+import tarfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,7 +55,8 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_glb(folder / "cube.glb", ProxyMesh(vertices=corners, faces=np.array(faces, np.int32), materials=(glow,)))
     text = JOB.replace("[24, 16]", "[60, 40]")
     return render(
-        folder, text + "\n[output]\naovs = ['cryptomatte_object', 'object_coverage', 'object_depth']\n" + OBJECTS
+        folder,
+        text + "\n[output]\naovs = ['cryptomatte_object', 'object_coverage', 'object_depth', 'shadow']\n" + OBJECTS,
     )
 
 
@@ -73,6 +75,22 @@ def test_shares_are_those_of_the_files_cryptomatte(out: Path) -> None:
     assert np.abs(coverage - shares.sum(0)).mean() < 0.02  # samples of their own, and splats in front
     np.testing.assert_array_equal(depth > 0, coverage > 0)
     assert 2 < depth[depth > 0].min() < depth.max() < 6
+
+
+def test_shadows_are_those_of_the_files(out: Path, tmp_path: Path) -> None:
+    view = dataset.open(out)
+    for lighting in ("day", "dim"):
+        written = read_exr(out / f"front.{lighting}.exr").layer("shadow")[..., :3]
+        found = view.shadow("front", lighting)
+        assert found is not None and found.min() < 0.5
+        np.testing.assert_allclose(found, written, rtol=1e-4, atol=1e-5)
+    assert cli.main(["export", str(out), "--layout", "hub", "-o", str(tmp_path)]) == 0
+    with tarfile.open(next((tmp_path / "shards").glob("*.tar"))) as tar:
+        member = tar.extractfile("day__front.shadow.npy")
+        assert member is not None
+        day = view.shadow("front", "day")
+        assert day is not None
+        np.testing.assert_allclose(np.load(io.BytesIO(member.read())), day, rtol=1e-3, atol=1e-5)
 
 
 def test_a_coco_loader_finds_the_objects(out: Path) -> None:

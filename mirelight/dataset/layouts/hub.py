@@ -2,7 +2,9 @@
 
 `shards/train-000000.tar` and so on for each part. A sample is a frame: `png` (8-bit sRGB, straight alpha), `hdr.npy`
 (linear, straight alpha, 16-bit floats), `depth.npy` (along the view axis), `normal.npy` (world), `albedo.png`,
-`mask.png` and `json`: camera (world from camera, OpenGL's axes, Z up), lens, lights. Keys have no dot, for WebDataset
+`mask.png`,
+`shadow.npy` (where asked for: light beside inserted objects over that without them) and `json`: camera (world from
+camera, OpenGL's axes, Z up), lens, lights. Keys have no dot, for WebDataset
 ends them there, and a sample's files stand side by side. The same frames give the same bytes.
 """
 
@@ -114,6 +116,9 @@ def _sample(picture: Picture, shared: Shared) -> Iterator[tuple[str, bytes]]:
     if pixels.has_geometry:
         yield "normal.npy", _npy(shared.normal(pixels).astype(np.float16))
     yield "png", _png(pixels.rgba)
+    shadow = pixels.shadow
+    if shadow is not None:
+        yield "shadow.npy", _npy(np.minimum(shadow, np.float32(np.finfo(np.float16).max)).astype(np.float16))
 
 
 def _text(picture: Picture, shared: Shared) -> str:

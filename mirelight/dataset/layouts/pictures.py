@@ -60,6 +60,7 @@ class Pixels:
         geometry: gives what the camera sees; None: it is not known at the frame's size.
         display: exposure and tone curve of 8-bit pictures.
         shares: gives (n, H, W) how much of each pixel inserted objects are seen to cover; None: there are none.
+        shadow: gives (H, W, 3) what they do to the light beside them; None: it is not known.
     """
 
     def __init__(
@@ -68,8 +69,10 @@ class Pixels:
         geometry: Callable[[], Geometry] | None = None,
         display: DisplaySettings | None = None,
         shares: Callable[[], F32] | None = None,
+        shadow: Callable[[], F32 | None] | None = None,
     ) -> None:
         self._mixed, self._geometry, self._display, self._shares = mixed, geometry, display, shares
+        self._shadow = shadow
 
     @cached_property
     def linear(self) -> F32:
@@ -114,6 +117,11 @@ class Pixels:
     def shares(self) -> F32:
         """(n, H, W) how much of each pixel inserted objects are seen to cover."""
         return np.zeros((0, *self.linear.shape[:2]), np.float32) if self._shares is None else self._shares()
+
+    @property
+    def shadow(self) -> F32 | None:
+        """(H, W, 3) light beside inserted objects over the same without them; None where that is not known."""
+        return None if self._shadow is None else self._shadow()
 
     def forget(self) -> None:
         """Let go of what was made."""

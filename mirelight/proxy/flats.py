@@ -232,12 +232,11 @@ def turned_to(points: F64, axes: F64) -> F64:
     return np.asarray(np.einsum("ni,ki->nk", points, axes))
 
 
-def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
-    """With the cells that views see on the plane, or that they do not look through where it goes on around them."""
-    from scipy.ndimage import binary_closing, binary_fill_holes, label
-
+def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64, F64, F64]:
+    """(I, J) by how many views a plane's cells are seen on it, and by how many seen through, each counted by its trust;
+    and by how many at all."""
     at = flat.middles
-    on, through = np.zeros(len(at)), np.zeros(len(at))
+    on, through, seen = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     for view in views:
         own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
         pixel = pixels_of(view.camera, own.astype(np.float32))
@@ -251,9 +250,18 @@ def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
         near = tolerance + 0.5 * view.spread.ravel()[pixel] * aslant
         on[rows] += trust * (np.abs(off) < near)
         through[rows] += trust * (off > 2.5 * near)
-    held, open_ = on.reshape(flat.there.shape), through.reshape(flat.there.shape)
-    sure = flat.there & (held > 0.5 * open_)
-    free = (open_ > 2 * held) & (open_ > 0.3)
+        seen[rows] += 1
+    shape = flat.there.shape
+    return on.reshape(shape), through.reshape(shape), seen.reshape(shape)
+
+
+def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
+    """With the cells that views see on the plane, or that they do not look through where it goes on around them."""
+    from scipy.ndimage import binary_closing, binary_fill_holes, label
+
+    held, through, _ = votes(flat, views, tolerance)
+    sure = flat.there & (held > 0.5 * through)
+    free = (through > 2 * held) & (through > 0.3)
     whole = (binary_closing(np.pad(sure, 20), iterations=12)[20:-20, 20:-20] | binary_fill_holes(sure)) & ~free | sure
     part, _ = label(whole)
     own_parts = np.unique(part[sure])

@@ -17,6 +17,7 @@ from mirelight.proxy.decimate import decimated
 from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
+from mirelight.proxy.ground import carried_on
 from mirelight.proxy.inside import HIDDEN, hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened, fog_of
@@ -133,6 +134,8 @@ def _fused(capture: Capture, views: list[DepthMap], report: Progress) -> Soup:
         views = [opened(view, windows, capture.spacing, AWAY * capture.radius) for view in views]
         flats = flats_of(views, capture.spacing, capture.radius)
     fog = fog_of(views)
+    if fog:
+        flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing)
     views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog) for view in views]
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.6, 0.8))

@@ -49,6 +49,10 @@ class Tuning:
     sky_trust: float = 0.02  # of pixels that hang anywhere
     sky_share: float = 0.03  # of pixels, from which there is a sky: 0.17 with one, 0.0006 in a room, 0.005 in a yard
     fog: float = 0.1  # trust of pixels that are left out then: a third, off by 3 to 30 spacings in the median
+    # grounds that go on beneath a sky's fog (`ground`)
+    ground_cameras: float = 0.95  # of the cameras, that stand before it
+    ground_below: float = 4.0  # tolerances: what lies lower is below it
+    ground_behind: float = 0.03  # of what is seen, at most, that lies there: 0.0001 of a yard's paving, 0.7 of a table
 
     cell: float = 0.6  # of the grid that maps are fused in
 

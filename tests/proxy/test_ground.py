@@ -1,0 +1,51 @@
+"""The ground goes on beneath fog; a table does not go on above a floor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mirelight.model import Camera
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.flats import flats_of
+from mirelight.proxy.ground import carried_on
+from mirelight.proxy.labels import flattened
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.views import rays
+
+SPACING = 0.05
+SURE = 1.0  # from the middle: how far the plane at height 0 is seen surely
+
+
+def view(x: float, beyond: float | None) -> DepthMap:
+    """A plane that is sure around the middle; beyond there is fog, or another plane at that height."""
+    camera = Camera.look_at((x, 1.5, 2.5), (0, 0, 0), 120, 90, yfov=50)
+    origins, ways = rays(camera)
+    near = np.linalg.norm((origins - ways * (origins[..., 1:2] / ways[..., 1:2]))[..., [0, 2]], axis=-1) < SURE
+    depth = np.where(near, 0, 0.0 if beyond is None else beyond) - origins[..., 1]
+    depth /= ways[..., 1]
+    fog = ~near & (beyond is None)
+    depth = np.where(fog, depth * np.random.default_rng(5).uniform(0.3, 3, depth.shape), depth)
+    one = np.ones(depth.shape, np.float32)
+    up = np.broadcast_to(np.float32([0, 1, 0]), (*depth.shape, 3))
+    spread, trust = np.where(fog, 1, 0), np.where(fog, 0.003, 1)
+    return DepthMap(camera, 0 * up, one, depth.astype("f4"), up, spread.astype("f4"), trust.astype("f4"))
+
+
+@pytest.mark.parametrize("beyond", [None, -0.8])
+def test_ground_is_what_nothing_lies_below(beyond: float | None) -> None:
+    views = [view(x, beyond) for x in (-1.0, 0.0, 1.0)]
+    flats = flats_of(views, SPACING, 10.0)
+    plane = next(x for x in flats if abs(x.offset) < 0.1)
+    (whole,) = carried_on([plane], views, SPACING)
+    if beyond is not None:
+        assert whole is plane
+        return
+    assert not plane.there.all()
+    assert whole.there.all()
+    before, after = views[0], flattened(views[0], [whole], SPACING, TUNING.fog)
+    origins, ways = rays(before.camera)
+    true = -origins[..., 1] / ways[..., 1]
+    over = whole.inside(origins + ways * true[..., None]) & (before.trust < 1)
+    assert over.sum() > 1000
+    assert np.quantile(np.abs(after.depth - true)[over], 0.95) < 1e-3

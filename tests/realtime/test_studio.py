@@ -20,13 +20,10 @@ from mirelight.apps.studio.server import serving
 from mirelight.cli import main
 from mirelight.io import image, splats
 from mirelight.io import job as jobs
-from mirelight.model import PointLight, SunLight
-from mirelight.pipeline import stages
-from mirelight.pipeline.scene import prepare
+from mirelight.io.gltf.write import write_glb
+from mirelight.model import PointLight, ProxyMesh, SunLight
 
-from .mixer_page import decibels
 from .mixer_scene import walls
-from .test_mixer import displayed
 from .waiting import LIMIT, settled, until
 
 SIZE = (160, 120)
@@ -36,6 +33,20 @@ SIZE = (160, 120)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("studio")
     splats.write(walls(24)[0], out / "corner.ply")
+    size = np.full(3, 0.4)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]]
+    vertices = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * size
+    box = ProxyMesh(vertices=vertices.astype(np.float32), faces=np.array(faces, np.int32))
+    write_glb(out.with_name("box.glb"), box, (), ())
+    return out
+
+
+@pytest.fixture(scope="module")
+def rendered(seen: dict[str, Any], folder: Path) -> Path:
+    """What the command makes of the saved job."""
+    out = folder / "command"
+    saved = str(folder / "corner.studio.toml")
+    assert main(["render", saved, "-o", str(out), "--camera", "view-1", "--lighting", "dusk", "-q"]) == 0
     return out
 
 
@@ -80,6 +91,20 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
 
         return holds
 
+    def drag(page: Page, handle: str, right: float, down: float) -> tuple[float, float]:
+        """Takes a handle along; how far it went, in pixels."""
+        places = []
+        for step in ((0, 0), (right, down)):
+            box = page.locator(f".handle[title='{handle}']").bounding_box()
+            assert box is not None
+            places.append((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2))
+            if step == (0, 0):
+                page.mouse.move(*places[0])
+                page.mouse.down()
+                page.mouse.move(places[0][0] + right, places[0][1] + down, steps=3)
+                page.mouse.up()
+        return places[1][0] - places[0][0], places[1][1] - places[0][1]
+
     with sync_playwright() as playwright:
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
@@ -98,20 +123,20 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         page.click("#add-point")
         page.fill("[aria-label='lamp: Kelvin']", "2700")
         page.fill("[aria-label='lamp: intensity in candela']", "12")
-        page.fill("[aria-label='sun: Azimuth °']", "200")
-        page.keyboard.press("Tab")
-        lamp = page.locator(".handle[title=lamp]")
-        box = lamp.bounding_box()
-        assert box is not None
         found["began"] = job(page)["lightings"][0]["lights"][1]["position"]
-        x, y = box["x"] + 16, box["y"] + 16
-        page.mouse.move(x, y)
-        page.mouse.down()
-        page.mouse.move(x + 40, y + 20, steps=3)
-        page.mouse.up()
-        lamp.focus()
+        drag(page, "lamp", 40, 20)
+        page.focus(".handle[title=lamp]")
         page.keyboard.press("Alt+ArrowUp")
         found["moved"] = job(page)["lightings"][0]["lights"][1]["position"]
+
+        for label, value in (("Azimuth", "350"), ("Elevation", "20")):  # before the camera
+            page.fill(f"[aria-label='sun: {label} °']", value)
+            page.keyboard.press("Tab")
+        took = drag(page, "sun", 60, -30)
+        sun = job(page)["lightings"][0]["lights"][0]
+        found["sun"] = took, sun, page.input_value("[aria-label='sun: Azimuth °']")
+        page.fill("[aria-label='sun: Azimuth °']", "200")
+        page.keyboard.press("Tab")
 
         page.click("[aria-label='Another lighting like this one']")
         page.fill("#lighting-name", "dusk")
@@ -152,6 +177,17 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         found["render"] = state(page)["renders"][0]
         found["frame"] = page.request.get(page.locator("#queue img").evaluate("x => x.src")).body()
         found["said"] = page.inner_text("#error")
+        with page.expect_file_chooser() as chosen:
+            page.click("#add-object")
+        chosen.value.set_files(saved.parent.with_name("box.glb"))
+        page.wait_for_selector(".handle[title=box]")
+        found["thing"] = [dict(job(page)["objects"][0]), drag(page, "box", -30, 8), dict(job(page)["objects"][0])]
+        drag(page, "box: turn", 40, 0)
+        page.keyboard.press("ArrowRight")
+        number = page.evaluate("studio.then(x => x.number())")
+        until(page, lambda: state(page)["objects"]["number"] >= number)
+        found["thing"] += [job(page)["objects"][0], state(page)["objects"]["told"][0], page.inner_text("#error")]
+        settled(page, page.locator("#view"))
         page.set_viewport_size({"width": 390, "height": 844})
         settled(page, page)
         found["phone"] = page.evaluate("[document.documentElement.scrollWidth, scrollX]")
@@ -177,7 +213,7 @@ def test_lights_are_added_moved_and_undone(seen: dict[str, Any]) -> None:
     assert seen["undone"] == ["lamp"]
 
 
-def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path) -> None:
+def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path, rendered: Path) -> None:
     assert seen["saved"] == "Saved: corner.studio.toml"
     job = jobs.load(folder / "corner.studio.toml")
     assert [x.name for x in job.lightings] == ["sun", "dusk"]
@@ -186,10 +222,9 @@ def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path
     assert np.degrees(np.arctan2(-sun.direction[0], sun.direction[2])) % 360 == pytest.approx(200)
     np.testing.assert_allclose(lamp.position, seen["moved"])
     assert lamp.intensity == 12
-    frame = stages.frame(prepare(job), job.cameras[-1], job.lightings[1])
-    png = io.BytesIO(base64.b64decode(seen["picture"].partition(",")[2]))
-    shown = np.asarray(Image.open(png).convert("RGB"), np.float32) / 255
-    assert decibels(shown, displayed(frame, 0)) >= 28
+    with Image.open(rendered / "view-1.dusk.png") as frame:
+        away = np.asarray(frame.convert("RGB"), np.float32) - pixels(seen["picture"])
+    assert 20 * np.log10(255 / np.sqrt(np.mean(away**2))) >= 28
 
 
 def pixels(address: str) -> NDArray[np.float32]:
@@ -219,12 +254,27 @@ def test_the_proxys_fit_is_shown(seen: dict[str, Any]) -> None:
     assert said.startswith(("100 %", "99 %"))
 
 
-def test_a_frame_has_the_commands_bits(seen: dict[str, Any], folder: Path, tmp_path: Path) -> None:
+def test_a_sun_is_dragged(seen: dict[str, Any]) -> None:
+    """Where it stands follows the pointer, in the sky and in its row."""
+    (right, down), sun, azimuth = seen["sun"]
+    assert right == pytest.approx(60, abs=25) and down == pytest.approx(-30, abs=25)
+    assert not 340 < sun["azimuth"] < 352 and float(azimuth) == sun["azimuth"]
+
+
+def test_an_object_is_put_down_dragged_and_turned(seen: dict[str, Any]) -> None:
+    began, went, moved, turned, told, said = seen["thing"]
+    assert began["drop"] is True and began["path"] == "box.glb" and said == ""
+    assert went[0] == pytest.approx(-30, abs=8) and went[1] == pytest.approx(8, abs=8)
+    (x, y, z), (a, b, c) = began["transform"]["translation"], moved["transform"]["translation"]
+    assert b == y and abs(a - x) + abs(c - z) > 0.02  # along the ground, which decides how high it stands
+    assert turned["transform"]["rotation_euler"][1] not in (0, None)
+    assert abs(told["place"][1]) < 0.1 and told["count"] == 24  # on the floor
+
+
+def test_a_frame_has_the_commands_bits(seen: dict[str, Any], folder: Path, rendered: Path) -> None:
     assert seen["render"]["state"] == "done", seen["render"]
-    saved = str(folder / "corner.studio.toml")
-    assert main(["render", saved, "-o", str(tmp_path), "--camera", "view-1", "--lighting", "dusk", "-q"]) == 0
-    assert seen["frame"] == (tmp_path / "view-1.dusk.png").read_bytes()
-    ours, theirs = (image.read(x / "view-1.dusk.exr") for x in (folder / "out", tmp_path))
+    assert seen["frame"] == (rendered / "view-1.dusk.png").read_bytes()
+    ours, theirs = (image.read(x / "view-1.dusk.exr") for x in (folder / "out", rendered))
     np.testing.assert_array_equal(ours.rgba, theirs.rgba)
 
 

@@ -140,6 +140,27 @@ def test_panoramas_are_kept_beside_the_job(asker: Asker, tmp_path: Path) -> None
     assert sorted(x.name for x in asker.folder.glob("*.[he]*r")) == ["sky-2.hdr", "sky.hdr"]
 
 
+def test_meshes_are_kept_beside_the_job_and_set_down(asker: Asker, tmp_path: Path) -> None:
+    """One that is no mesh is refused in a line, and nothing of it is kept; so is a capture that is none."""
+    write_glb(tmp_path / "box.glb", walls(2)[1], (), ())
+    status, said = asker.ask("live/object/..%2fbox.glb", (tmp_path / "box.glb").read_bytes())
+    assert status == 200 and json.loads(said) == {"path": "box.glb", "bounds": [[-2, 0, -2], [2, 4, 2]]}
+    for name, body in (("live/object/no.glb", b"no mesh"), ("live/object/a.exe", b""), ("live/open/no.spz", b"none")):
+        status, said = asker.ask(name, body)
+        assert status == 422 and "\n" not in said, name
+    assert not [*asker.folder.glob("no.*")] and not [*Path.cwd().glob("no.spz")]
+    before, shown = asker.session.edits, asker.session._shown
+    edits = before | {"objects": [{"path": "box.glb", "drop": True, "transform": {"translation": [0, 2, 0], "scale": 0.2}}]}
+    asker.session.edit(10**6, shown, edits)
+    job = asker.session._job
+    line = asker.session._objects.set_down(job.objects, asker.session._scene.mesh, 7)
+    (thing,) = asker.session.state().things.told
+    assert line == "" and thing["name"] == "box" and thing["count"] == 12
+    assert thing["place"] == pytest.approx([0, 0, 0], abs=1e-5) and thing["asked"] == pytest.approx([0, 2, 0])
+    assert len(asker.session.objects(asker.session.state().things.version)) == 12 * 16
+    asker.session.edit(10**6 + 1, shown, before)
+
+
 def test_the_sun_is_found_by_place_and_time(asker: Asker) -> None:
     asked = {"latitude": 23.44, "longitude": 0, "time": "2026-06-21T12:02:00+00:00"}
     status, said = asker.ask("live/sun", asked)

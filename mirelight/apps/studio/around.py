@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from mirelight.base.png import png_bytes
 from mirelight.io.png import encode_display
-from mirelight.model import DisplaySettings, Lighting
+from mirelight.model import DirectionalLight, DisplaySettings, Lighting, SunLight, digest
+from mirelight.pipeline.scene import Scene
 from mirelight.relighting.surroundings import surroundings_of
 
 ROWS = 64
@@ -20,7 +21,20 @@ def shown(radiance: NDArray[np.floating]) -> bytes:
     return png_bytes(encode_display(pixels, DisplaySettings(exposure=-0.5), "physical"), {})
 
 
-def picture(lighting: Lighting) -> bytes:
-    """A PNG file of a resolved lighting's environment and suns as they stand in the world; empty where it has none."""
-    found = surroundings_of(lighting)
-    return b"" if found is None else shown(found.picture(ROWS))
+class Around:
+    """What the shown lighting has from far away, as it changes."""
+
+    def __init__(self) -> None:
+        self.version, self.number = 0, -1  # of the picture; of the edit that it is of
+        self.png = b""  # a file; empty: nothing comes from far away
+        self._made_from = ""
+
+    def look(self, scene: Scene, lighting: Lighting, number: int) -> None:
+        """Take an edit's lighting."""
+        suns = (x for x in lighting.lights if isinstance(x, SunLight | DirectionalLight))
+        key = digest(lighting.environment, lighting.sky, *suns)
+        if key != self._made_from:
+            found = surroundings_of(scene.resolved(lighting))
+            self.png = b"" if found is None else shown(found.picture(ROWS))
+            self.version += 1
+        self.number, self._made_from = number, key

@@ -20,7 +20,16 @@ from mirelight.model import Job, Light
 from mirelight.model.lights import position_of
 
 SUFFIX = ".studio.toml"
-EDITED = ("lightings", "cameras", "captured", "proxy", "display", "render", "resolution")  # what the page may change
+EDITED = (
+    "lightings",
+    "objects",
+    "cameras",
+    "captured",
+    "proxy",
+    "display",
+    "render",
+    "resolution",
+)  # what the page may change
 MOST_BYTES = 1 << 20  # of what it sends
 _HEAD = ("saved by mirelight studio", "`mirelight render` takes it; edit it by hand, or in the studio again")
 _MARK = f"# {_HEAD[0]}\n".encode()
@@ -125,6 +134,11 @@ def _of_job(path: Path, target: Path) -> Document:
 
 def _named(data: dict[str, Any], job: Job) -> dict[str, Any]:
     """The data with its lights in `lightings`, each with the name and the place that it has in the job."""
+    if data.get("lightings") == "captured":
+        if not isinstance(data.get("captured"), dict):
+            found, remedy = "the light of the capture, which is estimated", "name lightings of your own"
+            raise InputError(job.source, found, remedy, field="lightings")
+        data = {**data, "lightings": [{"name": job.lightings[0].name, **data["captured"]}]}
     if not isinstance(data.get("lightings"), list):
         own = {key: data[key] for key in _LIT if key in data}
         data = {key: value for key, value in data.items() if key not in _LIT}
@@ -142,7 +156,9 @@ def _named(data: dict[str, Any], job: Job) -> dict[str, Any]:
     if "moved" in data and any("lights_from" in x for x in lightings):
         raise InputError(job.source, "places of lights of a file", "take [moved] out", field="moved")
     data = {key: value for key, value in data.items() if key != "moved"}
-    return {**data, **({"lightings": lightings} if lightings else {})}
+    objects = [{**table, "name": one.name} for table, one in zip(data.get("objects", []), job.objects, strict=True)]
+    told = {"lightings": lightings, "objects": objects}
+    return {**data, **{key: value for key, value in told.items() if value}}
 
 
 def _placed(table: dict[str, Any], light: Light) -> dict[str, Any]:

@@ -24,9 +24,19 @@ from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
 
-_OWN = ("index.html", "style.css", "studio.mjs", "model.mjs", "rows.mjs", "queue.mjs", "ball.mjs", "mesh.mjs")
+_OWN = (
+    "index.html",
+    "style.css",
+    "studio.mjs",
+    "model.mjs",
+    "rows.mjs",
+    "queue.mjs",
+    "ball.mjs",
+    "mesh.mjs",
+    "things.mjs",
+)
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
-_UPLOAD, _OPEN = "live/upload/", "live/open/"
+_UPLOAD, _OBJECT, _OPEN = "live/upload/", "live/object/", "live/open/"
 _LIMITS = {
     "live/job": MOST_BYTES,
     "live/save": 0,
@@ -38,6 +48,7 @@ _LIMITS = {
 }
 _LAYER = re.compile(r"live/layer/([0-9]{1,15})")
 _AROUND = re.compile(r"live/around/([0-9]{1,15})")
+_THINGS = re.compile(r"live/objects/([0-9]{1,15})")
 _PICTURE = re.compile(r"live/picture/([0-9]{1,9})/[0-9]{1,9}")
 
 
@@ -74,7 +85,7 @@ class _Page(Handler):
 
     def give(self, name: str) -> None:
         """A file of the page, news, a layer, or a picture."""
-        layer, picture, around = (x.fullmatch(name) for x in (_LAYER, _PICTURE, _AROUND))
+        layer, picture, around, things = (x.fullmatch(name) for x in (_LAYER, _PICTURE, _AROUND, _THINGS))
         session = self._desk.session
         if name in self._pages or (session is not None and name == session.file):
             super().give(name)
@@ -92,6 +103,8 @@ class _Page(Handler):
             self.answer_or_gone(session.mesh(), "mesh")
         elif around is not None:
             self.answer_or_gone(session.around(int(around[1])), "around.png")
+        elif things is not None:
+            self.answer_or_gone(session.objects(int(things[1])), "objects")
         elif layer is not None:
             self.answer_or_gone(session.packed(int(layer[1])), "layer")
         elif picture is not None:
@@ -107,7 +120,7 @@ class _Page(Handler):
         """Of an edit, a frame that is asked for, or a panorama."""
         if name.startswith(_OPEN):
             return uploads.MOST_OF_CAPTURES
-        return uploads.MOST_BYTES if name.startswith(_UPLOAD) else _LIMITS.get(name)
+        return uploads.MOST_BYTES if name.startswith((_UPLOAD, _OBJECT)) else _LIMITS.get(name)
 
     def take(self, name: str, body: bytes) -> None:
         """Answers with a line where it cannot be used."""
@@ -126,6 +139,10 @@ class _Page(Handler):
             folder = session.document.path.absolute().parent
             path, intensity = uploads.kept(folder, name.removeprefix(_UPLOAD), body)
             return {"path": path, "intensity": intensity}
+        if name.startswith(_OBJECT):
+            folder = session.document.path.absolute().parent
+            path, bounds = uploads.thing(folder, name.removeprefix(_OBJECT), body)
+            return {"path": path, "bounds": bounds}
         if name == "live/read":
             return self._desk.read()
         if name == "live/save":
@@ -171,6 +188,7 @@ def _told(state: State) -> dict[str, Any]:
             for x in state.layers
         ],
         "around": state.around,
+        "objects": {"version": state.things.version, "number": state.things.number, "told": state.things.told},
         "near": state.near,
         "limit": state.limit,
         "tracing": state.tracing,

@@ -7,7 +7,7 @@ splats is traced on the thread that calls :meth:`Session.run`, the shown lightin
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,16 @@ from mirelight.apps.mixer.bundle import bookmark, write_splats
 from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import limit_of
 from mirelight.apps.mixer.news import News
-from mirelight.apps.studio import around, early
+from mirelight.apps.studio import early
+from mirelight.apps.studio.around import Around
 from mirelight.apps.studio.document import EDITED, Document
 from mirelight.apps.studio.helper import Helper
 from mirelight.apps.studio.lights import Layer, Lights, Supply
 from mirelight.apps.studio.renders import Renders
+from mirelight.apps.studio.things import SetDown, Things
 from mirelight.apps.studio.worker import Ordered
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.model import Camera, DirectionalLight, Job, Lighting, SunLight, digest
+from mirelight.model import Camera, Job, digest
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.relighting.modes import mode_of
@@ -46,6 +48,7 @@ class State:
     shown: str  # the lighting that they are of
     level: float | None  # of the captured light, cd/m²; None: not known yet
     layers: tuple[Layer, ...]
+    things: Things
     around: tuple[int, int]  # version of the picture of what comes from far away, and the edit that it is of
     near: float | None  # share of the splats that lie on the proxy; None: not known yet
     limit: float | None
@@ -77,11 +80,11 @@ class Session:
         self.edits = {key: document.data[key] for key in EDITED if key in document.data}
         self._text = document.text(self.edits)
         self._job = document.job(self._text)
-        requirements.check_lit_splats(self._job)
+        requirements.check_lit_splats(_bare(self._job))
         self._number, self._shown = 0, self._job.lightings[0].name
         self._store = Store(self._job)
         self._store.open()
-        self._scene: Scene = prepare(self._job, self._store.artefacts)
+        self._scene: Scene = prepare(_bare(self._job), self._store.artefacts)
         assert self._scene.splats is not None
         file, self._order = write_splats(self._scene.splats, folder)
         self.file = f"{folder.name}/{file.name}"
@@ -90,7 +93,8 @@ class Session:
         self._lights = Supply(self._order, self._say)
         self._refined = ""  # by which key places were asked for
         self._layers: tuple[Layer, ...] = ()
-        self._around = 0, -1, "", b""  # version, edit, what it was made from, PNG file
+        self._objects = SetDown()
+        self._around = Around()
         self._layered, self._layered_name = -1, ""  # the edit and the lighting that they are of
         self._phase, self._line = "proxy", ""
         self._tracing, self._done, self._trouble = "", 0.0, ""
@@ -118,7 +122,7 @@ class Session:
         """
         text = self.document.text(edits)
         job = self.document.job(text)
-        requirements.check_lit_splats(job)
+        requirements.check_lit_splats(_bare(job))
         with self._news:
             if number >= self._number:
                 self.edits, self._text, self._job, self._number, self._shown = dict(edits), text, job, number, shown
@@ -199,7 +203,12 @@ class Session:
 
     def around(self, version: int) -> bytes:
         """A PNG file of what the shown lighting has from far away; empty where there is none, or a newer one."""
-        return self._around[3] if self._around[0] == version else b""
+        return self._around.png if self._around.version == version else b""
+
+    def objects(self, version: int) -> bytes:
+        """What :attr:`Things.packed` is; empty where there are newer ones."""
+        things = self._objects.things
+        return things.packed if things.version == version else b""
 
     def state(self, after: int = -1, seconds: float = 0.0) -> State:
         """How things stand, once there is something newer than a version, or so many seconds have gone."""
@@ -213,7 +222,8 @@ class Session:
                 self._layered_name,
                 self._level,
                 self._layers,
-                self._around[:2],
+                self._objects.things,
+                (self._around.version, self._around.number),
                 self._near,
                 limit_of(self._scene),
                 self._tracing,
@@ -324,7 +334,11 @@ class Session:
         lighting = next((x for x in job.lightings if x.name == shown), job.lightings[0])
         taken = job is not self._at or (number, lighting.name) != (self._layered, self._layered_name)
         lights = self._take(job)
-        self._look_around(lighting, number)
+        self._around.look(self._scene, lighting, number)
+        line = self._objects.set_down(job.objects, self._scene.mesh, number)
+        if line:
+            with self._news:
+                self._trouble = line
         if lights is None:
             return False
         due = list(lights.wanted(lighting))
@@ -344,19 +358,10 @@ class Session:
             self._news.changed()
         return True
 
-    def _look_around(self, lighting: Lighting, number: int) -> None:
-        suns = (x for x in lighting.lights if isinstance(x, SunLight | DirectionalLight))
-        key = digest(lighting.environment, lighting.sky, *suns)
-        version, _, before, png = self._around
-        if key != before:
-            version, png = version + 1, around.picture(self._scene.resolved(lighting))
-        with self._news:
-            self._around = version, number, key, png
-
     def _take(self, job: Job) -> Lights | None:
         """What lights a job; None: nothing yet."""
         if job is not self._at:
-            self._scene, self._at = prepare(job, self._store.artefacts, like=self._scene), job
+            self._scene, self._at = prepare(_bare(job), self._store.artefacts, like=self._scene), job
         return self._lights.of(self._scene, self._refine)
 
     def _refine(self) -> None:
@@ -376,6 +381,11 @@ class Session:
             if abs(share - self._done) > 0.02 or not self._tracing:
                 self._tracing, self._done = what, share
                 self._news.changed()
+
+
+def _bare(job: Job) -> Job:
+    """Without what is put into the capture: light on splats is without it."""
+    return replace(job, objects=()) if job.objects else job
 
 
 def _file_of(path: Path) -> tuple[int, int] | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
@@ -10,23 +12,28 @@ import numpy as np
 
 from mirelight.apps.first_job import beside
 from mirelight.base.errors import InputError
+from mirelight.io import splats
 from mirelight.io.atomic import atomic_path
+from mirelight.io.mesh import read_mesh
 from mirelight.io.safety import read_bytes
 from mirelight.io.suffixes import SPLATS
 
 MOST_BYTES = 256 * 2**20
 MOST_OF_CAPTURES = 2**30
 _SUFFIXES = (".hdr", ".exr")
+_MESHES = (".glb", ".obj", ".stl")  # whole in one file, and no capture
 
 
 def capture(folder: Path, name: str, body: bytes) -> Path:
     """Keep a capture; its path.
 
     Raises:
-        InputError: its name is not one of a splat file.
+        InputError: it is no splat file.
         OutputError: it cannot be written.
     """
-    return _written(folder, name, SPLATS, body)
+    with _kept(folder, name, SPLATS, body) as path:
+        splats.summary(path)
+    return path
 
 
 def kept(folder: Path, name: str, body: bytes) -> tuple[str, float]:
@@ -39,28 +46,54 @@ def kept(folder: Path, name: str, body: bytes) -> tuple[str, float]:
         InputError: it is no panorama.
         OutputError: it cannot be written.
     """
-    path = _written(folder, name, _SUFFIXES, body)
-    try:
+    with _kept(folder, name, _SUFFIXES, body) as path:
         found = beside.of_file(path, np.zeros(3))
         if found is None:
             raise InputError(path, "a panorama without light", beside.NO_LIGHT)
-    except InputError as error:
-        path.unlink()
-        raise InputError(path.name, error.found, error.remedy) from None
     return path.name, found.intensity
 
 
-def _written(folder: Path, name: str, suffixes: tuple[str, ...], body: bytes) -> Path:
-    """Write a file under its own name; the same is kept once, and no other one is written over."""
+def thing(folder: Path, name: str, body: bytes) -> tuple[str, list[list[float]]]:
+    """Keep a mesh that is put into the capture.
+
+    Returns:
+        Its file's name, and its bounds: lowest and highest x, y, z.
+
+    Raises:
+        InputError: it is no mesh.
+        OutputError: it cannot be written.
+    """
+    with _kept(folder, name, _MESHES, body) as path:
+        found = read_mesh(path, finish=True)
+        if not len(found.faces):
+            raise InputError(path, "no triangles", "drop a mesh")
+    return path.name, [x.tolist() for x in found.bounds]
+
+
+@contextmanager
+def _kept(folder: Path, name: str, suffixes: tuple[str, ...], body: bytes) -> Iterator[Path]:
+    """A file that was written; one of no use goes again, unless it was there before, and is named as on the page."""
+    path, fresh = _written(folder, name, suffixes, body)
+    try:
+        yield path
+    except InputError as error:
+        if fresh:
+            path.unlink()
+        raise InputError(path.name, error.found, error.remedy) from None
+
+
+def _written(folder: Path, name: str, suffixes: tuple[str, ...], body: bytes) -> tuple[Path, bool]:
+    """Write a file under its own name, and whether it was not there; no other one is written over."""
     plain = re.sub(r"[^\w.-]+", "-", Path(name).name).strip(".-")[-100:]
     suffix = next((x for x in suffixes if plain.lower().endswith(x)), None)
     if suffix is None or plain.lower() == suffix:
         raise InputError(plain or "the file", "not of a kind that is taken", f"drop one of {', '.join(suffixes)}")
     path = _place(folder, plain[: -len(suffix)], suffix, body)
-    if not path.exists():
+    fresh = not path.exists()
+    if fresh:
         with atomic_path(path) as temporary:
             temporary.write_bytes(body)
-    return path
+    return path, fresh
 
 
 def _place(folder: Path, stem: str, suffix: str, body: bytes) -> Path:

@@ -20,9 +20,10 @@ export function dragged(position, [x, y], along, eye) {
     return reach > 0 && reach < 8 ? plus(eye.position, ray, reach) : position;
 }
 
-const along = (event) => (event.shiftKey ? 'ground' : event.altKey ? 'height' : 'view');
+const along = (event, handle) => (event.altKey ? 'height' : event.shiftKey || handle.along === 'ground' ? 'ground' : 'view');
 
-// on: { pick(handle), move(handle, position, ended) }; without `move` handles are picked only
+// on: { pick(handle), move(handle, position, ended) }; without `move` handles are picked only.
+// A handle has a name, a position, a layer, and what it is if no light (`kind`); `along` "ground": where it stays.
 export function createHandles(container, view, on) {
     let shown = [];
     const place = () => {
@@ -35,7 +36,7 @@ export function createHandles(container, view, on) {
 
     function create(handle) {
         const button = document.createElement('button');
-        Object.assign(button, { type: 'button', className: 'handle', title: handle.name, ariaLabel: `Light ${handle.name}` });
+        Object.assign(button, { type: 'button', className: 'handle', title: handle.name, ariaLabel: `${handle.kind ?? 'Light'} ${handle.name}` });
         button.addEventListener('click', () => on.pick(handle));
         let from = null, began = null, last = null;
         const end = () => {
@@ -52,7 +53,7 @@ export function createHandles(container, view, on) {
             });
             const follow = (event) => {
                 last = [event.clientX - from[0], event.clientY - from[1]];
-                on.move(handle, dragged(began, last, along(event), view.eye()), false);
+                on.move(handle, dragged(began, last, along(event, handle), view.eye()), false);
                 place();
             };
             button.addEventListener('pointermove', (event) => {
@@ -74,7 +75,7 @@ export function createHandles(container, view, on) {
             if (!on.move || event.ctrlKey || event.metaKey) return;
             const eye = view.eye();
             const step = STEP * eye.height / (2 * Math.tan(eye.fov / 2));
-            on.move(handle, dragged(handle.position, [arrow[0] * step, -arrow[1] * step], along(event), eye), true);
+            on.move(handle, dragged(handle.position, [arrow[0] * step, -arrow[1] * step], along(event, handle), eye), true);
             place();
         });
         return { button, handle };

@@ -132,7 +132,7 @@ export function newLight(type, { eye, away, level, taken, beside }) {
     const n = (x) => rounded(x, 4), place = (a) => a.map((x) => placed(x, away));
     const ahead = plus(eye.position, eye.forward, away);
     const aside = 0.2 * away * [0, -1, 1, -2, 2][beside % 5];  // none on top of another
-    const above = plus(plus(plus(eye.position, eye.forward, 0.75 * away), eye.world, 0.3 * away), eye.right, aside);
+    const above = plus(plus(plus(eye.position, eye.forward, 0.75 * away), eye.world, 0.22 * away), eye.right, aside);
     const reach = length(plus(above, ahead, -1));
     const candela = n(Math.PI * level * reach ** 2);
     if (type === 'sun') {

@@ -10,6 +10,9 @@ export const make = (tag, properties = {}, ...children) => {
     return element;
 };
 
+// a number with its unit behind it
+const measured = (unit, input) => make('span', { className: 'measured' }, input, make('span', { textContent: unit }));
+
 const row = (label, ...inputs) => make('label', { className: inputs.length > 1 ? 'row two' : 'row' }, make('span', { textContent: label }), ...inputs);
 
 // A number that is typed; given: what it is at first, and null where the field may be left empty.
@@ -63,7 +66,7 @@ function colour(name, light, set) {
         kelvin.value = '';
         set((x) => { delete x.kelvin; x.color = fromPicker(chosen.value); });
     });
-    return row('Colour', chosen, kelvin);
+    return row('Colour', chosen, measured('K', kelvin));
 }
 
 // [elevation, azimuth] by place and time. ask(request) -> [elevation, azimuth]
@@ -122,11 +125,39 @@ export function lightRow(light, on) {
     }
     if (light.type === 'sun') parts.push(both(name, 'Disc °', light.angular_diameter ?? 0.53, { min: 0.1, max: 20, step: 0.1 }, (x) => set((l) => { l.angular_diameter = x; })));
     if (light.type === 'sun' || light.type === 'directional') parts.push(...sky(name, light, set, on.ask));
+    return framed('light', name, on, parts);
+}
+
+function framed(kind, name, on, parts) {
     const remove = make('button', { type: 'button', className: 'small', textContent: 'Remove', ariaLabel: `Remove ${name}` });
     remove.addEventListener('click', on.remove);
     const title = make('input', { type: 'text', value: name, maxLength: 60, ariaLabel: `Name of ${name}`, className: 'name' });
     title.addEventListener('change', () => on.rename(title.value.trim()));
-    return make('fieldset', { id: `light-${name}` }, make('legend', {}, title), remove, ...parts);
+    return make('fieldset', { id: `${kind}-${name}` }, make('legend', {}, title), remove, ...parts);
+}
+
+// on: { set(edit, again), remove(), rename(name), canMove, turned, turn(degrees) }
+export function thingRow(thing, on) {
+    const { name } = thing, parts = [];
+    if (on.canMove) {
+        const scale = () => thing.transform?.scale ?? 1;
+        parts.push(
+            both(name, 'Turn °', on.turned, { min: -180, max: 180, step: 1 }, on.turn),
+            row('Scale', number(`${name}: Scale`, scale(), { min: 1e-4 }, (x) => on.set((t) => { t.transform = { ...t.transform, scale: x || 1 }; })))
+        );
+    }
+    const stands = make('select', { ariaLabel: `${name}: how it stands` });
+    const ways = { false: 'where it is', true: 'upright on the ground', tilt: 'along the ground' };
+    for (const [value, text] of Object.entries(ways)) stands.append(make('option', { value, textContent: text, selected: value === String(thing.drop ?? false) }));
+    stands.addEventListener('change', () => on.set((t) => {
+        delete t.scatter;
+        t.drop = { false: false, true: true, tilt: 'tilt' }[stands.value];
+    }));
+    parts.push(row('Stands', stands));
+    const share = (label, key) => row(label, number(`${name}: ${label}`, thing[key], { min: 0, max: 1, step: 0.05, placeholder: 'as its file has it' },
+        (x) => on.set((t) => { if (x === null) delete t[key]; else t[key] = x; })));
+    parts.push(share('Roughness', 'roughness'), share('Metallic', 'metallic'));
+    return framed('thing', name, on, parts);
 }
 
 const KINDS = { none: 'nothing', radiance: 'even light', path: 'panorama', sky: 'clear sky' };

@@ -6,6 +6,7 @@ import { createMesh } from './mesh.mjs';
 import { aimOf, between, createModel, freeName, fromSky, length, newLight, placed, placeInSky, plus, ratio, rounded, table, toSky, turn, turned } from './model.mjs';
 import { createQueue } from './queue.mjs';
 import { aroundRow, lightRow, make } from './rows.mjs';
+import { createObjects } from './things.mjs';
 import { createView } from './view.mjs';
 
 const SLOTS = 32;  // layers that the view has room for; the last is the misfit of the proxy
@@ -26,6 +27,10 @@ function start(view, studio) {
         model.change('around', (job) => { job.lightings[chosen].environment = turn(lighting().environment, degrees); });
         const [label, now] = table(lighting().environment).path ? ['All around: Turn °', turned(lighting().environment)] : ['Sky: Azimuth °', -turned(lighting().environment)];
         tellField(label, now);
+    });
+    const objects = createObjects(model, {
+        view, put, again: () => again(), away: () => away(), rows: () => rows(), handles: () => showHandles(), tell: tellField,
+        sent: (edit) => sent.get(edit), number: () => number
     });
     const foundBall = createBall(find('found-ball'));
     let overlay = null;  // shows and hides the mesh
@@ -95,6 +100,7 @@ function start(view, studio) {
         find('queue-section').hidden = !state.renders.length;
         queue.show(state.renders);
         if (state.estimate && !adopted) found(state.estimate);
+        await objects.heard(state.objects);
         await layers();
         if (state.shown === lighting().name) await ball.load(state.around[0] && table(lighting().environment) ? `live/around/${state.around[0]}` : '');
         balls();
@@ -134,6 +140,7 @@ function start(view, studio) {
                 weights[slot] = weight.map((x, c) => x * by[c]);
             }
         }
+        objects.show(!asCaptured && !misfit);
         if (misfit) weights.forEach((_, k) => { weights[k] = k === SLOTS - 1 ? [1, 1, 1] : [0, 0, 0]; });
         view.limit(misfit ? null : state?.limit ?? null);
         view.show(weights, misfit || (lit && !asCaptured) ? 1 : 0, model.job.display?.exposure ?? 0);
@@ -143,7 +150,7 @@ function start(view, studio) {
     // --- edits ---
 
     let signature = '';  // of the rows, which stay while it does
-    const signed = () => JSON.stringify([chosen, (lighting().lights ?? []).map((x) => [x.name, x.type])]);
+    const signed = () => JSON.stringify([chosen, objects.signature, (lighting().lights ?? []).map((x) => [x.name, x.type])]);
     // rows are not taken away from under a pointer that is about to click on them
     let pressed = false;
     const pending = new Map();
@@ -158,6 +165,8 @@ function start(view, studio) {
         if (chosen >= model.job.lightings.length) chosen = model.job.lightings.length - 1;
         closeFrame();
         if (signed() !== signature) later('rows', rows);
+        follows();
+        handles.place();
         tabs();
         marks();
         balls();
@@ -194,16 +203,18 @@ function start(view, studio) {
     function pick(name) {
         const lights = lighting().lights ?? [];
         handles.select(lights.findIndex((x) => x.name === name));
-        for (const row of find('lights').children) {
-            const picked = row.id === `light-${name}`;
+        for (const row of [...find('lights').children, ...find('things').children]) {
+            const picked = row.id === `light-${name}` || row.id === `thing-${name}`;
             row.classList.toggle('picked', picked);
             if (picked) row.scrollIntoView({ block: 'nearest' });
         }
     }
     const handles = createHandles(find('handles'), view, {
-        pick: ({ light }) => pick(light),
+        pick: ({ light, thing }) => pick(light ?? thing),
         move(handle, position, ended) {
+            held = ended ? null : handle;
             if (handle.sun) return shine(handle, position, ended);
+            if (handle.thing) return objects.move(handle, position, ended);
             handle.position = position;
             model.change(`move ${handle.name}`, (job) => {
                 const light = job.lightings[chosen].lights.find((x) => x.name === handle.light);
@@ -255,18 +266,31 @@ function start(view, studio) {
         const theirs = (lightings[chosen]?.lights ?? []).filter((x) => !lights.some((y) => y.name === x));
         if (lighting().lights_from && theirs.length) find('lights').append(make('p', { textContent: `From a file: ${theirs.join(', ')}` }));
         aroundRows();
-        handles.show(lights.flatMap((light, layer) => {
-            if (light.type === 'sun' || light.type === 'directional') return [{ name: light.name, light: light.name, layer, position: sunPlace(light), sun: true }];
-            if (!light.position) return [];
-            const target = aimOf(light, 0.4 * away());
-            return [{ name: light.name, light: light.name, layer, position: light.position },
-                ...(target ? [{ name: `${light.name}: aim`, light: light.name, layer, position: target, aims: true }] : [])];
-        }));
-        const far = lights.filter((x) => x.type === 'sun' || x.type === 'directional').map((x) => x.name);
-        for (const button of find('handles').children) {
-            button.classList.toggle('aim', button.title.endsWith(': aim'));
-            button.classList.toggle('sun', far.includes(button.title));
+        find('things').replaceChildren(...objects.rows());
+        showHandles();
+    }
+    let drawn = [], held = null;  // handles, and the one that is dragged
+    function showHandles() {
+        const lights = lighting().lights ?? [];
+        const light = (name) => (lighting().lights ?? []).find((x) => x.name === name);
+        drawn = [...objects.handles(), ...lights.flatMap(({ name, type, position }, layer) => {
+            const one = { name, light: name, layer };
+            if (type === 'sun' || type === 'directional') return [{ ...one, sun: true, now: () => light(name) && sunPlace(light(name)) }];
+            if (!position) return [];
+            const aim = () => light(name) && aimOf(light(name), 0.4 * away());
+            return [{ ...one, now: () => light(name)?.position }, ...(aim() ? [{ ...one, name: `${name}: aim`, aims: true, now: aim }] : [])];
+        })];
+        follows();
+        handles.show(drawn);
+        for (const [i, button] of [...find('handles').children].entries()) {
+            button.classList.toggle('aim', Boolean(drawn[i].aims || drawn[i].turns));
+            button.classList.toggle('thing', Boolean(drawn[i].thing));
+            button.classList.toggle('sun', Boolean(drawn[i].sun));
         }
+    }
+    // handles stand where rows and undo have put their lights
+    function follows() {
+        for (const handle of drawn) if (handle !== held) handle.position = handle.now?.() ?? handle.position;
     }
     const aroundRows = () => find('around').replaceChildren(aroundRow(lighting().environment, level, {
         set: (edit, anew) => {
@@ -534,20 +558,40 @@ function start(view, studio) {
             else actions[keys[event.key.toLowerCase()]]?.();
         }
     });
-    const file = make('input', { type: 'file', accept: '.hdr,.exr,.png,.jpg,.jpeg' });
+    const picker = (accept, take) => {
+        const input = make('input', { type: 'file', accept });
+        input.addEventListener('change', () => { if (input.files[0]) take(input.files[0]); input.value = ''; });
+        return input;
+    };
     const panorama = async (chosenFile) => {
-        if (chosenFile.size > 2 ** 28) return say(`${chosenFile.name} has more than 256 MB`);
-        find('news').textContent = `reading ${chosenFile.name}`;
         const name = await put(`live/upload/${encodeURIComponent(chosenFile.name)}`, chosenFile);
         if (!name) return;
         again();
         model.change('around', (job) => { job.lightings[chosen].environment = { path: name.path, intensity: rounded(name.intensity * level, 4) }; });
     };
-    file.addEventListener('change', () => { if (file.files[0]) panorama(file.files[0]); });
+    const another = async (capture) => {
+        if (model.canUndo && !confirm(`Open ${capture.name} in place of this one? What was not saved is lost.`)) return;
+        if (await put(`live/open/${encodeURIComponent(capture.name)}`, capture) !== null || find('error').hidden) location.reload();
+    };
+    const kinds = [
+        { suffixes: ['.hdr', '.exr'], most: 2 ** 28, take: panorama },
+        { suffixes: ['.glb', '.obj', '.stl'], most: 2 ** 28, take: objects.add },
+        { suffixes: ['.ply', '.spz', '.sog', '.splat', '.ksplat'], most: 2 ** 30, take: another }
+    ];
+    const dropped = (chosenFile) => {
+        const kind = kinds.find((x) => x.suffixes.some((end) => chosenFile.name.toLowerCase().endsWith(end)));
+        if (!kind) return say(`${chosenFile.name}: drop a panorama (.hdr, .exr), a mesh (.glb, .obj, .stl) or a capture (.ply, .spz, .sog, .splat)`);
+        if (chosenFile.size > kind.most) return say(`${chosenFile.name} has more than ${kind.most / 2 ** 20} MB`);
+        find('news').textContent = `reading ${chosenFile.name}`;
+        return kind.take(chosenFile);
+    };
+    const [file, meshFile, captureFile] = kinds.map(({ suffixes }) => picker(suffixes.join(), dropped));
+    find('add-object').addEventListener('click', () => meshFile.click());
+    find('open').addEventListener('click', () => captureFile.click());
     addEventListener('dragover', (event) => event.preventDefault());
     addEventListener('drop', (event) => {
         event.preventDefault();
-        if (event.dataTransfer.files[0]) panorama(event.dataTransfer.files[0]);
+        if (event.dataTransfer.files[0]) dropped(event.dataTransfer.files[0]);
     });
     const fit = () => {
         const panel = find('panel').getBoundingClientRect(), below = panel.width >= innerWidth;
@@ -569,7 +613,7 @@ function start(view, studio) {
     view.watch(seen);
     paint();
     follow();
-    return { model, state: () => state, cameras: () => cameras, choose, go, actions };
+    return { model, state: () => state, number: () => number, cameras: () => cameras, choose, go, actions };
 }
 
 // what is open, once something is

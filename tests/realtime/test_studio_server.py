@@ -150,8 +150,8 @@ def test_meshes_are_kept_beside_the_job_and_set_down(asker: Asker, tmp_path: Pat
         assert status == 422 and "\n" not in said, name
     assert not [*asker.folder.glob("no.*")] and not [*Path.cwd().glob("no.spz")]
     before, shown = asker.session.edits, asker.session._shown
-    edits = before | {"objects": [{"path": "box.glb", "drop": True, "transform": {"translation": [0, 2, 0], "scale": 0.2}}]}
-    asker.session.edit(10**6, shown, edits)
+    box = {"path": "box.glb", "drop": True, "transform": {"translation": [0, 2, 0], "scale": 0.2}}
+    asker.session.edit(10**6, shown, before | {"objects": [box]})
     job = asker.session._job
     line = asker.session._objects.set_down(job.objects, asker.session._scene.mesh, 7)
     (thing,) = asker.session.state().things.told

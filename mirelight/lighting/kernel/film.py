@@ -15,7 +15,8 @@ from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector2f, Vecto
 from mirelight.lighting.layers import Layers
 from mirelight.model import F32
 
-PathSums: TypeAlias = tuple[Vector3f, Vector3f]  # direct and indirect light of one path, where layers are together
+# Direct and indirect light of one path, where layers are together; None where they are separate.
+PathSums: TypeAlias = tuple[Vector3f, Vector3f] | None
 
 
 class Film:
@@ -88,6 +89,10 @@ class Film:
         """By how much one sample would be darker in one of two fills, and brighter in the other; with its sign."""
         _add(self._doubt, value, layer * self._pixels + pixel, active & self._counted)
 
+    def no_sums(self) -> PathSums:
+        """What a path begins with; None where layers are separate."""
+        return None if self.separate else (mi.Vector3f(0), mi.Vector3f(0))
+
     def add_light(
         self,
         sums: PathSums,
@@ -101,7 +106,7 @@ class Film:
 
         Where layers are not separate the film is left for `add_sums`: returned are the path's (direct, indirect).
         """
-        if not self.separate:
+        if sums is not None:
             value = dr.select(active, value, 0)
             return sums[0] + dr.select(indirect, 0, value), sums[1] + dr.select(indirect, value, 0)
         self._add_row(place, layer, indirect, value, active)
@@ -109,7 +114,7 @@ class Film:
 
     def add_sums(self, sums: PathSums, place: UInt32, active: Bool) -> None:
         """What `add_light` has kept of a path that has ended."""
-        if not self.separate:
+        if sums is not None:
             self._add_row(place, mi.UInt32(0), mi.Bool(False), sums[0], active)
             self._add_row(place, mi.UInt32(0), mi.Bool(True), sums[1], active)
 

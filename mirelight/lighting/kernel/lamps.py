@@ -45,6 +45,30 @@ class _Chosen(NamedTuple):
     irradiance: Vector3f
 
 
+class _Given(NamedTuple):
+    """What the lights that reach a vertex are found from: a loop's variables, but for Dr.Jit, which does not look into
+    named tuples. An array that it sees and that no turn changes makes it record the loop, and all in it, twice."""
+
+    surface: DeviceProxy
+    lights: LightSet
+    film: Film
+    vertex: Vertex
+    candidates: _Candidates
+    picks: UInt32  # how many runs
+    first_rays: UInt32 | None
+    active: Bool
+
+
+class _Run(NamedTuple):
+    """Lights of a list from which one is drawn."""
+
+    lights: LightSet
+    candidates: _Candidates
+    vertex: Vertex
+    rays: UInt32  # samples of the light that its numbers leave room for
+    last: UInt32  # the run's end
+
+
 @dr.syntax
 def add_lamps(
     surface: DeviceProxy,
@@ -64,38 +88,47 @@ def add_lamps(
     Returns:
         the path's sums; the share of the suns' light that its first hit sees.
     """
-    several = first_rays is not None
     candidates = _candidates(lights, vertex, active)
     picks = dr.minimum(candidates.count, lights.picks(vertex.depth))
+    given = _Given(surface, lights, film, vertex, candidates, picks, first_rays, active)
     pick, entry = mi.UInt32(0), mi.UInt32(0)
-    while active & (pick < picks):
-        last = mi.UInt32(mi.Float((pick + 1) * candidates.count) / mi.Float(picks))
-        own_light, rays = mi.UInt32(0), mi.UInt32(1)
-        if dr.hint(several, mode="scalar"):
-            own_light = dr.gather(mi.UInt32, lights.items, candidates.start + entry, active)
-            own_run = (entry + 1 == last) & (candidates.listed <= _weighed(vertex)) & lights.extended(own_light)
-            rays = dr.select(own_run & ~vertex.indirect, first_rays, 1)
-        chosen, entry = _draw(lights, candidates, vertex, entry, last, rays)
-        lit = active & (chosen.weight > 0)
-        ray = bounded_ray(vertex.at.start, chosen.wi, chosen.length)
-        reached, tint = surface.reached(ray, lit, coherent=~vertex.indirect)
-        lit &= reached
-        light = chosen.light
-        brought = tinted(_reflected(lights, vertex, light, chosen.wi, chosen.irradiance), tint)
-        arrived = dr.select(lit, vertex.weight * brought * (chosen.total / chosen.weight), 0)
-        seen = dr.select(lit, chosen.total / chosen.weight, 0)
-        if dr.hint(several, mode="scalar"):
-            arrived, seen = _sample_again(surface, lights, vertex, own_light, rays, arrived, seen, active)
-            light = dr.select(rays > 1, own_light, light)
-            arrived, seen = arrived / mi.Float(rays), seen / mi.Float(rays)
-        lit = seen > 0
-        layer = dr.gather(mi.UInt32, lights.layer_of_light, light, lit)
-        sums = film.add_light(sums, vertex.place, layer, vertex.indirect, arrived, lit)
-        if dr.hint(film.aovs, mode="scalar"):
-            sun = dr.gather(mi.Float, lights.sun_shares, light, lit)
-            sunlit += dr.select(lit & ~vertex.indirect, sun * seen, 0)
+    while given.active & (pick < given.picks):
+        entry, sums, sunlit = _add_run(given, pick, entry, sums, sunlit)
         pick += 1
     return sums, sunlit
+
+
+def _add_run(
+    given: _Given, pick: UInt32, entry: UInt32, sums: PathSums, sunlit: Float
+) -> tuple[UInt32, PathSums, Float]:
+    """The light that stands for one run of the list: (the end of the run, as `add_lamps`)."""
+    surface, lights, film, vertex, candidates, picks, first_rays, active = given
+    last = mi.UInt32(mi.Float((pick + 1) * candidates.count) / mi.Float(picks))
+    own_light, rays = mi.UInt32(0), mi.UInt32(1)
+    if first_rays is not None:
+        own_light = dr.gather(mi.UInt32, lights.items, candidates.start + entry, active)
+        own_run = (entry + 1 == last) & (candidates.listed <= _weighed(vertex)) & lights.extended(own_light)
+        rays = dr.select(own_run & ~vertex.indirect, first_rays, 1)
+    chosen, entry = _draw(lights, candidates, vertex, entry, last, rays)
+    lit = active & (chosen.weight > 0)
+    ray = bounded_ray(vertex.at.start, chosen.wi, chosen.length)
+    reached, tint = surface.reached(ray, lit, coherent=~vertex.indirect)
+    lit &= reached
+    light = chosen.light
+    brought = tinted(_reflected(lights, vertex, light, chosen.wi, chosen.irradiance), tint)
+    arrived = dr.select(lit, vertex.weight * brought * (chosen.total / chosen.weight), 0)
+    seen = dr.select(lit, chosen.total / chosen.weight, 0)
+    if first_rays is not None:
+        arrived, seen = _sample_again(surface, lights, vertex, own_light, rays, arrived, seen, active)
+        light = dr.select(rays > 1, own_light, light)
+        arrived, seen = arrived / mi.Float(rays), seen / mi.Float(rays)
+    lit = seen > 0
+    layer = dr.gather(mi.UInt32, lights.layer_of_light, light, lit)
+    sums = film.add_light(sums, vertex.place, layer, vertex.indirect, arrived, lit)
+    if film.aovs:
+        sun = dr.gather(mi.Float, lights.sun_shares, light, lit)
+        sunlit += dr.select(lit & ~vertex.indirect, sun * seen, 0)
+    return entry, sums, sunlit
 
 
 def _reflected(lights: LightSet, vertex: Vertex, light: UInt32, wi: Vector3f, irradiance: Vector3f) -> Vector3f:
@@ -156,32 +189,36 @@ def _draw(
 
     `rays`: how many samples of the light its numbers must leave room for.
     """
-    light, weight, total = mi.UInt32(0), mi.Float(0), mi.Float(0)
-    wi, length, irradiance = mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
-    while entry < last:
-        own = mix(vertex.salt, entry + 16)
-        beyond = entry >= candidates.near
-        index = mi.UInt32(entry)
-        if beyond:
-            drawn = number(vertex.sample, mix(own, 1))
-            index = mi.UInt32((mi.Float(entry - candidates.near) + drawn) * candidates.stretch)
-            index = candidates.near + dr.minimum(index, candidates.listed - candidates.near - 1)
-        this = dr.gather(mi.UInt32, lights.items, candidates.start + index)
-        seed = mix(vertex.salt, dr.gather(mi.UInt32, lights.seeds, this))
-        this_wi, this_length, this_irradiance = punctual.sample(
-            lights.table, this, vertex.at.p, vertex.at.normal, vertex.sample * rays, seed
-        )
-        w = (this_irradiance.x + this_irradiance.y + this_irradiance.z) / 3
-        share = dr.select(beyond, w * candidates.stretch, w)
-        total += share
-        take = number(vertex.sample, own) * total < share
-        light = dr.select(take, this, light)
-        weight = dr.select(take, w, weight)
-        wi = dr.select(take, this_wi, wi)
-        length = dr.select(take, this_length, length)
-        irradiance = dr.select(take, this_irradiance, irradiance)
+    run = _Run(lights, candidates, vertex, rays, last)
+    best = mi.UInt32(0), mi.Float(0), mi.Float(0), mi.Vector3f(0), mi.Float(0), mi.Vector3f(0)
+    while entry < run.last:
+        best = _of_both(run, entry, _Chosen(*best))
         entry += 1
-    return _Chosen(light, weight, total, wi, length, irradiance), entry
+    return _Chosen(*best), entry
+
+
+@dr.syntax
+def _of_both(run: _Run, entry: UInt32, best: _Chosen) -> tuple[UInt32, Float, Float, Vector3f, Float, Vector3f]:
+    """As `_Chosen`: the light at `entry` or the best so far, by chance as each is bright; and the sum of both."""
+    lights, candidates, vertex, rays, _ = run
+    own = mix(vertex.salt, entry + 16)
+    beyond = entry >= candidates.near
+    index = mi.UInt32(entry)
+    if beyond:
+        drawn = number(vertex.sample, mix(own, 1))
+        index = mi.UInt32((mi.Float(entry - candidates.near) + drawn) * candidates.stretch)
+        index = candidates.near + dr.minimum(index, candidates.listed - candidates.near - 1)
+    this = dr.gather(mi.UInt32, lights.items, candidates.start + index)
+    seed = mix(vertex.salt, dr.gather(mi.UInt32, lights.seeds, this))
+    numbers = vertex.sample * rays
+    wi, length, irradiance = punctual.sample(lights.table, this, vertex.at.p, vertex.at.normal, numbers, seed)
+    w = (irradiance.x + irradiance.y + irradiance.z) / 3
+    share = dr.select(beyond, w * candidates.stretch, w)
+    total = best.total + share
+    take = number(vertex.sample, own) * total < share
+    light, weight = dr.select(take, this, best.light), dr.select(take, w, best.weight)
+    wi, length = dr.select(take, wi, best.wi), dr.select(take, length, best.length)
+    return light, weight, total, wi, length, dr.select(take, irradiance, best.irradiance)
 
 
 @dr.syntax

@@ -65,6 +65,24 @@ class World(NamedTuple):
 View: TypeAlias = CameraRays | PointRays | CellPoints | SomePixels
 
 
+class _Lane(NamedTuple):
+    """Whose path a lane follows, for all of its bounces; see `lamps._Given`."""
+
+    sample: UInt32
+    pixel: UInt32
+    place: UInt32
+    stream: UInt32
+
+
+class _Sampled(NamedTuple):
+    """How a source is sampled at a vertex; see `lamps._Given`."""
+
+    lit: Bool
+    rays: UInt32
+    cell: UInt32 | None = None
+    read: Bool | None = None
+
+
 @dr.syntax
 def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     """Trace one pass and add it to the film."""
@@ -77,20 +95,21 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     film.add_surface(pixel, steps.shown(seen), view.depth(seen.p), active, None if crossed is None else crossed.cover)
 
     depth = mi.UInt32(0)
-    sums = mi.Vector3f(0), mi.Vector3f(0)
+    sums = film.no_sums()
     roulette = stratified(sample, mix(stream, 0x51ED270B))  # how far the path may live: one number for all its bounces
     throughput = mi.Vector3f(1) if crossed is None else crossed.tint
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
     distance, pdf = mi.Float(0), mi.Float(0)  # of the ray that came here
-    scattered = mi.Bool(False)  # by something rougher than a mirror
+    scattered = steps.not_scattered()  # by something rougher than a mirror
+    lane = _Lane(sample, pixel, place, stream)
     while active:
         came = Arrival(face, uv, d, distance, pdf)
-        salt = mix(stream, depth + 1)
+        salt = mix(lane.stream, depth + 1)
         at = world.surface.at(face, uv, d, active)
-        albedo = steps.albedo(at, came, depth, active & ~scattered)
+        albedo = steps.albedo(at, came, depth, scattered, active)
         gloss = steps.gloss(at, d, albedo, depth, scattered)
         weight = throughput * albedo * dr.inv_pi if gloss is None else throughput
-        vertex = Vertex(sample, pixel, place, salt, at, depth, depth > 0, throughput, albedo, weight, gloss)
+        vertex = Vertex(*lane[:3], salt, at, depth, depth > 0, throughput, albedo, weight, gloss)
 
         sums, active = steps.add_glow_met(sums, vertex, came, active)
         sums, active = steps.add_later_cell(sums, vertex, came, active)
@@ -115,7 +134,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         if dr.hint(film.aovs, mode="scalar"):
             near = hit & (came.distance < job.ao_distance)
             unoccluded = dr.select(active & (depth == 1), dr.select(near, 0, 1), unoccluded)
-        sums = steps.add_sky_met(sums, place, depth, throughput, came, go_on & ~hit & ~read)
+        sums = steps.add_sky_met(sums, lane.place, depth, throughput, came, go_on & ~hit & ~read)
         sums = steps.add_lamps_met(sums, vertex, throughput, came, hit, go_on)
         scattered = steps.scatters(vertex, scattered)
         face, uv, d, distance, pdf = came
@@ -151,10 +170,15 @@ class _Steps:
         self.film, self.job = film, job
         self._reads = world.cells is not None
 
-    def albedo(self, at: Point, came: Arrival, depth: UInt32, sharp: Bool) -> Vector3f:
+    def not_scattered(self) -> Bool:
+        """Whether a path has been at anything rougher than a mirror when it begins: no; None where none meets gloss."""
+        return mi.Bool(False) if self.surface.has_objects or self.surface.lobes else None
+
+    def albedo(self, at: Point, came: Arrival, depth: UInt32, scattered: Bool, active: Bool) -> Vector3f:
         """Of a hit; a first one whose irradiance is asked for counts as white, and one behind mirrors alone, where the
-        path is `sharp`, has the proxy's finer colour."""
+        path has not `scattered`, has the proxy's finer colour."""
         if self.surface.detail is not None:
+            sharp = active if scattered is None else active & ~scattered
             return self.surface.detail.of(came.face, came.uv, at.albedo, sharp & (depth > 0))
         return dr.select(depth == 0, 1, at.albedo) if self.job.irradiance else at.albedo
 
@@ -174,8 +198,10 @@ class _Steps:
 
     def gloss(self, at: Point, d: Vector3f, albedo: Vector3f, depth: UInt32, scattered: Bool) -> Gloss | None:
         """How a hit reflects; None where Lambert's law is all that there is."""
+        if at.finish is None:
+            return None
         least = dr.select(scattered, mi.Float(SCATTERED_ALPHA), 0)
-        if not self.surface.lobes or at.finish is None:
+        if not self.surface.lobes:
             return Gloss.of(at, -d, albedo, least)
         first = at._replace(finish=at.finish._replace(on=depth == 0))
         made = Gloss.of(first, -d, albedo, least)
@@ -268,31 +294,32 @@ class _Steps:
     @dr.syntax
     def add_sky_sampled(self, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool, active: Bool) -> PathSums:
         """The environment by samples of its map, where a first hit is read spread as its cell has found it."""
-        lit = active & self.sky.sampled
-        value, ray, rays = mi.Vector3f(0), mi.UInt32(0), self._rays(vertex)
-        while lit & (ray < rays):
-            index = vertex.sample * rays + ray
+        of = _Sampled(active & self.sky.sampled, self._rays(vertex), cell, read)
+        value, ray = mi.Vector3f(0), mi.UInt32(0)
+        while of.lit & (ray < of.rays):
+            index = vertex.sample * of.rays + ray
             choice, inside = stratified(index, mix(vertex.salt, 1)), pair(index, mix(vertex.salt, 2))
             times = mi.Float(1)
             if dr.hint(self._reads, mode="scalar"):
-                choice, times = self.cells.spread.choice(cell, choice, read)
-            value += times * sky_irradiance(self.surface, self.sky, vertex.at, vertex.gloss, choice, inside, lit)
+                choice, times = self.cells.spread.choice(of.cell, choice, of.read)
+            value += times * sky_irradiance(self.surface, self.sky, vertex.at, vertex.gloss, choice, inside, of.lit)
             ray += 1
-        value *= vertex.weight / mi.Float(rays)
-        return self.film.add_light(sums, vertex.place, self.film.sky_layer, vertex.indirect, value, lit)
+        value *= vertex.weight / mi.Float(of.rays)
+        return self.film.add_light(sums, vertex.place, self.film.sky_layer, vertex.indirect, value, of.lit)
 
     @dr.syntax
     def add_glow_sampled(self, sums: PathSums, vertex: Vertex, active: Bool) -> PathSums:
         """What glows elsewhere by samples of its faces."""
         if dr.hint(self.job.emission, mode="scalar"):
-            value, ray, rays = mi.Vector3f(0), mi.UInt32(0), self._rays(vertex)
-            while active & (ray < rays):
-                index = vertex.sample * rays + ray
+            of = _Sampled(active, self._rays(vertex))
+            value, ray = mi.Vector3f(0), mi.UInt32(0)
+            while of.lit & (ray < of.rays):
+                index = vertex.sample * of.rays + ray
                 choice, inside = number(index, mix(vertex.salt, 5)), pair(index, mix(vertex.salt, 6))
-                glow, lit = _glow_irradiance(self.surface, vertex, choice, inside, active)
+                glow, lit = _glow_irradiance(self.surface, vertex, choice, inside, of.lit)
                 value += dr.select(lit, glow, 0)
                 ray += 1
-            value *= vertex.weight / mi.Float(rays)
+            value *= vertex.weight / mi.Float(of.rays)
             sums = self.film.add_light(sums, vertex.place, self.film.glow_layer, vertex.indirect, value, active)
         return sums
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.model import Camera, Inserted, Lighting, ProxyMesh, SurfaceCache
-from mirelight.model.dressing import dressed
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import ARRAY
+from mirelight.pipeline.painted import dressed_by
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.requirements import Arrangement
 from mirelight.pipeline.view_light import Progress
@@ -111,7 +111,7 @@ class SceneOfLobes(SceneWithObjects):
     def proxy(self) -> ProxyMesh | None:
         """The proxy, as the job's materials dress it."""
         bare = self._bare.proxy
-        return bare if bare is None else dressed(bare, self.job.materials)
+        return bare if bare is None else dressed_by(bare, self.job.materials, str(self.job.source), self.job.render)
 
     @cached_property
     def tracer(self) -> Tracer:

@@ -50,10 +50,17 @@ class Keys:
         job = self.job
         assert job.proxy is not None
         if not requirements.colors_proxy(job):
-            return job.proxy.digest
+            return self._mesh
         assert job.splats is not None and job.captured is not None
-        parts = job.proxy.digest, *self._shown, reads.light(job.captured), job.render.seed, job.render.max_depth
+        parts = self._mesh, *self._shown, reads.light(job.captured), job.render.seed, job.render.max_depth
         return digest("colours", *parts, self._device)
+
+    @cached_property
+    def _mesh(self) -> str:
+        """The proxy with what glows of it."""
+        job, glow = self.job, requirements.painted_glow(self.job)
+        assert job.proxy is not None
+        return digest("painted", job.proxy.digest, glow, self._device) if glow else job.proxy.digest
 
     @cached_property
     def captured_level(self) -> str:
@@ -65,7 +72,8 @@ class Keys:
 
     def estimate(self, sky: EstimatedSky) -> str:
         """The light that the splats were captured under, found from splats and proxy."""
-        return digest("estimate", replace(sky, intensity=1.0), *self._looked_at, self._device)
+        glow = [self._mesh] if requirements.painted_glow(self.job) else []
+        return digest("estimate", replace(sky, intensity=1.0), *self._looked_at, *glow, self._device)
 
     @property
     def _shown(self) -> tuple[object, ...]:

@@ -71,7 +71,7 @@ class Prepared:
         if job.made_proxy is None:
             if line := camera_checks.too_far(job.proxy.value):
                 self._tell(line)
-            return job.proxy.value
+            return self._painted(job.proxy.value)
         from mirelight.proxy.recipe import made_by
 
         key = self.keys.made_proxy
@@ -84,7 +84,14 @@ class Prepared:
             made = made_by(job.made_proxy)
             self._share(key, made, MESH)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
-        return job.proxy.value
+        return self._painted(job.proxy.value)
+
+    def _painted(self, mesh: ProxyMesh) -> ProxyMesh:
+        """The mesh with what is painted to glow."""
+        from mirelight.pipeline.painted import dressed_by
+
+        glow = requirements.painted_glow(self.job)
+        return dressed_by(mesh, glow, str(self.job.source), self.job.render) if glow else mesh
 
     @cached_property
     def views(self) -> tuple[SplatLayer, ...]:

@@ -9,6 +9,7 @@ from typing import TypeAlias
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.model import Camera, Inserted, Job, Lighting
+from mirelight.model.dressing import Dress
 from mirelight.model.planes import MATTES, OBJECT_MATTE
 from mirelight.model.profiles import rules_of
 from mirelight.model.unit_lights import LightSet, Rules
@@ -113,6 +114,12 @@ def mattes(job: Job) -> tuple[str, ...]:
     """Names of the cryptomattes that a file holds."""
     there = [name for name in MATTES if name != OBJECT_MATTE or job.objects]
     return tuple(name for name in there if job.output.wants(name)) if job.proxy is not None else ()
+
+
+def painted_glow(job: Job) -> tuple[Dress, ...]:
+    """What materials send out, where some of it is painted: the proxy's digest does not know it then."""
+    glowing = tuple(x for x in job.materials if x.emission is not None)
+    return glowing if any(x.mask is not None for x in glowing) else ()
 
 
 def wants_noise(job: Job) -> bool:

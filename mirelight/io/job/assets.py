@@ -13,20 +13,25 @@ import numpy as np
 
 from mirelight import model
 from mirelight.base.conventions import Matrix
+from mirelight.base.errors import InputError
 from mirelight.io.job import inserted, placing
 from mirelight.io.job.camera_files import SceneCamera
 from mirelight.io.job.fields import PROXY
 from mirelight.io.job.hashing import digest, digest_of_all, file_digest
 from mirelight.io.job.light_tables import LightUnit
 from mirelight.io.job.scene_tables import ObjectTable, ProxyTable, SplatsTable, Transform
+from mirelight.io.safety import open_binary
 from mirelight.io.suffixes import GLTF, USD
-from mirelight.model import F32, Deferred, Inserted, Light, ProxyMesh, SplatCloud, SplatFile
+from mirelight.model import F32, Camera, Deferred, Inserted, Light, ProxyMesh, SplatCloud, SplatFile
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
     from mirelight.io.cameras.pictures import Picture
     from mirelight.io.gltf.moving_lights import Shot
     from mirelight.io.ies import IesFile
+
+
+_ASPECT = 0.02  # by which a mask's shape may differ from its camera's: sides are rounded
 
 
 @dataclass(slots=True)
@@ -187,6 +192,11 @@ class Assets:
             model.digest("picture", self.digests[path]), partial(_panorama, file, self.digests[path]), keep=False
         )
 
+    def painted(self, path: str, camera: Camera) -> Deferred[F32]:
+        """(H, W) how much of each pixel is painted in a picture over a camera's frame, read when it is asked for."""
+        file = self.path(path)
+        return Deferred(model.digest("painted", self.digests[path]), partial(_painted, file, camera))
+
     def _scene(self, path: str) -> tuple[Path, Matrix]:
         if path == PROXY and self.proxy is not None:
             return self.path(self.proxy.path), placing.matrix(self.proxy.transform)
@@ -198,6 +208,18 @@ def _picture(picture: Picture) -> Deferred[F32]:
     return Deferred(
         model.digest("capture's picture", known, picture.lens, picture.distortion), picture.read, keep=False
     )
+
+
+def _painted(path: Path, camera: Camera) -> F32:
+    from mirelight.io.ldr import decode_with_alpha
+
+    with open_binary(path) as stream:
+        rgb, alpha = decode_with_alpha(stream, path)
+    height, width = rgb.shape[:2]
+    if abs(width * camera.height / (height * camera.width) - 1) > _ASPECT:
+        found = f"a mask of {width} x {height} pixels for a camera of {camera.width} x {camera.height}"
+        raise InputError(path, found, "paint it over one of that camera's frames")
+    return np.asarray(rgb.mean(axis=2) if alpha is None else alpha, np.float32)
 
 
 def _cloud(files: tuple[SplatFile, ...]) -> SplatCloud:

@@ -30,6 +30,7 @@ from mirelight.io.job.scene_tables import ObjectTable
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.source import Source
 from mirelight.io.job.tables import JobTable
+from mirelight.io.job.words import shown
 from mirelight.io.suffixes import SCENES
 from mirelight.model import (
     F32,
@@ -42,7 +43,7 @@ from mirelight.model import (
     ProxyRecipe,
     SplatCloud,
 )
-from mirelight.model.dressing import Dress, dressed
+from mirelight.model.dressing import Dress, Mask, dressed
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
 from mirelight.model.recipe import not_made_yet
@@ -73,7 +74,7 @@ def build(source: Source, table: JobTable) -> Job:
     capture_cameras, capture_pictures = _capture(table, assets, wrong)
     made = _made_of_splats(source, table, splats, capture_cameras)
     proxy = _with_job_albedo(made.mesh, table) if made else _of_file(table, assets)
-    dresses = tuple(x.dress for x in table.materials)
+    dresses = _dresses(table, assets, cameras_of, wrong)
     proxy = _glowing(proxy, dresses, source) if proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
@@ -171,10 +172,29 @@ def _of_file(table: JobTable, assets: Assets) -> Deferred[ProxyMesh] | None:
     return assets.mesh(table.proxy, finish=table.relight.gloss or table.sweep is not None) if table.proxy else None
 
 
+def _dresses(table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]) -> tuple[Dress, ...]:
+    """What the job says of the proxy's surface."""
+    out: list[Dress] = []
+    for i, one in enumerate(table.materials):
+        mask: Mask | None = None
+        if one.mask is not None:
+            named = {x.name: x for x in cameras_of()}
+            camera = named.get(one.mask.camera)
+            if camera is None:
+                remedy = f"there are: {', '.join(list(named)[:10])}"
+                found = f"no camera is named {shown(one.mask.camera)}"
+                wrong.append(Mistake(("materials", i, "mask", "camera"), found, remedy))
+                continue
+            mask = Mask(camera=camera, painted=assets.painted(one.mask.path, camera))
+        out.append(one.dress(mask))
+    return tuple(out)
+
+
 def _glowing(mesh: Deferred[ProxyMesh], dresses: tuple[Dress, ...], source: Source) -> Deferred[ProxyMesh]:
-    """A mesh with what the job's materials send out; how they mirror counts for no matt light."""
+    """A mesh with what the job's materials send out; how they mirror counts for no matt light. What is painted is found
+    once there are rays."""
     glowing = tuple(x for x in dresses if x.emission is not None)
-    if not glowing:
+    if not glowing or any(x.mask is not None for x in glowing):
         return mesh
     return Deferred(model.digest("glowing", mesh.digest, glowing), partial(_dressed, mesh, glowing, str(source.shown)))
 

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from mirelight.io.job.fields import Bounds, ColorOrGray, LightName, Share, Table, wrong
-from mirelight.model.dressing import Dress
+from mirelight.io.job.fields import AssetPath, Bounds, ColorOrGray, LightName, Name, Share, Table, wrong
+from mirelight.model.dressing import Dress, Mask
+
+
+class MaskTable(Table):
+    """A picture that is painted over a frame: opaque where it has an alpha channel, else white, where this is meant."""
+
+    path: AssetPath = Field(description="The picture, of the camera's shape and any size: .png or .jpg.")
+    camera: Name = Field(description="The job's camera whose frame it is painted over.")
 
 
 class MaterialTable(Table):
@@ -17,6 +24,9 @@ class MaterialTable(Table):
     box: Bounds | None = Field(
         default=None,
         description="Lowest and highest corner, world units: faces whose middles lie in it. Default: anywhere.",
+    )
+    mask: MaskTable | None = Field(
+        default=None, description="Painted over a camera's frame: what is seen there of the surface. Default: anywhere."
     )
     metallic: Share | None = Field(default=None, description="In place of the file's: 0 no metal, 1 a metal.")
     roughness: Share | None = Field(default=None, description="In place of the file's: 0 a mirror, 1 matt.")
@@ -31,13 +41,13 @@ class MaterialTable(Table):
             raise wrong("a material that says nothing", "add roughness, metallic or emission")
         return self
 
-    @property
-    def dress(self) -> Dress:
-        """The same as the model has it."""
+    def dress(self, mask: Mask | None) -> Dress:
+        """The same as the model has it, with its mask."""
         box, light = self.box, self.emission
         return Dress(
             name=self.name,
             box=None if box is None else ((box[0][0], box[0][1], box[0][2]), (box[1][0], box[1][1], box[1][2])),
+            mask=mask,
             metallic=self.metallic,
             roughness=self.roughness,
             emission=None if light is None else (light[0], light[1], light[2]),

@@ -22,6 +22,7 @@ SECTIONS = {
     "splats": "SplatsTable",
     "proxy": "ProxyTable",
     "materials": "MaterialTable",
+    "mask of materials": "MaskTable",
     "objects": "ObjectTable",
     "scatter of objects": "ScatterTable",
     "transform": "Transform",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -49,6 +49,30 @@ class Grid:
 def between(start: Point3f, end: Vector3f) -> Ray3f:
     """The ray from one place to another, without its ends."""
     return bounded_ray(start, end - mi.Vector3f(start), mi.Float(1 - 2.0**-10))
+
+
+class _Sought(NamedTuple):
+    """A point whose cell is sought; see `lamps._Given`."""
+
+    active: Bool
+    eye: Point3f  # a little above it
+
+
+class _Bucket(NamedTuple):
+    """Where cells of one key lie."""
+
+    a: UInt32
+    b: UInt32
+    end: UInt32
+
+
+class _Read(NamedTuple):
+    """A cell whose light is read."""
+
+    held: Float  # of all cells
+    cell: UInt32
+    read: Bool
+    scale: Vector3f
 
 
 class DeviceCells:
@@ -100,18 +124,19 @@ class DeviceCells:
         cell, found = mi.UInt32(0), mi.Bool(False)
         tries = mi.UInt32(0)
         place = mi.Vector3f(shifted)
-        eye = self.grid.above(surface, at, active)
-        while active & ~found & (tries < 2):
+        of = _Sought(active, self.grid.above(surface, at, active))
+        while of.active & ~found & (tries < 2):
             a, b = self.grid.key(place, at.geometric_normal)
             bucket = mix(a, b) & self.mask
-            entry, end = dr.gather(mi.UInt32, self.starts, bucket), dr.gather(mi.UInt32, self.starts, bucket + 1)
-            while ~found & (entry < end):
-                same = (dr.gather(mi.UInt32, self.keys, entry * 2) == a) & (
-                    dr.gather(mi.UInt32, self.keys, entry * 2 + 1) == b
+            entry = dr.gather(mi.UInt32, self.starts, bucket)
+            there = _Bucket(a, b, dr.gather(mi.UInt32, self.starts, bucket + 1))
+            while ~found & (entry < there.end):
+                same = (dr.gather(mi.UInt32, self.keys, entry * 2) == there.a) & (
+                    dr.gather(mi.UInt32, self.keys, entry * 2 + 1) == there.b
                 )
                 if same:
                     q = dr.gather(mi.Vector4f, self.anchors, entry)
-                    found = ~surface.blocked(between(eye, mi.Vector3f(q.x, q.y, q.z)), mi.Bool(True))
+                    found = ~surface.blocked(between(of.eye, mi.Vector3f(q.x, q.y, q.z)), mi.Bool(True))
                     cell = dr.select(found, entry, cell)
                 entry += 1
             place = mi.Vector3f(at.p)
@@ -136,13 +161,13 @@ class DeviceCells:
         self, held: Float, film: Film, sums: PathSums, vertex: Vertex, cell: UInt32, read: Bool
     ) -> PathSums:
         """What a cell holds of every layer, as indirect light, and the doubt about it."""
-        layer, scale = mi.UInt32(0), vertex.throughput * vertex.albedo
-        while read & (layer < self.layers):
-            value = scale * rgb(held, layer * self.count + cell, read)
-            sums = film.add_light(sums, vertex.place, layer, mi.Bool(True), value, read)
+        layer, of = mi.UInt32(0), _Read(held, cell, read, vertex.throughput * vertex.albedo)
+        while of.read & (layer < self.layers):
+            value = of.scale * rgb(of.held, layer * self.count + of.cell, of.read)
+            sums = film.add_light(sums, vertex.place, layer, mi.Bool(True), value, of.read)
             if dr.hint(self.doubtful, mode="scalar"):
-                doubt = scale * rgb(self.doubt, layer * self.count + cell, read)
-                film.add_doubt(vertex.pixel, layer, doubt, read)
+                doubt = of.scale * rgb(self.doubt, layer * self.count + of.cell, of.read)
+                film.add_doubt(vertex.pixel, layer, doubt, of.read)
             layer += 1
         return sums
 

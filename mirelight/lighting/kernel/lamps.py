@@ -59,6 +59,22 @@ class _Given(NamedTuple):
     active: Bool
 
 
+class _Met(NamedTuple):
+    """A path whose ray may meet lights."""
+
+    throughput: Vector3f
+    active: Bool
+
+
+class _Again(NamedTuple):
+    """A light that is sampled more than once."""
+
+    light: UInt32
+    rays: UInt32
+    seed: UInt32
+    active: Bool
+
+
 class _Run(NamedTuple):
     """Lights of a list from which one is drawn."""
 
@@ -156,13 +172,13 @@ def add_lamps_met(
         came: the ray; its distance is infinite where it hits nothing.
         throughput: with the reflection.
     """
-    light = mi.UInt32(0)
-    while active & (light < lights.count):
+    light, of = mi.UInt32(0), _Met(throughput, active)
+    while of.active & (light < lights.count):
         distance, radiance, drawn = punctual.met(lights.table, light, vertex.at.p, came.d)
-        here = active & (drawn > 0) & (distance * punctual.SHADOW_END <= came.distance)
+        here = of.active & (drawn > 0) & (distance * punctual.SHADOW_END <= came.distance)
         share = came.pdf / (came.pdf + drawn)
         layer = dr.gather(mi.UInt32, lights.layer_of_light, light, here)
-        value = dr.select(here, throughput * radiance * share, 0)
+        value = dr.select(here, of.throughput * radiance * share, 0)
         sums = film.add_light(sums, vertex.place, layer, vertex.indirect, value, here)
         light += 1
     return sums
@@ -233,14 +249,15 @@ def _sample_again(
     active: Bool,
 ) -> tuple[Vector3f, Float]:
     """(what a light brings, how many samples see it) with its samples after the first added."""
-    seed, k = mix(vertex.salt, dr.gather(mi.UInt32, lights.seeds, light)), mi.UInt32(1)
-    while k < rays:
-        ray = vertex.sample * rays + k
-        wi, length, irradiance = punctual.sample(lights.table, light, vertex.at.p, vertex.at.normal, ray, seed)
-        lit = active & (dr.max(irradiance) > 0)
+    of = _Again(light, rays, mix(vertex.salt, dr.gather(mi.UInt32, lights.seeds, light)), active)
+    k = mi.UInt32(1)
+    while k < of.rays:
+        ray = vertex.sample * of.rays + k
+        wi, length, irradiance = punctual.sample(lights.table, of.light, vertex.at.p, vertex.at.normal, ray, of.seed)
+        lit = of.active & (dr.max(irradiance) > 0)
         reached, tint = surface.reached(bounded_ray(vertex.at.start, wi, length), lit, coherent=True)
         lit &= reached
-        arrived += dr.select(lit, vertex.weight * tinted(_reflected(lights, vertex, light, wi, irradiance), tint), 0)
+        arrived += dr.select(lit, vertex.weight * tinted(_reflected(lights, vertex, of.light, wi, irradiance), tint), 0)
         seen += dr.select(lit, 1, 0)
         k += 1
     return arrived, seen

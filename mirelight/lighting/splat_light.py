@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from mirelight.base import conventions
 from mirelight.base.errors import RenderError
-from mirelight.lighting.albedo import UNLIT, face_normals
+from mirelight.lighting.albedo import UNLIT
 from mirelight.lighting.appearance import shown
 from mirelight.lighting.trace import Tracer
 from mirelight.model import (
     F32,
     F64,
-    I32,
     Camera,
     Environment,
     Lighting,
@@ -102,7 +101,7 @@ def places_of(
             "check both transforms"
         )
     corner = proxy.vertices[proxy.faces[face]].astype(np.float64)
-    points, normals = (corner * _off_edges(proxy, face, corners)[:, :, None]).sum(axis=1), face_normals(proxy)[face]
+    points, normals = (corner * _off_edges(corner, corners)[:, :, None]).sum(axis=1), triangles.normals(corner)
     if len(lost):
         _take_over(lost, found, points[found], means, points, normals)
     reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
@@ -121,17 +120,16 @@ def places_of(
     return Places(points, normals, len(found) / len(means))
 
 
-def _off_edges(proxy: ProxyMesh, face: I32, weights: F32) -> F64:
-    """Barycentric weights (N, 3) of points on faces (N,) that a ray finds there: on an edge it may slip through.
+def _off_edges(corner: F64, weights: F32) -> F64:
+    """Barycentric weights (N, 3) of points on faces (N, 3, 3) that a ray finds there: on an edge it may slip through.
 
     A point nearer to an edge than rays start off surfaces is taken that far inside; to the middle where the face is too
     slim. All others stay as they are, to the bit.
     """
-    corner = proxy.vertices[proxy.faces].astype(np.float64)
     across = np.linalg.norm(np.roll(corner, -1, axis=1) - np.roll(corner, 1, axis=1), axis=2)  # the side, from a corner
     heights = np.linalg.norm(triangles.crossed(corner), axis=1, keepdims=True) / np.maximum(across, TINY)
     margin = MARGIN * (np.abs(corner).max(axis=(1, 2)) + across.max(axis=1))[:, None] + TINY
-    least = (margin / np.maximum(heights, 3 * margin))[face]
+    least = margin / np.maximum(heights, 3 * margin)
     inside = np.maximum(weights, least)
     return np.where((weights < least).any(axis=1, keepdims=True), inside / inside.sum(axis=1, keepdims=True), weights)
 

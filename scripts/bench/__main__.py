@@ -36,6 +36,7 @@ PARTS = {
     "batch": "what a batch costs beside its light",
     "files": "bytes and CPU seconds of a frame's files",
     "mixer": "what a moved light costs on the mixer's page",
+    "studio": "how soon the studio shows a capture in its light",
     "lens": "samples of light that the pinholes of a lens need",
     "usd": "lights of UsdLux beside their closed forms, one panorama in four primaries",
     "cycles": "whether Blender Cycles and this tracer show the same light",

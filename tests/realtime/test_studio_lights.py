@@ -14,6 +14,7 @@ from mirelight.apps.studio.session import Session
 from mirelight.apps.studio.worker import Ordered
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
+from mirelight.model import ProxyMesh, triangles
 from mirelight.pipeline.scene import prepare
 
 from .mixer_scene import walls
@@ -58,3 +59,20 @@ def test_early_light_comes_first_and_is_near_fine_light(tmp_path: Path, monkeypa
     assert np.quantile(np.abs(a - b) / b.mean(), 0.9) < 0.2
     assert first.level == pytest.approx(last.level, rel=0.1)
     session.run(lambda: True)
+
+
+def test_a_mesh_of_many_triangles_is_made_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bumpy sheet keeps its place and its extent."""
+    monkeypatch.setattr(early, "MOST_FACES", 50_000)
+    side = 300
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(0, 2, side), np.linspace(0, 2, side)))
+    a = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    b, c, d = a + side, a + 1, a + side + 1
+    faces = np.concatenate([np.stack(v, axis=1) for v in ((a, b, c), (c, b, d))])
+    vertices = np.stack([x, 0.1 * np.sin(9 * x), z], axis=1).astype(np.float32)
+    made = early._coarse(ProxyMesh(vertices=vertices, faces=faces.astype(np.int32)))
+    assert 5_000 < len(made.faces) <= 50_000
+    np.testing.assert_allclose(made.bounds, [[0, -0.1, 0], [2, 0.1, 2]], atol=0.02)
+    assert np.abs(made.vertices[:, 1] - 0.1 * np.sin(9 * made.vertices[:, 0])).max() < 0.01
+    areas = [triangles.areas(v[f]).sum() for v, f in ((made.vertices, made.faces), (vertices, faces))]
+    assert areas[0] == pytest.approx(areas[1], rel=0.02)

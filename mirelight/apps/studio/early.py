@@ -23,6 +23,7 @@ from mirelight.pipeline.splat_light import Progress, SplatLight
 
 FEW = 1 << 13  # splats that are traced
 SAMPLES = 16  # of each
+MOST_FACES = 1 << 17
 REFINING = "refining the light"  # as a page says it
 NEAR = 3  # of them that another splat takes its light from
 
@@ -73,7 +74,7 @@ class EarlyLight:
     def __init__(self, scene: Scene, few: Few, progress: Progress, mesh: ProxyMesh | None = None) -> None:
         found = scene.mesh if mesh is None else mesh
         assert found is not None
-        self._few, self._mesh = few, Deferred.of(found)
+        self._few, self._mesh = few, Deferred.of(_coarse(found))
         self.scene = prepare(self._thin(scene))
         self.splats: SplatLight = _FewPlaces(self.scene, SAMPLES, progress)
 
@@ -127,6 +128,21 @@ class FineLight(StagedLight):
     def spread(self, values: F32) -> F32:
         """(N, 3), which it is."""
         return values
+
+
+def _coarse(mesh: ProxyMesh) -> ProxyMesh:
+    """A mesh of not many triangles: what lies in one cell of a grid is one vertex. A tracer is made of it sooner."""
+    low, high = mesh.bounds
+    for cells in (512, 256, 128):
+        if len(mesh.faces) <= MOST_FACES:
+            break
+        at = ((mesh.vertices - low) * (cells / max(float((high - low).max()), 1e-30))).astype(np.int64)
+        _, cell, count = np.unique(at @ [1, 1024, 1 << 20], return_inverse=True, return_counts=True)
+        middle = [np.bincount(cell, mesh.vertices[:, k]) / count for k in range(3)]
+        faces = cell.astype(np.int32)[mesh.faces]
+        flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+        mesh = ProxyMesh(vertices=np.stack(middle, axis=1).astype(np.float32), faces=faces[~flat])
+    return mesh
 
 
 def scraps(splats: SplatCloud) -> ProxyMesh:

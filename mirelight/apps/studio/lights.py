@@ -147,7 +147,7 @@ class Lights:
 
     def mesh(self) -> bytes:
         """The proxy: (V,) count, (V, 3) float32 places and (F, 3) uint32 corners, little-endian."""
-        proxy = self._scene.proxy
+        proxy = self._of.mesh  # as fine as it is
         assert proxy is not None
         vertices, faces = np.asarray(proxy.vertices, "<f4"), np.asarray(proxy.faces, "<u4")
         return struct.pack("<I", len(vertices)) + vertices.tobytes() + faces.tobytes()

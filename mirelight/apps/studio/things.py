@@ -50,6 +50,8 @@ class SetDown:
 
 
 def _things(objects: Sequence[Inserted], proxy: ProxyMesh, version: int, number: int) -> Things:
+    if not objects:
+        return Things(version, number)
     placed = inserted(objects, proxy)
     mesh, owners = placed.mesh, placed.owners[placed.first :]
     faces = mesh.faces[placed.first :]

@@ -15,7 +15,7 @@ from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Material, ProxyMesh, SplatCloud
 
-SIZE = 960, 540
+SIZE = 640, 360
 RENDER = """
 import sys
 from pathlib import Path

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mirelight.compositor import Compositor
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera
-from mirelight.proxy.depth import OPAQUE
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Agreement
 from mirelight.proxy.views import rays, turned
 
@@ -91,7 +91,7 @@ def _seen(compositor: Compositor, camera: Camera, sight: Sight) -> tuple[_View, 
     """With the mesh's depth, and with the splats' own."""
     layer = compositor.composite(camera, depth=True)
     alpha = 1 - layer.transmittance.astype(np.float64)
-    gray, shows = layer.color.mean(axis=-1) / np.maximum(alpha, 1e-3), alpha > OPAQUE
+    gray, shows = layer.color.mean(axis=-1) / np.maximum(alpha, 1e-3), alpha > TUNING.depth_opaque
     origins, directions = rays(camera)
     starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
     face, depth = sight.first_hits(starts, directions.reshape(-1, 3))

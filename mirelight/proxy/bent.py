@@ -15,22 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
+from mirelight.proxy.cell_tuning import CELLS
 
 Bool = NDArray[np.bool_]
 Int = NDArray[np.intp]
-
-WAYS = 12  # of the axis that are tried, over half a turn
-DEPTHS = 0.12, 0.2, 0.3, 0.4  # local spacings: radii that are tried
-REACH = 2.5  # local spacings along the axis in which discs count
-TIGHTEST = 2.0  # local spacings: about the radius of the tightest bend
-LAX = 0.15  # local spacings from a tried axis that are granted, besides its bend
-TURN = 0.15  # cosine between a normal and a tried axis that is granted, besides its bend
-UPRIGHT = 0.3  # cosine between a normal and the axis, above which a disc does not lie on the rod's sides
-AGREEING = 0.5  # of the neighbours' weight that must lie about the best way, or there is no rod to be fitted
-ROUNDS = 6
-OFF = 0.5  # of the radius: how far from the axis a moved disc counts half
-SLACK = 0.1  # local spacings that are granted besides
-_DAMPING = np.array([1e-6, 1e-6, 1e-3, 1e-3, 3e-3, 3e-3, 1e-4])  # of the unknowns, in local spacings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +56,7 @@ def bent_axes(step: F64, normals: F64, weight: F64, local: F64) -> Axes:
     s = local[:, None]
     p, q = (np.einsum("rki,rij->rkj", x, plane) / y for x, y in ((step, s[..., None]), (normals, 1.0)))
     angle, depth, score = _tried(p, q, weight)
-    row = np.flatnonzero(score >= AGREEING * weight.sum(axis=1))
+    row = np.flatnonzero(score >= CELLS.bent_agreeing * weight.sum(axis=1))
     p, q, s, plane, weight, angle, depth = (x[row] for x in (p, q, s, plane, weight, angle, depth))
     cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     turn = np.stack([np.stack([cos, -sin, zero], 1), np.stack([sin, cos, zero], 1), np.eye(3)[2] + 0 * s], axis=1)
@@ -90,16 +78,18 @@ def _tried(p: F64, q: F64, weight: F64) -> tuple[F64, F64, F64]:
     """(R,) angle of the best way in the disc's plane, (R,) depth of the axis under it, below 0 over it, and (R,) weight
     of the neighbours that lie about it."""
     best, angle, depth = (np.zeros(len(p)) for _ in range(3))
-    for r, side in product(DEPTHS, (1.0, -1.0)):
+    for r, side in product(CELLS.bent_depths, (1.0, -1.0)):
         moved = [p + x * r * q - (0, 0, side * r) for x in (1.0, -1.0)]
-        for a in np.arange(WAYS) * (np.pi / WAYS):
+        for a in np.arange(CELLS.bent_ways) * (np.pi / CELLS.bent_ways):
             way, across = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)])
             near = np.zeros(weight.shape, bool)
             for x in moved:
                 t = np.abs(x[..., :2] @ way)
                 off = (x[..., :2] @ across) ** 2 + x[..., 2] ** 2
-                turned = np.abs(q[..., :2] @ way) < TURN + t / TIGHTEST
-                near |= (off < (LAX + t**2 / (2 * TIGHTEST)) ** 2) & turned & (t < REACH)
+                turned = np.abs(q[..., :2] @ way) < CELLS.bent_turn + t / CELLS.bent_tightest
+                near |= (
+                    (off < (CELLS.bent_lax + t**2 / (2 * CELLS.bent_tightest)) ** 2) & turned & (t < CELLS.bent_reach)
+                )
             score = (weight * near).sum(axis=1)
             better = score > best
             best[better], angle[better], depth[better] = score[better], a, side * r
@@ -110,22 +100,26 @@ def _fitted(p: F64, q: F64, weight: F64, depth: F64) -> tuple[F64, F64, Bool]:
     """(R, 3, 2) middle, slope and bend, (R,) radius and (R, K) which discs lie on the sides, in local spacings."""
     curve, r = np.zeros((len(p), 3, 2)), np.abs(depth)
     curve[:, 0, 1] = depth
-    for k in range(ROUNDS):
+    for k in range(CELLS.bent_rounds):
         t, side, squared, upright = _apart(p, q, curve, r)
-        off, lean = OFF * r[:, None] + SLACK, np.full_like(t, UPRIGHT)
+        off, lean = CELLS.bent_off * r[:, None] + CELLS.bent_slack, np.full_like(t, CELLS.bent_upright)
         if not k:  # the tried axis does not bend
-            off, lean = 2 * off + t**2 / (4 * TIGHTEST), TURN + np.abs(t) / TIGHTEST
-        own = weight * ((upright < lean) & (np.abs(t) < REACH)) / (1 + squared / off**2) ** 2
+            off, lean = 2 * off + t**2 / (4 * CELLS.bent_tightest), CELLS.bent_turn + np.abs(t) / CELLS.bent_tightest
+        own = weight * ((upright < lean) & (np.abs(t) < CELLS.bent_reach)) / (1 + squared / off**2) ** 2
         row = np.zeros((*p.shape[:2], 2, 7))
         for i in (0, 1):
             row[:, :, i, i], row[:, :, i, 2 + i], row[:, :, i, 4 + i] = 1, t, t**2 / 2
             row[:, :, i, 6] = -side * q[..., 1 + i]
         square = np.einsum("rk,rkai,rkaj->rij", own, row, row)
-        square += np.diag(_DAMPING) * np.maximum(own.sum(axis=1), 1e-9)[:, None, None]
+        square += np.diag(CELLS.bent_damping) * np.maximum(own.sum(axis=1), 1e-9)[:, None, None]
         found = np.linalg.solve(square, np.einsum("rk,rkai,rka->ri", own, row, p[..., 1:])[..., None])[..., 0]
         curve, r = found[:, :6].reshape(-1, 3, 2), np.abs(found[:, 6])
     t, _, squared, upright = _apart(p, q, curve, r)
-    on = (squared < (OFF * r[:, None] + SLACK) ** 2) & (upright < UPRIGHT) & (np.abs(t) < REACH)
+    on = (
+        (squared < (CELLS.bent_off * r[:, None] + CELLS.bent_slack) ** 2)
+        & (upright < CELLS.bent_upright)
+        & (np.abs(t) < CELLS.bent_reach)
+    )
     return curve, r, on
 
 

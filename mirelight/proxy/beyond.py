@@ -20,19 +20,9 @@ import numpy as np
 from mirelight.model import F64, triangles
 from mirelight.proxy.planes import Bool, Plane, Sheet
 from mirelight.proxy.sampling import spread, spread_on
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Soup
 from mirelight.proxy.views import turned
-
-LEAST_AREA = 0.02  # of the surface: smaller planes are parts of things, and end where those end
-SMALL = 0.004  # of the surface: parts of things that go on behind what stands before them
-_GAP = 3  # cells between the last surface of a row and where pictures end
-_LEAST_ROW = 6  # cells of surface, that a row must have to go on
-_ENOUGH = 0.2  # of the rows: if so many are seen to end, a side does not go on
-_SPACINGS = 2.5  # of the splats, to a cell at least: its surface has no gaps then
-_ACROSS = 0.7  # cosine between normals of planes that end where they meet
-_NEAR = 0.4  # cells before the surface, where nothing counts as looked through
-_MARKS = 8  # of the surface, to an area of a cell
-_CELLS = 200  # along the box's longest side
 
 # (M, 3) points: whether a camera looked through them, and whether one has them in its picture, seen or hidden
 Look = Callable[[F64], tuple[Bool, Bool]]
@@ -49,7 +39,7 @@ def box_of(soup: Soup, eyes: F64) -> tuple[F64, F64]:
 def cell_of(low: F64, high: F64, spacing: float) -> float:
     """Side of the cells in which planes are looked at, in a box of two corners (3,); `spacing` is that of the capture's
     splats."""
-    return max(float((high - low).max()) / _CELLS, _SPACINGS * spacing)
+    return max(float((high - low).max()) / TUNING.beyond_cells, TUNING.beyond_spacings * spacing)
 
 
 def beyond_pictures(
@@ -66,23 +56,27 @@ def beyond_pictures(
         look: tells what was in pictures; of points nearer to the surface than so much, not looked through.
     """
     area = float(triangles.areas(soup.vertices[soup.faces]).sum())
-    marks, face = spread_on(soup.vertices, soup.faces, int(_MARKS * area / cell**2) + 1)
+    marks, face = spread_on(soup.vertices, soup.faces, int(TUNING.beyond_marks * area / cell**2) + 1)
     plane_of = np.full(len(soup.faces), -1)
     for k, plane in enumerate(planes):
         plane_of[plane.faces] = k
     of = plane_of[face]
-    looked = [_Looked.of(soup, k, planes, (low, high), cell, look(_NEAR * cell)) for k in range(len(planes))]
+    looked = [
+        _Looked.of(soup, k, planes, (low, high), cell, look(TUNING.beyond_near * cell)) for k in range(len(planes))
+    ]
     vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     done: dict[int, Bool] = {}
     for k in 2 * sorted(range(len(planes)), key=lambda k: planes[k].area):  # what each closes, the others meet
         plane, known = planes[k], looked[k]
         near = np.abs(turned(marks, plane.normal[None])[:, 0] - plane.offset) < cell
         met, stops = (known.sheet.cells(x) for x in (marks[near], marks[near & np.isin(of, known.across)]))
-        cells = _carried_on(known, met, stops, plane.area >= LEAST_AREA * area)
+        cells = _carried_on(known, met, stops, plane.area >= TUNING.beyond_least_area * area)
         made = known.sheet.rectangles(cells & ~done.get(k, known.surface))
         done[k] = cells
         more = spread(
-            made.vertices, made.faces, int(_MARKS * triangles.areas(made.vertices[made.faces]).sum() / cell**2)
+            made.vertices,
+            made.faces,
+            int(TUNING.beyond_marks * triangles.areas(made.vertices[made.faces]).sum() / cell**2),
         )
         marks, of = np.concatenate([marks, more]), np.concatenate([of, np.full(len(more), k)])
         vertices.append(made.vertices)
@@ -106,9 +100,9 @@ class _Looked:
         """Of one of the planes."""
         plane = planes[k]
         sheet = Sheet.of(plane, planes, *box, cell)
-        surface = spread(soup.vertices, soup.faces[plane.faces], int(_MARKS * plane.area / cell**2) + 1)
+        surface = spread(soup.vertices, soup.faces[plane.faces], int(TUNING.beyond_marks * plane.area / cell**2) + 1)
         free, shown = (x.reshape(sheet.inside.shape) for x in look(sheet.middles()))
-        across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < _ACROSS]
+        across = [j for j, x in enumerate(planes) if abs(float(x.normal @ plane.normal)) < TUNING.beyond_across]
         return _Looked(sheet, sheet.cells(surface), free, shown, across)
 
 
@@ -141,7 +135,7 @@ def _grown(surface: Bool, shown: Bool, inside: Bool) -> Bool:
     along = np.arange(surface.shape[1])
     last = np.where(surface, along, -1).max(axis=1)
     past = along > last[:, None]
-    soon = past & (along <= last[:, None] + _GAP)
+    soon = past & (along <= last[:, None] + TUNING.beyond_gap)
     goes_on = _open_ends(surface) & ~(shown & past & ~soon).any(axis=1) & (soon & ~shown).any(axis=1)
     end = _end(surface, _open_ends(surface) & ~goes_on)
     return np.asarray(goes_on[:, None] & past & ~shown & inside & (along <= end))
@@ -149,13 +143,13 @@ def _grown(surface: Bool, shown: Bool, inside: Bool) -> Bool:
 
 def _open_ends(surface: Bool) -> Bool:
     """Rows that have enough surface, but none in their last cell."""
-    return np.asarray((surface.sum(axis=1) >= _LEAST_ROW) & ~surface[:, -1])
+    return np.asarray((surface.sum(axis=1) >= TUNING.beyond_least_row) & ~surface[:, -1])
 
 
 def _end(surface: Bool, ended: Bool) -> int:
     """Where a side ends: of rows that are seen to end, if they are many; else behind the last cell."""
     along = np.arange(surface.shape[1])
-    if ended.sum() <= _ENOUGH * (surface.sum(axis=1) >= _LEAST_ROW).sum():
+    if ended.sum() <= TUNING.beyond_enough * (surface.sum(axis=1) >= TUNING.beyond_least_row).sum():
         return len(along)
     return int(np.quantile(np.where(surface, along, -1).max(axis=1)[ended], 0.9)) + 1
 
@@ -169,9 +163,9 @@ def _met(surface: Bool, met: Bool, free: Bool, way: Bool, inside: Bool) -> Bool:
     length = surface.sum(axis=1)
     next_ = np.minimum.accumulate(np.where(met, along, len(along))[:, ::-1], axis=1)[:, ::-1]
     last = np.maximum.accumulate(np.where(surface, along, -1), axis=1)
-    short = (next_ - last - 1 <= length[:, None]) & (length >= _LEAST_ROW)[:, None]
+    short = (next_ - last - 1 <= length[:, None]) & (length >= TUNING.beyond_least_row)[:, None]
     outer = last[:, -1:]
-    soon = (along > outer) & (along <= outer + _GAP)
+    soon = (along > outer) & (along <= outer + TUNING.beyond_gap)
     end = _end(surface, _open_ends(surface) & (soon & free).any(axis=1))
     between = _reached(surface, way) & _reached(met[:, ::-1], way[:, ::-1])[:, ::-1]
     return np.asarray(between & short & inside & (along <= end))
@@ -187,7 +181,7 @@ def _reached(start: Bool, through: Bool) -> Bool:
 
 def _behind(surface: Bool, hidden: Bool, unknown: Bool, inside: Bool) -> Bool:
     """Cells that no picture looks through, between surface in their row, or hidden from surface to the box's end."""
-    enough = surface.sum(axis=1) >= _LEAST_ROW
+    enough = surface.sum(axis=1) >= TUNING.beyond_least_row
 
     def back(start: Bool, through: Bool) -> Bool:
         return _reached(start[:, ::-1], through[:, ::-1])[:, ::-1]

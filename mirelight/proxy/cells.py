@@ -12,7 +12,8 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64, triangles
 from mirelight.proxy.axes import axes_of
 from mirelight.proxy.capture import Capture
-from mirelight.proxy.creases import MEETS, Creases, wedges_of
+from mirelight.proxy.cell_tuning import CELLS
+from mirelight.proxy.creases import Creases, wedges_of
 from mirelight.proxy.discs import Around, Discs, neighbours_of
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
@@ -21,22 +22,6 @@ from mirelight.proxy.stars import stars_of
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
-NEIGHBOURS = 20  # that cut a cell
-GROWN = 1.9  # radius of a cell before cutting, in local spacings
-SMALLEST, LARGEST = 2.2, 8.0  # radius, in the capture's spacing
-OVERLAP = 1.1  # how far past the bisector a cell reaches: no cracks for light to leak through
-WELD = 0.2  # of the spacing: corners nearer than that become one
-NARROW = 0.6  # middle over longest axis, below which a disc lies at an edge or on something thin
-HALF = 1.15  # standard deviations from the middle of an opaque disc, where its alpha passes one half
-FLAT_CELL = 2.5  # spacings: in the midst of a plane one disc in a voxel of this size stands for the others
-FLAT_NEIGHBOURS = 12  # that must lie on a disc's plane, all around it, for it to be in the midst of one
-REACH = 1.5  # standard deviations that a cell reaches where a sheet of many discs ends: each adds to the alpha
-BESIDE = 2.5  # local spacings: neighbours nearer than that carry a surface on
-FEW = 6  # neighbours that carry it on: a disc with no more lies on a leaf, a slat, a corner, and ends by its own alpha
-SECTOR = 0.7  # cosine between a direction and that to a neighbour that lies there
-SPLIT = 1.003  # times the area that is left of a cell when creases cut all across it: by so much more wedges must cover
-STRAIGHT = 0.05  # spacings: corners of cells that near to the line between those beside them go
-SLIVER = 5e-4  # of the weld's square: triangles of less area go
 _CHUNK = 200_000  # cells cut at once
 _FEW = 50_000  # cells cut in wedges at once
 
@@ -52,15 +37,15 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     s = capture.spacing
     discs = Discs(capture.splats.means.astype(np.float64), axes, scales, s)
     progress("finding neighbours", 0.0)
-    near, distance = neighbours_of(discs.at, NEIGHBOURS)
+    near, distance = neighbours_of(discs.at, CELLS.cell_neighbours)
     local = distance[:, 5] / 1.8
-    radius = np.clip(GROWN * local, SMALLEST * s, LARGEST * s)
+    radius = np.clip(CELLS.cell_grown * local, CELLS.cell_smallest * s, CELLS.cell_largest * s)
     ends = np.concatenate([_ends(discs, rows, near[rows], local) for rows in _chunks(len(near), _CHUNK)])
     flat, stands_for_more = _flats(discs, near, distance, s)
     kept, flats = np.flatnonzero(~flat | stands_for_more), discs.at[flat]
-    radius, ends = np.where(stands_for_more, np.maximum(radius, FLAT_CELL * s * 2), radius)[kept], ends[kept]
+    radius, ends = np.where(stands_for_more, np.maximum(radius, CELLS.cell_flat_cell * s * 2), radius)[kept], ends[kept]
     discs = discs.where(kept)
-    near, distance = neighbours_of(discs.at, NEIGHBOURS)
+    near, distance = neighbours_of(discs.at, CELLS.cell_neighbours)
     local = distance[:, 5] / 1.8
     rods = rods_of(discs.at, discs.normal, near, local, flats)
     bars = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
@@ -76,7 +61,7 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
         bars = bars.beside(_bars(here, discs, int(rows[0]), cells))
         creased[here.rows] = False
         whole.append((rows[creased[rows]], before.where(np.flatnonzero(creased[rows]))))
-        parts.add(discs, rows, cells.simplified(STRAIGHT * s))
+        parts.add(discs, rows, cells.simplified(CELLS.cell_straight * s))
     progress("telling the sides apart", 0.7)
     sight = Sight(parts.soup().beside(bars).mesh(), settings.variant, settings.threads)
     front = seen_sides(capture, discs.at, discs.normal, sight)
@@ -91,7 +76,7 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> S
     soup = parts.soup()
     behind = (front * np.sign(np.linalg.det(discs.axes)))[np.concatenate(parts.owners)] < 0
     progress("welding cells", 0.95)
-    soup = welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), WELD * s)
+    soup = welded(Soup(soup.vertices, np.where(behind[:, None], soup.faces[:, ::-1], soup.faces)), CELLS.cell_weld * s)
     return soup.beside(bars)
 
 
@@ -100,14 +85,14 @@ def _flats(discs: Discs, near: Int, distance: F64, s: float) -> tuple[NDArray[np
 
     In the midst of a plane one disc in a voxel of `FLAT_CELL` spacings is enough: its cell grows over the others'.
     """
-    n, k = discs.normal, FLAT_NEIGHBOURS
+    n, k = discs.normal, CELLS.cell_flat_neighbours
     step = discs.at[near[:, :k]] - discs.at[:, None]
     level = np.abs(np.einsum("nki,ni->nk", step, n)).max(axis=1) < 0.1 * s
     level &= np.abs(np.einsum("nki,ni->nk", n[near[:, :k]], n)).min(axis=1) > 0.99
     amid = np.linalg.norm(step.mean(axis=1), axis=1) < 0.25 * distance[:, k - 1]
     flat = level & amid & (distance[:, k - 1] < 4 * s)
     rows = np.flatnonzero(flat)
-    i = np.floor((discs.at[rows] - discs.at.min(axis=0)) / (FLAT_CELL * s)).astype(np.int64)
+    i = np.floor((discs.at[rows] - discs.at.min(axis=0)) / (CELLS.cell_flat_cell * s)).astype(np.int64)
     axis = np.abs(n[rows]).argmax(axis=1)
     _, first = np.unique(((i[:, 0] * (1 << 20) + i[:, 1]) * (1 << 20) + i[:, 2]) * 3 + axis, return_index=True)
     chosen = np.zeros(len(n), bool)
@@ -123,20 +108,20 @@ def _ends(discs: Discs, rows: Int, near: Int, local: F64) -> F64:
     plane at its disc.
     """
     around, plane, own = Around.of(discs, rows, near), discs.axes[rows][:, :, 1:], local[rows]
-    beside = around.on_sheet & (around.run < BESIDE * own[:, None])
-    deviations = np.where(beside.sum(axis=1) <= FEW, HALF, REACH)
+    beside = around.on_sheet & (around.run < CELLS.cell_beside * own[:, None])
+    deviations = np.where(beside.sum(axis=1) <= CELLS.cell_few, CELLS.cell_half, CELLS.cell_reach)
     out = np.full((len(rows), 8), np.inf)
     row, slot = np.nonzero(~around.same)
     other, step, along = near[row, slot], around.step[row, slot], around.along[row, slot]
     m = discs.normal[other]
     across = np.einsum("pi,pij->pj", m, plane[row])
-    level, squared, reach = (m * step).sum(axis=1), (step**2).sum(axis=1), (MEETS * local[other]) ** 2
+    level, squared, reach = (m * step).sum(axis=1), (step**2).sum(axis=1), (CELLS.crease_meets * local[other]) ** 2
     for k in range(8):
         way = np.array([np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)])
-        goes_on = (beside & (np.einsum("rkj,j->rk", around.along, way) > SECTOR * around.run)).any(axis=1)
+        goes_on = (beside & (np.einsum("rkj,j->rk", around.along, way) > CELLS.cell_sector * around.run)).any(axis=1)
         slope = across @ way
         far = level / np.where(np.abs(slope) > 1e-30, slope, 1e-30)
-        met = (far > 0) & (far < GROWN * own[row])
+        met = (far > 0) & (far < CELLS.cell_grown * own[row])
         met &= np.where(met, far, 0) * (np.where(met, far, 0) - 2 * along @ way) + squared < reach
         goes_on[row[met]] = True
         wide = np.sqrt(((discs.scales[rows, 1:] * way) ** 2).sum(axis=1))
@@ -148,9 +133,9 @@ def _on_sheets(discs: Discs, rows: Int, around: Around, radius: F64, ends: F64) 
     """Cells that end where their sheets do, and half-way to what else lies on them."""
     cells = octagons(radius)
     # bars, twigs: no wider than they look
-    thin = np.flatnonzero(discs.scales[rows, 1] < NARROW * discs.scales[rows, 2])
+    thin = np.flatnonzero(discs.scales[rows, 1] < CELLS.cell_narrow * discs.scales[rows, 2])
     for x in (1.0, -1.0):
-        cells.cut(thin, np.tile((x, 0.0), (len(thin), 1)), HALF * discs.scales[rows[thin], 1])
+        cells.cut(thin, np.tile((x, 0.0), (len(thin), 1)), CELLS.cell_half * discs.scales[rows[thin], 1])
     for k in range(8):
         ending = np.flatnonzero(np.isfinite(ends[:, k]))
         way = np.array([np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)])
@@ -158,7 +143,7 @@ def _on_sheets(discs: Discs, rows: Int, around: Around, radius: F64, ends: F64) 
     for k in range(around.run.shape[1]):
         beside = np.flatnonzero(around.on_sheet[:, k])
         length = np.maximum(around.run[beside, k], 1e-30)
-        cells.cut(beside, around.along[beside, k] / length[:, None], 0.5 * OVERLAP * length)
+        cells.cut(beside, around.along[beside, k] / length[:, None], 0.5 * CELLS.cell_overlap * length)
     return cells
 
 
@@ -169,10 +154,10 @@ def _creased(discs: Discs, rows: Int, near: Int, cells: Polygons, local: F64, fr
     wedges, row = wedges_of(cells)
     creases.cut(wedges, row)
     creases.cut(cells, np.arange(len(rows)))
-    split = np.bincount(row, wedges.area(), len(rows)) > SPLIT * cells.area()
-    parts.add(discs, rows[~split], cells.where(np.flatnonzero(~split)).simplified(STRAIGHT * discs.spacing))
+    split = np.bincount(row, wedges.area(), len(rows)) > CELLS.cell_split * cells.area()
+    parts.add(discs, rows[~split], cells.where(np.flatnonzero(~split)).simplified(CELLS.cell_straight * discs.spacing))
     some = np.flatnonzero(split[row])
-    stars, whole = stars_of(wedges.where(some), row[some], len(rows), STRAIGHT * discs.spacing)
+    stars, whole = stars_of(wedges.where(some), row[some], len(rows), CELLS.cell_straight * discs.spacing)
     parts.add(discs, rows[whole], stars)
     some = np.flatnonzero((split & ~whole)[row])
     parts.add(discs, rows[row[some]], wedges.where(some))
@@ -242,7 +227,7 @@ def welded(soup: Soup, reach: float) -> Soup:
         count = np.bincount(index)
         vertices = np.stack([np.bincount(index, vertices[:, k]) for k in range(3)], axis=1) / count[:, None]
         faces = index[faces]
-    there = triangles.areas(vertices[faces]) > SLIVER * reach**2
+    there = triangles.areas(vertices[faces]) > CELLS.cell_sliver * reach**2
     merged = compact(Soup(vertices, faces[there]))
     order = np.sort(merged.faces, axis=1)
     _, once = np.unique(order, axis=0, return_index=True)

@@ -13,16 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
+from mirelight.proxy.cell_tuning import CELLS
 from mirelight.proxy.discs import Around, Discs
 from mirelight.proxy.polygons import Polygons
 from mirelight.proxy.types import Int
 
-MEETS = 1.2  # local spacings: how far around its middle a disc ends cells of other planes
-CONVEX = 1.5  # times as far, where the crease is an edge: a cell that goes on past it casts shadows
-BEHIND = 0.3  # local spacings that a cell goes on behind the other where the crease is a corner: nobody sees that
-INWARDS = 0.3  # of the way to the mean of a disc's sheet: where it is asked which side of a line is the disc's own
-ON_LINE = 1e-3  # of the spacing: discs that near a neighbour's plane have no side
-WEDGE_CORNERS = 10  # at most
 _PAIRS = 200_000  # of cells and lines looked at at once
 
 
@@ -48,7 +43,7 @@ class Creases:
         Lines that cannot come into the discs' cells are left out.
         """
         count = np.maximum(around.on_sheet.sum(axis=1), 1)[:, None]
-        inwards = INWARDS * (around.along * around.on_sheet[..., None]).sum(axis=1) / count
+        inwards = CELLS.crease_inwards * (around.along * around.on_sheet[..., None]).sum(axis=1) / count
         row, k = np.nonzero(~around.same)
         other, step, i = near[row, k], around.step[row, k], rows[row]
         m = discs.normal[other]
@@ -61,9 +56,13 @@ class Creases:
         normal, offset = normal * turn[:, None], offset * turn
         middle = around.along[row, k, 1] * normal[:, 0] - around.along[row, k, 0] * normal[:, 1]
         away, over = np.abs(mine) / steep, np.stack([mine, -theirs], axis=1)
-        reach, wide = MEETS * local[other], cells.radius()[row]
-        kept = (np.abs(side) > ON_LINE * discs.spacing) & (away < CONVEX * reach)
-        kept &= (offset < wide) & (offset > -wide - BEHIND * local[i]) & (np.abs(middle) < wide + CONVEX * reach)
+        reach, wide = CELLS.crease_meets * local[other], cells.radius()[row]
+        kept = (np.abs(side) > CELLS.crease_on_line * discs.spacing) & (away < CELLS.crease_convex * reach)
+        kept &= (
+            (offset < wide)
+            & (offset > -wide - CELLS.crease_behind * local[i])
+            & (np.abs(middle) < wide + CELLS.crease_convex * reach)
+        )
         return Creases(row, row, normal, offset, middle, away, reach, local[i], other, over).where(kept)
 
     def where(self, kept: NDArray[np.bool_]) -> Creases:
@@ -75,8 +74,8 @@ class Creases:
         """With the sides known: `front` (N,) is 1 where a normal points to what was seen, -1 where away, else 0."""
         over = self.over * np.stack([front[rows[self.row]], front[self.other]], axis=1)
         corner, edge = (over > 0).all(axis=1), (over < 0).all(axis=1)
-        offset = self.offset + np.where(corner, BEHIND * self.own, 0.0)
-        return replace(self, offset=offset, reach=self.reach * np.where(edge, CONVEX, 1.0))
+        offset = self.offset + np.where(corner, CELLS.crease_behind * self.own, 0.0)
+        return replace(self, offset=offset, reach=self.reach * np.where(edge, CELLS.crease_convex, 1.0))
 
     def on(self, cells: Polygons) -> Creases:
         """Those that cross the cells of discs (R,): no other cuts anything of them."""
@@ -112,6 +111,6 @@ def wedges_of(cells: Polygons) -> tuple[Polygons, Int]:
     """A triangle from the middle of each disc to each side of its cell, and (W,) of which cell each is."""
     row, k = np.nonzero(np.arange(cells.corners.shape[1]) < cells.count[:, None])
     first, second = cells.corners[row, k], cells.corners[row, np.where(k + 1 < cells.count[row], k + 1, 0)]
-    corners = np.zeros((len(row), WEDGE_CORNERS, 2))
+    corners = np.zeros((len(row), CELLS.crease_wedge_corners, 2))
     corners[:, 1], corners[:, 2] = first, second
     return Polygons(corners, np.full(len(row), 3, np.int64)), row

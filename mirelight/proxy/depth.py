@@ -13,23 +13,9 @@ from mirelight.compositor import Compositor
 from mirelight.model import F32, F64, Camera, CompositorSettings
 from mirelight.proxy.axes import axes_of
 from mirelight.proxy.capture import Capture
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import rays, turned
-
-OPAQUE = 0.5  # alpha from which a pixel shows a surface
-SHARPER = 3  # layers of a splat that stand for it, where fog is told from surfaces
-THINNER = 0.1  # of a splat's optical depth: what is left of it, so that splats in front hide none behind them
-ROUNDS = 3  # of telling what lies behind the surface; each knows it better
-REACH = 3.0  # middle axes of a splat, and 2 of the median one: how far from the surface it may lie and be part of it
-ASTRAY = 4.0  # standard deviations of what a pixel blends, from its mean: a depth so far off is a quotient of nothing
-NOISE = 2.0  # spacings of the splats: pixels whose blend spreads that far in depth count half
-FINEST = 10.0  # times finer than the median: splats that are smaller count no more
-_TYPICAL = 2.0
-_THINNEST = 1e-3  # of the longest axis: flatter splats are taken as that flat, which their plane does not notice
-_BEHIND = 1e-6
-_LEAST = 1e-8  # of what is blended, below which a pixel shows nothing
-_FEW = 20_000  # points that tell a pixel's size
-_CLIP = 1e-4  # alpha below which thinned splats add nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,22 +48,26 @@ class DepthMaps:
         splats = capture.splats
         self._splats, self._settings = splats, settings
         self._shown = Compositor(splats, variant=settings.variant, threads=settings.threads)
-        thinned = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** THINNER
+        thinned = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** TUNING.depth_thinner
         self._thinned = Compositor(
             replace(splats, opacities=thinned.astype(np.float32)),
-            CompositorSettings(alpha_clip=_CLIP),
+            CompositorSettings(alpha_clip=TUNING.depth_clip),
             variant=settings.variant,
             threads=settings.threads,
         )
-        self._means, self._noise = splats.means, np.float32(NOISE * capture.spacing)
+        self._means, self._noise = splats.means, np.float32(TUNING.depth_noise * capture.spacing)
         axes, scales = axes_of(splats)
-        self._reach = (_TYPICAL * np.median(scales[:, 1]) + REACH * scales[:, 1]).astype(np.float32)
-        whitening = axes / np.maximum(scales, scales[:, 2:] * _THINNEST)[:, None, :]  # columns: axis / scale
+        self._reach = (TUNING.depth_typical * np.median(scales[:, 1]) + TUNING.depth_reach * scales[:, 1]).astype(
+            np.float32
+        )
+        whitening = (
+            axes / np.maximum(scales, scales[:, 2:] * TUNING.depth_thinnest)[:, None, :]
+        )  # columns: axis / scale
         # Normals of planes do not depend on a splat's size: by a power of two, which changes no other bit, it comes to
         # about 1, or squares of tiny ones overflow.
         _, size = np.frexp(scales[:, 2])
         typical = np.median(scales[:, 1:], axis=0)
-        fine = np.minimum(typical / np.maximum(scales[:, 1:], 1e-30), FINEST)
+        fine = np.minimum(typical / np.maximum(scales[:, 1:], 1e-30), TUNING.depth_finest)
         self._fine = (fine[:, 0] * fine[:, 1]).astype(np.float32) ** 2
         self._whitening = np.ldexp(whitening, size[:, None, None]).astype(np.float32)
 
@@ -88,7 +78,7 @@ class DepthMaps:
         z, pixel = self._places(camera)
         origins, directions = rays(camera)
         surface = layer.median_depth
-        for _ in range(ROUNDS):
+        for _ in range(TUNING.depth_rounds):
             there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
             behind = (there > 0) & (z > there + self._reach)
             _, sums = self._thinned.composite_with(camera, np.where(behind[:, None], 0, values), depth=False)
@@ -96,13 +86,18 @@ class DepthMaps:
             across = np.einsum(
                 "hwi,hwi->hw", sums[..., :3], (origins - camera.position).astype(np.float32) + 0 * sums[..., :3]
             )
-            surface = (sums[..., 3] - across) / np.where(slope > _BEHIND * sums[..., 4], slope, np.inf)
+            surface = (sums[..., 3] - across) / np.where(slope > TUNING.depth_behind * sums[..., 4], slope, np.inf)
         weight = np.maximum(sums[..., 4], 1e-30)
         mean = sums[..., 5] / weight
         spread = np.sqrt(np.maximum(sums[..., 6] / weight - mean * mean, 0))
         alpha = 1 - layer.transmittance
-        sound = (alpha > OPAQUE) & (layer.median_depth > 0) & (sums[..., 4] > _LEAST) & (surface > 0)
-        sound &= np.abs(surface - mean) < ASTRAY * spread + self._reach.min()
+        sound = (
+            (alpha > TUNING.depth_opaque)
+            & (layer.median_depth > 0)
+            & (sums[..., 4] > TUNING.depth_least)
+            & (surface > 0)
+        )
+        sound &= np.abs(surface - mean) < TUNING.depth_astray * spread + self._reach.min()
         normal = -sums[..., :3] / np.maximum(np.linalg.norm(sums[..., :3], axis=-1, keepdims=True), 1e-30)
         return DepthMap(
             camera,
@@ -123,14 +118,14 @@ class DepthMaps:
         away = (away - np.linalg.norm(camera.position)).astype(np.float32)
         layer, sums = self._sharp.composite_with(camera, np.stack([away, away * away], axis=1), depth=False)
         alpha = 1 - layer.transmittance
-        opaque = alpha > OPAQUE
+        opaque = alpha > TUNING.depth_opaque
         mean, square = (sums[..., k][opaque] / alpha[opaque] for k in (0, 1))
         return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0)), np.float32)
 
     @cached_property
     def _sharp(self) -> Compositor:
         splats = self._splats
-        opacities = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** SHARPER
+        opacities = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** TUNING.depth_sharper
         return Compositor(
             replace(splats, opacities=opacities.astype(np.float32)),
             variant=self._settings.variant,
@@ -167,7 +162,7 @@ def pixels_of(camera: Camera, own: F32) -> NDArray[np.int64]:
 
 def footprint(cameras: Sequence[Camera], points: F32) -> float:
     """Side of a camera's pixel where points (N, 3) lie: the median over both, world units; 0: no camera has any."""
-    few = points[:: max(len(points) // _FEW, 1)]
+    few = points[:: max(len(points) // TUNING.depth_few, 1)]
     sides = []
     for camera in cameras:
         own = turned(few - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4"))

@@ -10,17 +10,12 @@ from numpy.typing import NDArray
 
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.depth import DepthMap, points_of
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Progress
 from mirelight.proxy.views import rays, turned
 
-TRUNCATION = 4  # cells
-BAND = 2  # cells to either side of what views see, in which distances are kept
 MOST_NODES = 160_000_000  # of the grid: more would take too much memory
 _CHUNK = 1 << 18  # nodes at once
-_SHEET = 3  # cells: what is thinner and seen from both sides is a sheet
-_OPPOSITE = -0.5  # cosine between normals of two sides of one sheet
-_FACING = 0.05  # cosine to the view, as a weight: what is seen more aslant counts as this
-_FEW = 0.02  # of the other side's normals: fewer do no harm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,10 +42,10 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) 
         progress: called after each view.
     """
     cell = max(cell, float((8 * np.prod(half) / MOST_NODES) ** (1 / 3)))
-    size = np.ceil(2 * (half + (TRUNCATION + 1) * cell) / cell).astype(int) + 1
+    size = np.ceil(2 * (half + (TUNING.fused_truncation + 1) * cell) / cell).astype(int) + 1
     shape = (int(size[0]), int(size[1]), int(size[2]))
     low = -(size - 1) * cell / 2
-    clean = _one_sided(views, _SHEET * cell)
+    clean = _one_sided(views, TUNING.fused_sheet * cell)
     nodes = _near_surface(clean, low, cell, shape)
     at = (np.stack(np.unravel_index(nodes, shape), axis=1) * cell + low).astype(np.float32)
     total, weight = np.zeros(len(nodes), np.float32), np.zeros(len(nodes), np.float32)
@@ -59,7 +54,7 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) 
         planes = _Planes.of(view)
         for start in range(0, len(nodes), _CHUNK):
             part = slice(start, start + _CHUNK)
-            d, w = planes.distances(at[part], TRUNCATION * cell)
+            d, w = planes.distances(at[part], TUNING.fused_truncation * cell)
             total[part] += d * w
             weight[part] += w
     known = weight > 0
@@ -77,7 +72,7 @@ def _near_surface(views: Sequence[DepthMap], low: F64, cell: float, shape: tuple
         i = i[((i >= 0) & (i < shape)).all(axis=1)]
         marked[i[:, 0], i[:, 1], i[:, 2]] = 1
     for axis in range(3):
-        marked = maximum_filter1d(marked, 2 * BAND + 1, axis=axis)
+        marked = maximum_filter1d(marked, 2 * TUNING.fused_band + 1, axis=axis)
     return np.flatnonzero(marked)
 
 
@@ -93,7 +88,7 @@ class _Planes:
         origins, directions = rays(view.camera)
         spot = origins + directions * view.depth[..., None]
         long = np.maximum(np.linalg.norm(directions, axis=-1), 1e-30)
-        facing = np.clip(-(view.normal * directions).sum(axis=-1) / long, _FACING, 1) * view.trust
+        facing = np.clip(-(view.normal * directions).sum(axis=-1) / long, TUNING.fused_facing, 1) * view.trust
         offset = (view.normal * spot).sum(axis=-1)
         rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
         return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))
@@ -150,8 +145,8 @@ def _both_sides(voxel: Int, side: NDArray[np.bool_], normals: F64) -> NDArray[np
             sums[way, :, k] = np.bincount(index[of], normals[of, k], minlength=len(key))
     length = np.linalg.norm(sums, axis=2)
     cosine = (sums[0] * sums[1]).sum(axis=1) / np.maximum(length[0] * length[1], 1e-30)
-    few = np.minimum(length[0], length[1]) < _FEW * np.maximum(length[0], length[1])
-    return np.asarray(((cosine < _OPPOSITE) & ~few)[index])
+    few = np.minimum(length[0], length[1]) < TUNING.fused_few * np.maximum(length[0], length[1])
+    return np.asarray(((cosine < TUNING.fused_opposite) & ~few)[index])
 
 
 def _voxel(places: F64) -> Int:

@@ -16,7 +16,7 @@ from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, SplatLayer,
 from mirelight.proxy.advice import Figures, advice_on
 from mirelight.proxy.agreement import agreement
 from mirelight.proxy.capture import Capture, look_at_capture
-from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps
+from mirelight.proxy.depth import DepthMap, DepthMaps
 from mirelight.proxy.flats import flats_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tuning import TUNING
@@ -182,13 +182,13 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight, normals: F64) -> 
     starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
     face, distance = sight.first_hits(starts, directions.reshape(-1, 3))
     on_mesh = (face >= 0).reshape(shape)
-    both = on_mesh & (view.depth > 0) & (layer.transmittance < 1 - OPAQUE)
+    both = on_mesh & (view.depth > 0) & (layer.transmittance < 1 - TUNING.depth_opaque)
     depth = np.where(both, distance.reshape(shape), 0.0)
     long = np.linalg.norm(directions, axis=-1)
     gap = np.where(both, (view.depth - depth) * long, np.nan)
     normal = np.zeros(directions.shape)
     normal[on_mesh] = normals[face[face >= 0]]
-    surface = (layer.transmittance < 1 - OPAQUE) & (view.trust > SURE)
+    surface = (layer.transmittance < 1 - TUNING.depth_opaque) & (view.trust > SURE)
     return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), surface, on_mesh, normal, gap)
 
 

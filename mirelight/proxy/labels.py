@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.model import F32, F64
-from mirelight.proxy.depth import OPAQUE, DepthMap
+from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
@@ -40,7 +40,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: floa
     _, directions = rays(view.camera)
     depths = [_depth(view, flat, directions) for flat in flats]
     label = _labels(view, flats, depths, tolerance)
-    solid = binary_fill_holes(view.alpha > OPAQUE)  # what is black needs no splats before black
+    solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid

@@ -14,7 +14,7 @@ from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
-from mirelight.proxy.depth import OPAQUE, DepthMap, DepthMaps, footprint, pixels_of
+from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.ground import carried_on
@@ -22,7 +22,7 @@ from mirelight.proxy.inside import HIDDEN, hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened, fog_of
 from mirelight.proxy.nets import surface_of
-from mirelight.proxy.openings import AWAY, opened, windows_of
+from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
@@ -131,7 +131,7 @@ def _fused(capture: Capture, views: list[DepthMap], report: Progress) -> Soup:
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
     if windows:
-        views = [opened(view, windows, capture.spacing, AWAY * capture.radius) for view in views]
+        views = [opened(view, windows, capture.spacing, TUNING.opening_away * capture.radius) for view in views]
         flats = flats_of(views, capture.spacing, capture.radius)
     fog = fog_of(views)
     if fog:
@@ -194,7 +194,7 @@ def counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
 
 
 def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], source: str | Path) -> None:
-    opaque = np.array([float((view.alpha > OPAQUE).mean()) for view in views])
+    opaque = np.array([float((view.alpha > TUNING.depth_opaque).mean()) for view in views])
     remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
     if opaque.mean() < LEAST_OPAQUE:
         raise InputError(source, f"no surface: {opaque.mean():.1%} of the pixels around it are opaque", remedy)

@@ -24,19 +24,6 @@ from mirelight.proxy.views import rays, turned
 
 Bool = NDArray[np.bool_]
 
-AWAY = 4.0  # of the capture's radius: where a sky is put
-FINE = 0.3  # spacings: side of the cells that bars are cut out in
-DEEPEST = 6.0  # spacings behind the wall's face: where bars may be
-_DEPTH = 0.25  # spacings: step between those that are tried
-_RIM = 2.0  # spacings around what is white, that shut out light, too: frames, and walls behind their face
-_BEFORE = 2.0  # spacings: what lies farther before a plane hides it
-_FAR = 6.0  # spacings: what lies farther off counts as this far
-_BARS = 2  # cells of a plane: what is narrower between panes is a bar
-_SEEN = 3  # views that must show a cell
-_DARK = 0.5  # display value at which a pixel is no sky at all; in between it is so in part
-_WHITE = 0.8  # of a sky, at least
-_EVEN = 0.1  # a sky's cells differ by less, where no bar is among them
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
@@ -76,7 +63,7 @@ class Window:
     def opened(self, view: DepthMap, spacing: float) -> Bool:
         """(H, W) pixels that are seen through the window, or show its bars."""
         origins, directions = rays(view.camera)
-        slack = _BEFORE * spacing * np.linalg.norm(directions, axis=-1)
+        slack = TUNING.opening_before * spacing * np.linalg.norm(directions, axis=-1)
         wall, _ = _met(self.wall, origins, directions)
         face, facing = _met(self.face, origins, directions)
         hidden = (view.depth > 0) & (view.depth < wall - slack / np.maximum(facing, 0.1))
@@ -117,14 +104,18 @@ def _panes(flat: Flat, views: Sequence[DepthMap], spacing: float) -> list[Bool]:
     seen, white, behind = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     for view in views:
         rows, pixel, off = _looked_at(view, flat, at, spacing)
-        there = (off > -_BEFORE) & (view.depth.ravel()[pixel] > 0)
+        there = (off > -TUNING.opening_before) & (view.depth.ravel()[pixel] > 0)
         seen[rows] += there
         white[rows] += there & (view.color.min(axis=-1).ravel()[pixel] > TUNING.clipped)
-        behind[rows] += there * np.clip(off, -_FAR, _FAR)
+        behind[rows] += there * np.clip(off, -TUNING.opening_far, TUNING.opening_far)
     shape = flat.there.shape
     shines = binary_opening(((white > 0.5 * seen) & (seen > 2)).reshape(shape))
     deep = (behind / np.maximum(seen, 1)).reshape(shape)
-    part, count = label(binary_closing(np.pad(shines, _BARS), iterations=_BARS)[_BARS:-_BARS, _BARS:-_BARS])
+    part, count = label(
+        binary_closing(np.pad(shines, TUNING.opening_bars), iterations=TUNING.opening_bars)[
+            TUNING.opening_bars : -TUNING.opening_bars, TUNING.opening_bars : -TUNING.opening_bars
+        ]
+    )
     parts = [shines & (part == k) for k in range(1, count + 1)]
     return [
         x
@@ -140,26 +131,26 @@ def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) 
 
     eyes = np.stack([view.camera.position for view in views])
     front = 1.0 if float(np.median(wall.off(eyes))) > 0 else -1.0
-    cell, margin = FINE * spacing, (DEEPEST + _RIM) * spacing
+    cell, margin = TUNING.opening_fine * spacing, (TUNING.opening_deepest + TUNING.opening_rim) * spacing
     place = turned_to(wall.middles[panes.ravel()], wall.axes)
     low = np.floor((place.min(axis=0) - margin) / cell).astype(np.int64)
     size = np.ceil((place.max(axis=0) + margin) / cell).astype(np.int64) - low
     inner = replace(wall, there=panes)
     found = []
-    for deep in np.arange(-_DEPTH, DEEPEST, _DEPTH):
+    for deep in np.arange(-TUNING.opening_depth, TUNING.opening_deepest, TUNING.opening_depth):
         face = Flat(wall.normal, wall.offset - front * deep * spacing, wall.axes, cell, low, np.ones(tuple(size), bool))
         seen, mean, spread = _whiteness(face, wall, views, spacing)
-        here = inner.inside(face.middles).reshape(seen.shape) & (seen >= _SEEN)
+        here = inner.inside(face.middles).reshape(seen.shape) & (seen >= TUNING.opening_seen)
         found.append((float(spread[here].mean()) if here.any() else np.inf, deep, face, seen, mean))
     _, deep, face, seen, mean = min(found, key=lambda x: x[:2])
     if deep < TUNING.window_bars:
         return None
-    reach = round(_RIM / FINE)
+    reach = round(TUNING.opening_rim / TUNING.opening_fine)
     square = np.ones((2 * reach + 1,) * 2, bool)
     near = replace(wall, there=binary_dilation(panes)).inside(face.middles).reshape(seen.shape)
-    white = _is_white(mean, seen >= _SEEN) & binary_dilation(near, square)
+    white = _is_white(mean, seen >= TUNING.opening_seen) & binary_dilation(near, square)
     whole = binary_fill_holes(binary_closing(np.pad(white, reach), square)[reach:-reach, reach:-reach])
-    rim = binary_dilation(whole, square) & (seen >= _SEEN)
+    rim = binary_dilation(whole, square) & (seen >= TUNING.opening_seen)
     return Window(wall, replace(face, there=whole), (whole | rim) & ~white, front)
 
 
@@ -168,10 +159,12 @@ def _is_white(mean: F64, seen: Bool) -> Bool:
     none: fog hangs before bars."""
     from scipy.ndimage import maximum_filter, minimum_filter
 
-    around = 2 * round(1 / FINE) + 1
+    around = 2 * round(1 / TUNING.opening_fine) + 1
     high = maximum_filter(mean, around)
     low = minimum_filter(np.where(seen, mean, high), around)
-    return np.asarray(seen & (high > _WHITE) & ((mean > (low + high) / 2) | (high - low < _EVEN)))
+    return np.asarray(
+        seen & (high > TUNING.opening_white) & ((mean > (low + high) / 2) | (high - low < TUNING.opening_even))
+    )
 
 
 def _whiteness(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> tuple[F64, F64, F64]:
@@ -180,9 +173,11 @@ def _whiteness(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float
     seen, total, square = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     for view in views:
         rows, pixel, off = _looked_at(view, wall, at, spacing)
-        there = (off > -_BEFORE) | (view.depth.ravel()[pixel] == 0)
+        there = (off > -TUNING.opening_before) | (view.depth.ravel()[pixel] == 0)
         rows, pixel = rows[there], pixel[there]
-        white: F32 = np.clip((view.color.min(axis=-1).ravel()[pixel] - _DARK) / (1 - _DARK), 0, 1)
+        white: F32 = np.clip(
+            (view.color.min(axis=-1).ravel()[pixel] - TUNING.opening_dark) / (1 - TUNING.opening_dark), 0, 1
+        )
         seen[rows] += 1
         total[rows] += white
         square[rows] += white * white

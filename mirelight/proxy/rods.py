@@ -14,26 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.slender import WIDE, Slender, beside, flattened, frame_of, nearness, slender_of
+from mirelight.proxy.cell_tuning import CELLS
+from mirelight.proxy.slender import Slender, beside, flattened, frame_of, nearness, slender_of
 from mirelight.proxy.types import Int, Soup
 
-NEAR = 0.6  # local spacings: standard deviation of the weights by which neighbours tell the axis
-ALONG_AXIS = 0.06  # share of the normals' squares that may lie along the axis
-TURNED = 0.12  # share that must lie across it on either side, or the discs are those of a sheet
-ROUND = 0.8  # of the discs' spread along the axis: how far from it they may lie
-UPRIGHT = 0.3  # cosine between a disc's normal and the axis, above which it closes the rod's end
-FACING = 0.7  # cosine, from which a neighbour's plane tells how far out a side is
-HEARD = 0.02  # of the largest weight: neighbours below it do not
-SHEET = 0.8  # cosine between normals of discs of one side
-BESIDE = 1.5  # local spacings: a disc of the same side that near across the axis means that it is no bar
-AGREED = 0.6  # of what is around a disc on a rod: how much must be on one, too
-ONE_SIDED = 0.2  # of a rod's width: it is no flatter, but was seen from one side alone, and is as deep as wide
-STRAY = 3.0  # times the discs' distance from the axis: neighbours farther off lie on something else
-SIDES = 8  # of a slender rod
-FACES = 0.6  # cosine, from which a plane tells how far out a corner of it is
-SHARP = 8  # power of that cosine that planes weigh by
-AHEAD = 0.25  # local spacings: a disc that much farther along carries the rod on
-HALF_WAY = 0.6  # of the way to it: how far a prism goes, so that they meet, and do not stick out where the rod bends
 _CHUNK = 100_000  # discs looked at at once
 
 
@@ -74,12 +58,15 @@ class Rods:
         ring = np.einsum("mkj,mji->mki", self.ring[there], plane) + (at + self.middle)[there][:, None]
         ends = np.stack([low, high], axis=1)[there]
         corners = ring[:, None] + (ends[..., None] * self.axis[there][:, None])[:, :, None]
-        k = np.arange(SIDES)
-        after = (k + 1) % SIDES
+        k = np.arange(CELLS.rod_sides)
+        after = (k + 1) % CELLS.rod_sides
         own = np.concatenate(
-            [np.stack([k, after, after + SIDES], axis=1), np.stack([k, after + SIDES, k + SIDES], axis=1)]
+            [
+                np.stack([k, after, after + CELLS.rod_sides], axis=1),
+                np.stack([k, after + CELLS.rod_sides, k + CELLS.rod_sides], axis=1),
+            ]
         )
-        faces = 2 * SIDES * np.arange(len(there))[:, None, None] + own
+        faces = 2 * CELLS.rod_sides * np.arange(len(there))[:, None, None] + own
         return Soup(corners.reshape(-1, 3), faces.reshape(-1, 3))
 
 
@@ -100,8 +87,8 @@ def rods_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Rods:
     looks = np.zeros(len(at), bool)
     looks[found.rows] = True
     some = near[found.rows]
-    weight = nearness(at[some] - at[found.rows][:, None], local[found.rows], NEAR)
-    agreed = (weight * looks[some]).sum(axis=1) >= AGREED * weight.sum(axis=1)
+    weight = nearness(at[some] - at[found.rows][:, None], local[found.rows], CELLS.rod_near)
+    agreed = (weight * looks[some]).sum(axis=1) >= CELLS.rod_agreed * weight.sum(axis=1)
     slender = slender_of(at, normals, near, local, flats)
     bars = found.where(agreed & ~slender.there[found.rows])
     return bars.beside(_shaped(slender, at, normals, near, local))
@@ -109,24 +96,28 @@ def rods_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Rods:
 
 def _looking_so(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Rods:
     some = np.concatenate([rows[:, None], near[rows]], axis=1)
-    weight = nearness(at[some] - at[rows][:, None], local[rows], NEAR)
+    weight = nearness(at[some] - at[rows][:, None], local[rows], CELLS.rod_near)
     weight /= weight.sum(axis=1, keepdims=True)
     # squares of normals off a disc's own bound what they can have on either side of an axis
     level = (weight * np.einsum("rki,ri->rk", normals[some], normals[rows]) ** 2).sum(axis=1)
-    asked = np.flatnonzero(1 - level > TURNED)
+    asked = np.flatnonzero(1 - level > CELLS.rod_turned)
     rows, weight, some = rows[asked], weight[asked], some[asked]
     step, m, n = at[some] - at[rows][:, None], normals[some], normals[rows]
     squares, vectors = np.linalg.eigh(np.einsum("rk,rki,rkj->rij", weight, m, m))
     axis = vectors[:, :, 0]
-    there = (squares[:, 0] < ALONG_AXIS) & (squares[:, 1] > TURNED) & (np.abs((axis * n).sum(axis=1)) < UPRIGHT)
+    there = (
+        (squares[:, 0] < CELLS.rod_along_axis)
+        & (squares[:, 1] > CELLS.rod_turned)
+        & (np.abs((axis * n).sum(axis=1)) < CELLS.rod_upright)
+    )
     across = np.cross(axis, n)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
     axis = np.cross(n, across)
     along = np.einsum("rki,ri->rk", step, axis)
     aside = np.abs(np.einsum("rki,ri->rk", step, across))
     rise = np.abs(np.einsum("rki,ri->rk", step, n))
-    same = np.abs(np.einsum("rki,ri->rk", m, n)) > SHEET
-    wide = same & (aside > np.abs(along)) & (aside > 2 * rise) & (aside < BESIDE * local[rows][:, None])
+    same = np.abs(np.einsum("rki,ri->rk", m, n)) > CELLS.rod_sheet
+    wide = same & (aside > np.abs(along)) & (aside > 2 * rise) & (aside < CELLS.rod_beside * local[rows][:, None])
     there &= ~wide.any(axis=1)
     off = step - along[..., None] * axis[:, None]
     middle = (weight[..., None] * off).sum(axis=1)
@@ -134,11 +125,13 @@ def _looking_so(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Rods
     squared = (off**2).sum(axis=2)
     spread = (weight * squared).sum(axis=1)
     mean = (weight * along).sum(axis=1)
-    there &= spread < ROUND**2 * (weight * (along - mean[:, None]) ** 2).sum(axis=1)
-    heard = (squared < STRAY**2 * spread[:, None]) & (weight > HEARD * weight.max(axis=1, keepdims=True))
+    there &= spread < CELLS.rod_round**2 * (weight * (along - mean[:, None]) ** 2).sum(axis=1)
+    heard = (squared < CELLS.rod_stray**2 * spread[:, None]) & (
+        weight > CELLS.rod_heard * weight.max(axis=1, keepdims=True)
+    )
     half = np.zeros((len(rows), 2))
     for k, way in enumerate((across, n)):
-        facing = heard & (np.abs(np.einsum("rki,ri->rk", m, way)) > FACING)
+        facing = heard & (np.abs(np.einsum("rki,ri->rk", m, way)) > CELLS.rod_facing)
         at_way = np.einsum("rki,ri->rk", step, way)
         low, high = np.where(facing, at_way, np.inf).min(axis=1), np.where(facing, at_way, -np.inf).max(axis=1)
         both = np.flatnonzero(facing.any(axis=1) & (high > low))  # else one side was seen, or none
@@ -146,8 +139,8 @@ def _looking_so(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Rods
         half[both, k] = (high - low) / 2
         now = (middle[both] * way[both]).sum(axis=1)
         middle[both] += ((high + low) / 2 - now)[:, None] * way[both]
-    half = np.where(half > ONE_SIDED * half[:, ::-1], half, half[:, ::-1])
-    turn = np.arange(SIDES) * (2 * np.pi / SIDES)
+    half = np.where(half > CELLS.rod_one_sided * half[:, ::-1], half, half[:, ::-1])
+    turn = np.arange(CELLS.rod_sides) * (2 * np.pi / CELLS.rod_sides)
     ring = half[:, None] * np.round(np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Rods(rows, -axis, across, n, middle, ring, np.zeros_like(half)).where(there & (half > 0).all(axis=1))
 
@@ -165,26 +158,26 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
     step = step - along[..., None] ** 2 / 2 * found.bend[rows][:, None]  # as if the axis did not bend
     q, theirs = (np.einsum("rki,rij->rkj", x, frame)[..., :2] for x in (step, step + found.middle[some]))
     mate = found.there[some] & (np.linalg.norm(theirs - own[:, None], axis=2) < r[:, None])
-    weight = mate * nearness(step, s, WIDE)
+    weight = mate * nearness(step, s, CELLS.slender_wide)
     weight /= weight.sum(axis=1, keepdims=True)
     middle = (weight[..., None] * theirs).sum(axis=1)
     m, _ = flattened(normals[some], frame)
     _, out = beside(q - middle[:, None], m)
     m, out = m * np.where(out < 0, -1.0, 1.0)[..., None], np.abs(out)
     mean = (weight * out).sum(axis=1)
-    far, turn = np.empty((len(rows), SIDES)), np.arange(SIDES) * (2 * np.pi / SIDES)
+    far, turn = np.empty((len(rows), CELLS.rod_sides)), np.arange(CELLS.rod_sides) * (2 * np.pi / CELLS.rod_sides)
     way = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    for k in range(SIDES):
+    for k in range(CELLS.rod_sides):
         facing = m @ way[k]
-        share = weight * np.where(facing > FACES, facing, 0.0) ** SHARP
+        share = weight * np.where(facing > CELLS.rod_faces, facing, 0.0) ** CELLS.rod_sharp
         total = share.sum(axis=1)
-        plane = (share * out / np.maximum(facing, FACES)).sum(axis=1) / np.maximum(total, 1e-30)
+        plane = (share * out / np.maximum(facing, CELLS.rod_faces)).sum(axis=1) / np.maximum(total, 1e-30)
         far[:, k] = np.where(total > 1e-9, plane, np.nan)
-    far = np.where(np.isnan(far), np.roll(far, SIDES // 2, axis=1), far)  # seen from one side alone
+    far = np.where(np.isnan(far), np.roll(far, CELLS.rod_sides // 2, axis=1), far)  # seen from one side alone
     far = np.where(np.isnan(far), mean[:, None], far)
     ahead = np.empty((len(rows), 2))
     for k, side in enumerate((-1.0, 1.0)):
-        next_ = np.where(mate & (side * along > AHEAD * s[:, None]), side * along, np.inf).min(axis=1)
-        ahead[:, k] = np.where(np.isfinite(next_), np.minimum(HALF_WAY * next_, s), 0.0)
+        next_ = np.where(mate & (side * along > CELLS.rod_ahead * s[:, None]), side * along, np.inf).min(axis=1)
+        ahead[:, k] = np.where(np.isfinite(next_), np.minimum(CELLS.rod_half_way * next_, s), 0.0)
     across = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
     return Rods(rows, frame[:, :, 2], frame[:, :, 0], frame[:, :, 1], across, far[..., None] * way, ahead)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F32, F64
-from mirelight.proxy.depth import OPAQUE, DepthMap
+from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 
@@ -98,7 +98,7 @@ def _with_planes(view: DepthMap, plane: F32, found: Bool) -> DepthMap:
     rest = slope[..., 2] - (away * directions).sum(axis=-1)
     away = away - rest[..., None] * turn[:, 2]
     normal = -away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-30)
-    there = found & (view.alpha > OPAQUE)
+    there = found & (view.alpha > TUNING.depth_opaque)
     depth = np.where(there, 1 / np.maximum(slope[..., 2], 1e-12), view.depth)
     normal = np.where(there[..., None], normal, view.normal)
     return replace(view, depth=depth.astype(np.float32), normal=normal.astype(np.float32))

@@ -13,34 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.bent import SLACK, UPRIGHT, bent_axes
+from mirelight.proxy.bent import bent_axes
+from mirelight.proxy.cell_tuning import CELLS
 from mirelight.proxy.types import Int
 
 Bool = NDArray[np.bool_]
 
-WIDE = 1.2  # local spacings: standard deviation of the weights of neighbours
-SHEET = 0.8  # cosine between normals of discs of one side
-LEVEL = 0.15  # local spacings: so much may discs of one side lie over each other
-FEW = 3  # discs of one side that a slender rod may have around each
-AROUND = 1.5  # local spacings around a disc in which those count
-TUBE = 0.4  # local spacings: radius about a line in which the discs of a rod lie, and of the thickest rods
-APART = 0.25  # local spacings: discs nearer than that do not tell a direction
-FEWEST = 5  # discs that tell a rod
-FIT = 1.5  # local spacings: as `WIDE`, where an axis that bends is found
-THICKEST = 0.42  # local spacings: radius of rods that bend
-FEWEST_BENT = 6  # discs that tell one
-BENT = 0.25  # in one over local spacings: bends that are less are those of straight rods
-TURNED = 0.2  # share of the normals' squares that must lie across on either side, or the discs are those of a sheet
-HARDLY = 0.15  # the same about any axis, by which discs are not asked for
-LONG = 5.0  # radii that a rod goes on at least among a disc's neighbours
-ROUNDS = 4  # in which the axis is found, each with less weight on what lies off it
-OFF = 0.5  # of the radius: how far beside the axis a normal's line halves what its disc weighs
-ASTRAY = 0.75  # of the radius: lines farther beside the axis, or planes that much farther out, lie on something else
-FREE = 1.0, 0.8  # local spacings from the axis, and along it either way: only discs of the rod lie there
-OTHERS = 0.15  # share of the weight there that may be others
-OPEN = 6.0  # local spacings around a disc, in which no plane is that tells of a free rod
-STEPS = 2  # by which rods go on from where they stand free, each as far as neighbours are
-MATES = 2  # discs that tell of the same rod, by which a further one is found to lie on it
 _CHUNK = 10_000  # discs looked at at once
 
 
@@ -73,7 +51,7 @@ def slender_of(at: F64, normals: F64, near: Int, local: F64, flats: F64) -> Slen
     for rows in _chunks(np.concatenate(asked)):
         _fit(found, at, normals, rows, near, local)
         _fit_bent(found, at, normals, rows[~found.there[rows]], near, local)
-    for _ in range(STEPS):
+    for _ in range(CELLS.slender_steps):
         told, found = found, Slender.none_of(n)
         for rows in _chunks(np.flatnonzero(told.there | told.there[near].any(axis=1))):
             _follow(found, told, at, normals, rows, near, local)
@@ -91,7 +69,7 @@ def _far_from(flats: F64, at: F64, local: F64) -> Int:
     if not len(flats):
         return np.arange(len(at))
     far, _ = cKDTree(flats).query(at, workers=-1)
-    return np.flatnonzero(far > OPEN * local)
+    return np.flatnonzero(far > CELLS.slender_open * local)
 
 
 def nearness(step: F64, local: F64, wide: float) -> F64:
@@ -102,16 +80,16 @@ def nearness(step: F64, local: F64, wide: float) -> F64:
 def _with_few_beside(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Int:
     """Those of the discs that have few of their own side around them."""
     step, n, s = at[near[rows]] - at[rows][:, None], normals[rows], local[rows]
-    rise = np.abs(np.einsum("rki,ri->rk", step, n)) < LEVEL * s[:, None]
-    alike = np.abs(np.einsum("rki,ri->rk", normals[near[rows]], n)) > SHEET
-    close = (step**2).sum(axis=2) < (AROUND * s[:, None]) ** 2
-    return np.asarray(rows[(rise & alike & close).sum(axis=1) <= FEW])
+    rise = np.abs(np.einsum("rki,ri->rk", step, n)) < CELLS.slender_level * s[:, None]
+    alike = np.abs(np.einsum("rki,ri->rk", normals[near[rows]], n)) > CELLS.slender_sheet
+    close = (step**2).sum(axis=2) < (CELLS.slender_around * s[:, None]) ** 2
+    return np.asarray(rows[(rise & alike & close).sum(axis=1) <= CELLS.slender_few])
 
 
 def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
     """Find rods along the lines from discs to their neighbours; those that stand free are put in."""
     step, m, n, s = at[near[rows]] - at[rows][:, None], normals[near[rows]], normals[rows], local[rows]
-    weight = nearness(step, s, WIDE)
+    weight = nearness(step, s, CELLS.slender_wide)
     axis, score = _best_way(step, m, n, s, weight)
     there = np.flatnonzero(score > 0)
     rows, n, s, axis = rows[there], n[there], s[there], axis[there]
@@ -119,8 +97,8 @@ def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64
     m = np.concatenate([n[:, None], m[there]], axis=1)
     weight = np.concatenate([np.ones((len(rows), 1)), weight[there]], axis=1)
     along = np.einsum("rki,ri->rk", step, axis)
-    own = weight * ((step**2).sum(axis=2) - along**2 < (TUBE * s[:, None]) ** 2)
-    own *= np.abs(np.einsum("rki,ri->rk", m, axis)) < UPRIGHT
+    own = weight * ((step**2).sum(axis=2) - along**2 < (CELLS.slender_tube * s[:, None]) ** 2)
+    own *= np.abs(np.einsum("rki,ri->rk", m, axis)) < CELLS.bent_upright
     off = step - ((own[..., None] * step).sum(axis=1) / own.sum(axis=1, keepdims=True))[:, None]
     axis = np.linalg.eigh(np.einsum("rk,rki,rkj->rij", own, off, off))[1][:, :, 2]
     frame = frame_of(axis, n)
@@ -128,10 +106,10 @@ def _fit(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64
     q = np.einsum("rki,rij->rkj", step, frame[:, :, :2])
     middle, radius = _middle(q, flat, own * across)
     aside, out = beside(q - middle[:, None], flat)
-    lax = ASTRAY * (radius + SLACK * s)[:, None]
+    lax = CELLS.slender_astray * (radius + CELLS.bent_slack * s)[:, None]
     on = across & (aside < lax) & (np.abs(np.abs(out) - radius[:, None]) < lax)
     along = np.einsum("rki,ri->rk", step, axis)
-    good = (on.sum(axis=1) >= FEWEST) & (radius < TUBE * s)
+    good = (on.sum(axis=1) >= CELLS.slender_fewest) & (radius < CELLS.slender_tube * s)
     good &= _stands_free(on, along, q - middle[:, None], flat, weight, radius, s)
     middle = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
     found._take(rows[good], axis[good], middle[good], np.zeros((int(good.sum()), 3)), radius[good])
@@ -141,12 +119,16 @@ def _best_way(step: F64, m: F64, n: F64, local: F64, weight: F64) -> tuple[F64, 
     """(R, 3) which way to a neighbour most others lie on the sides of one rod, and (R,) how many more than others."""
     length = np.linalg.norm(step, axis=2)
     way = step / np.maximum(length, 1e-30)[..., None]
-    tried = (np.abs(np.einsum("rki,ri->rk", way, n)) < UPRIGHT) & (np.abs((way * m).sum(axis=2)) < UPRIGHT)
-    tried &= length > APART * local[:, None]
-    best, axis, tube = np.zeros(len(n)), np.zeros((len(n), 3)), (TUBE * local[:, None]) ** 2
+    tried = (np.abs(np.einsum("rki,ri->rk", way, n)) < CELLS.bent_upright) & (
+        np.abs((way * m).sum(axis=2)) < CELLS.bent_upright
+    )
+    tried &= length > CELLS.slender_apart * local[:, None]
+    best, axis, tube = np.zeros(len(n)), np.zeros((len(n), 3)), (CELLS.slender_tube * local[:, None]) ** 2
     for k in range(step.shape[1]):
         within = weight * (length**2 - np.einsum("rki,ri->rk", step, way[:, k]) ** 2 < tube)
-        score = (within * np.where(np.abs(np.einsum("rki,ri->rk", m, way[:, k])) < UPRIGHT, 1.0, -1.0)).sum(axis=1)
+        score = (within * np.where(np.abs(np.einsum("rki,ri->rk", m, way[:, k])) < CELLS.bent_upright, 1.0, -1.0)).sum(
+            axis=1
+        )
         better = np.flatnonzero(tried[:, k] & (score > best))
         best[better], axis[better] = score[better], way[better, k]
     return axis, best
@@ -157,15 +139,15 @@ def _fit_bent(found: Slender, at: F64, normals: F64, rows: Int, near: Int, local
     rows = rows[_turning(at, normals, rows, near, local)]
     some, s = np.concatenate([rows[:, None], near[rows]], axis=1), local[rows]
     step = at[some] - at[rows][:, None]
-    axes = bent_axes(step, normals[some], nearness(step, s, FIT), s)
+    axes = bent_axes(step, normals[some], nearness(step, s, CELLS.slender_fit), s)
     rows, step, s = rows[axes.row], step[axes.row], s[axes.row]
-    weight, radius, on = nearness(step, s, WIDE), axes.radius, axes.on
+    weight, radius, on = nearness(step, s, CELLS.slender_wide), axes.radius, axes.on
     along, off = axes.at[..., 0], axes.at[..., 1:]
     flat = axes.normals[..., 1:]
     flat = flat / np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-30)
-    good = (on.sum(axis=1) >= FEWEST_BENT) & (radius < THICKEST * s)
+    good = (on.sum(axis=1) >= CELLS.slender_fewest_bent) & (radius < CELLS.slender_thickest * s)
     good &= _stands_free(on, along, off - axes.beside(along), flat, weight, radius, s)
-    good &= np.linalg.norm(axes.bend, axis=1) * s > BENT
+    good &= np.linalg.norm(axes.bend, axis=1) * s > CELLS.slender_bent
     way = np.einsum("rij,rj->ri", axes.frame, np.pad(axes.slope, ((0, 0), (1, 0)), constant_values=1.0))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     middle = np.einsum("rij,rj->ri", axes.frame[:, :, 1:], axes.middle)
@@ -187,23 +169,23 @@ def _stands_free(on: Bool, along: F64, off: F64, flat: F64, weight: F64, radius:
         s: (R,) how far discs are from each other.
     """
     reach = np.where(on, along, 0.0)
-    good = on[:, 0] & (reach.max(axis=1) - reach.min(axis=1) > LONG * radius)
+    good = on[:, 0] & (reach.max(axis=1) - reach.min(axis=1) > CELLS.slender_long * radius)
     total = np.maximum((weight * on).sum(axis=1), 1e-30)
     squares = np.einsum("rk,rki,rkj->rij", weight * on, flat, flat) / total[:, None, None]
-    good &= np.linalg.eigvalsh(squares)[:, 0] > TURNED
-    close = np.linalg.norm(off, axis=2) < FREE[0] * s[:, None]
-    close &= np.abs(along) < FREE[1] * s[:, None]
-    good &= (weight * (close & ~on)).sum(axis=1) <= OTHERS * (weight * close).sum(axis=1)
+    good &= np.linalg.eigvalsh(squares)[:, 0] > CELLS.slender_turned
+    close = np.linalg.norm(off, axis=2) < CELLS.slender_free[0] * s[:, None]
+    close &= np.abs(along) < CELLS.slender_free[1] * s[:, None]
+    good &= (weight * (close & ~on)).sum(axis=1) <= CELLS.slender_others * (weight * close).sum(axis=1)
     return np.asarray(good)
 
 
 def _turning(at: F64, normals: F64, rows: Int, near: Int, local: F64) -> Bool:
     """(R,) whether normals around a disc turn as those of a rod do: most of what is asked for is a sheet that bends."""
-    weight = nearness(at[near[rows]] - at[rows][:, None], local[rows], WIDE)
+    weight = nearness(at[near[rows]] - at[rows][:, None], local[rows], CELLS.slender_wide)
     squares = np.einsum("rk,rki,rkj->rij", weight, normals[near[rows]], normals[near[rows]])
     squares += normals[rows][:, :, None] * normals[rows][:, None]
     total = 1 + weight.sum(axis=1)
-    return np.asarray(np.linalg.eigvalsh(squares)[:, 1] > HARDLY * total)
+    return np.asarray(np.linalg.eigvalsh(squares)[:, 1] > CELLS.slender_hardly * total)
 
 
 def _follow(found: Slender, told: Slender, at: F64, normals: F64, rows: Int, near: Int, local: F64) -> None:
@@ -218,10 +200,10 @@ def _follow(found: Slender, told: Slender, at: F64, normals: F64, rows: Int, nea
     axis /= np.maximum(np.linalg.norm(axis, axis=2, keepdims=True), 1e-30)
     far = np.linalg.norm(off, axis=2)
     aside = np.linalg.norm(np.cross(off, n[:, None]), axis=2)
-    lax = ASTRAY * (r + SLACK * s[:, None])
+    lax = CELLS.slender_astray * (r + CELLS.bent_slack * s[:, None])
     mine = told.there[some] & (np.abs(far - r) < lax) & (aside < lax)
-    mine &= np.abs((axis * n[:, None]).sum(axis=2)) < UPRIGHT
-    weight = mine * nearness(step, s, WIDE)
+    mine &= np.abs((axis * n[:, None]).sum(axis=2)) < CELLS.bent_upright
+    weight = mine * nearness(step, s, CELLS.slender_wide)
     lead = axis[np.arange(len(rows)), weight.argmax(axis=1)]
     sign = np.where(np.einsum("rki,ri->rk", axis, lead) < 0, -1.0, 1.0)
     way = np.einsum("rk,rki->ri", weight * sign, axis)
@@ -230,7 +212,7 @@ def _follow(found: Slender, told: Slender, at: F64, normals: F64, rows: Int, nea
     middle, radius = (weight[..., None] * off).sum(axis=1) / total[:, None], (weight * r).sum(axis=1) / total
     middle -= (middle * way).sum(axis=1, keepdims=True) * way
     bend = (weight[..., None] * bend).sum(axis=1) / total[:, None]
-    good = mine.sum(axis=1) >= MATES
+    good = mine.sum(axis=1) >= CELLS.slender_mates
     found._take(rows[good], way[good], middle[good], bend[good], radius[good])
 
 
@@ -245,7 +227,7 @@ def flattened(m: F64, frame: F64) -> tuple[F64, Bool]:
     """Normals (R, K, 3) as (R, K, 2) unit across the axes of frames, and whether they lie across them."""
     flat = np.einsum("rki,rij->rkj", m, frame[:, :, :2])
     size = np.linalg.norm(flat, axis=2)
-    return flat / np.maximum(size, 1e-30)[..., None], size > np.sqrt(1 - UPRIGHT**2)
+    return flat / np.maximum(size, 1e-30)[..., None], size > np.sqrt(1 - CELLS.bent_upright**2)
 
 
 def beside(off: F64, m: F64) -> tuple[F64, F64]:
@@ -260,12 +242,14 @@ def _middle(q: F64, m: F64, weight: F64) -> tuple[F64, F64]:
     """
     t = np.stack([-m[..., 1], m[..., 0]], axis=2)
     own, middle, radius = weight, np.zeros((len(q), 2)), np.zeros(len(q))
-    for _ in range(ROUNDS):
+    for _ in range(CELLS.slender_rounds):
         square = np.einsum("rk,rki,rkj->rij", own, t, t)
         square += 1e-6 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(2) + 1e-30 * np.eye(2)
         middle = np.linalg.solve(square, np.einsum("rk,rki,rk->ri", own, t, (t * q).sum(axis=2))[..., None])[..., 0]
         aside, out = beside(q - middle[:, None], m)
         radius = (own * np.abs(out)).sum(axis=1) / np.maximum(own.sum(axis=1), 1e-30)
-        off = (aside**2 + (np.abs(out) - radius[:, None]) ** 2) / np.maximum(OFF * radius[:, None], 1e-30) ** 2
+        off = (aside**2 + (np.abs(out) - radius[:, None]) ** 2) / np.maximum(
+            CELLS.slender_off * radius[:, None], 1e-30
+        ) ** 2
         own = weight / (1 + off) ** 2
     return middle, radius

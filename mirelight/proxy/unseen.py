@@ -16,9 +16,10 @@ import numpy as np
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, triangles
 from mirelight.proxy.backs import backs_of
-from mirelight.proxy.beyond import SMALL, Look, beyond_pictures, box_of, cell_of
+from mirelight.proxy.beyond import Look, beyond_pictures, box_of, cell_of
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Progress, ProxySettings, Soup
 
 
@@ -44,7 +45,7 @@ def closing(
     progress("looking for what no camera saw", 0.3)
     low, high = box_of(soup, pictures.eyes)
     cell = cell_of(low, high, spacing)
-    planes = planes_of(soup, cell, SMALL * float(triangles.areas(soup.vertices[soup.faces]).sum()))
+    planes = planes_of(soup, cell, TUNING.beyond_small * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
     progress("carrying on walls", 0.7)
 

@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.lighting.sight import Sight
 from mirelight.proxy import MadeProxy, ProxySettings, make
-from mirelight.proxy.cells import HALF, REACH, WELD
+from mirelight.proxy.cell_tuning import CELLS
 from mirelight.proxy.polygons import octagons
 
 from .clouds import ball, box_shell, on_surface, square
@@ -60,8 +60,8 @@ def test_a_sheet_ends_where_its_discs_do() -> None:
     """Cells that nothing cuts would stick out by two spacings, and cast shadows that are not there."""
     side, step, size = 2.0, 0.08, 0.05
     mesh = make(on_surface(*square(side, step, 1, 0.0), size, thin=0.05)).mesh
-    end = side / 2 - step / 2 + REACH * size
-    assert np.abs(mesh.vertices).max() == pytest.approx(end, abs=WELD * step)
+    end = side / 2 - step / 2 + CELLS.cell_reach * size
+    assert np.abs(mesh.vertices).max() == pytest.approx(end, abs=CELLS.cell_weld * step)
 
 
 def test_a_leaf_ends_where_its_own_discs_are_half_seen_through() -> None:
@@ -71,7 +71,9 @@ def test_a_leaf_ends_where_its_own_discs_are_half_seen_through() -> None:
     points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     mesh = make(on_surface(points, np.tile((0.0, 1.0, 0.0), (len(points), 1)), size, thin=0.05)).mesh
     far = np.abs(mesh.vertices).max(axis=0)[[0, 2]]
-    np.testing.assert_allclose(far, np.array([step / 2, step]) + HALF * size, atol=0.2 * (REACH - HALF) * size)
+    np.testing.assert_allclose(
+        far, np.array([step / 2, step]) + CELLS.cell_half * size, atol=0.2 * (CELLS.cell_reach - CELLS.cell_half) * size
+    )
 
 
 def test_the_same_cells_on_any_number_of_threads() -> None:

@@ -144,6 +144,9 @@ class Tuning:
     doubt_sure_lamp: float = 0.01
     # standard errors by which shadows' edges speak for another sun, above which a direction is a guess
     doubt_beaten: float = 2.0
+    # degrees between the suns of both halves, above which it is one, too, unless edges speak for it by as much: 0.5 to
+    # 7 of right ones on proxies made of trained splats, 63 of a wrong one
+    doubt_apart: float = 20.0
     # of the differences explained elsewhere: hardly any; asked where no shadow has an edge
     doubt_little: float = 0.03
 

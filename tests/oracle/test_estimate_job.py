@@ -98,9 +98,11 @@ def told(sun: float, *named: PointLight) -> Estimate:
 
 def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sure = told(2.0)
-    for found, times in ((sure, 0), (replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0)), 1)):
+    cases = ((-3.0, 1.0, 0), (4.0, 1.0, 1), (-3.0, 60.0, 0), (0.0, 60.0, 1))
+    for case, (beaten, apart, times) in enumerate(cases):
+        found = replace(sure, confidence=replace(sure.confidence, sun_beaten=beaten, sun_apart=apart))
         monkeypatch.setattr("mirelight.estimate.estimate", lambda *_, found=found: found)
-        work, said = loaded(folder, f"captured={{ estimate = true, exposure = {times} }}"), list[str]()  # none is kept
+        work, said = loaded(folder, f"captured={{ estimate = true, exposure = {case} }}"), list[str]()  # none is kept
         assert work.captured is not None
         prepare(work, Shelf(), said.append).resolved(work.captured)
         assert sum("not known: where the sun stood" in x for x in said) == times

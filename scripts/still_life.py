@@ -1,4 +1,5 @@
-"""Things for the gallery's picture of objects in the capture: a chair, a chrome ball, a bottle, a lacquered pebble.
+"""Things for the gallery's picture of objects in the capture: a chair, a chrome ball, a bottle, a lacquered pebble, and
+a brass ball behind the shrubs.
 
 python scripts/still_life.py docs/gallery/still-life.glb
 """
@@ -82,6 +83,7 @@ def things() -> list[tuple[str, Shape, dict[str, Any]]]:
     return [
         ("chair", chair(-2.35, 2.1, 55), surface((0.36, 0.2, 0.09), 0, 0.55)),
         ("chrome", turned(ball, (-1.5, 0, 3.0)), surface((0.95, 0.95, 0.95), 1, 0.0)),
+        ("brass", turned(ball, (-2.2, 0, -1.75)), surface((0.9, 0.65, 0.25), 1, 0.2)),
         (
             "glass",
             turned(bottle, (-0.95, 0, 3.1)),

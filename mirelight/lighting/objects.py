@@ -33,7 +33,7 @@ class Placed:
         return replace(
             mesh,
             vertices=mesh.vertices[start:],
-            faces=faces - start,
+            faces=faces - np.int32(start),
             normals=theirs(mesh.normals),
             uvs=theirs(mesh.uvs),
             vertex_colors=theirs(mesh.vertex_colors),

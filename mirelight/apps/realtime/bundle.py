@@ -100,6 +100,7 @@ def export(
             f"camera {camera.name} is orthographic",
             "the engine's relighting follows perspective cameras only",
         )
+    objects = job.objects_of(lighting)
     lighting = Scene(job, NullCache()).resolved(lighting)  # unchecked: the engine shows what no frame is rendered of
     clustered = job.engine.clustered
     proxy = scene.proxy or _NO_PROXY
@@ -113,7 +114,6 @@ def export(
         description["splat"] = captures.write(job, folder, lambda target, name: _linked(like, name, target))
     if scene.proxy is not None and not _linked(like, "proxy.glb", folder):
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
-    objects = job.objects_of(lighting)
     if objects and scene.proxy is not None:
         write_glb(folder / "objects.glb", _with_normals(inserted(objects, scene.proxy).alone))
         description["objects"] = {"file": "objects.glb"}

@@ -107,6 +107,15 @@ def test_an_edit_is_taken_or_refused_in_a_line(asker: Asker) -> None:
     assert asker.session._text == text
 
 
+def test_up_is_turned_by_hand(asker: Asker) -> None:
+    """A direction that is pointed at in the world is one of the capture's own axes."""
+    document = opened(asker.folder / "corner.ply", asker.folder / "up.studio.toml", "0 0.6 0.8")
+    own = [float(x) for x in document.own_way([0, 3, 0]).split()]
+    np.testing.assert_allclose(own, [0, 0.6, 0.8], atol=1e-3)
+    for asked in ({"up": "+W"}, {"up": "1 2"}, {"up": "0 0 0"}, {"up": "nan 1 0"}, {"up": "", "way": [1]}, {}):
+        assert asker.ask("live/turn", asked)[0] == 422
+
+
 @pytest.mark.parametrize(
     "name", ["other.txt", "../job.toml", "..%2fjob.toml", "/etc/passwd", "", "live", "live/layer/1"]
 )

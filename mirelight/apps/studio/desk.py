@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from mirelight.apps.studio.document import UPS, opened
+from mirelight.apps.studio.document import opened, way_of
 from mirelight.apps.studio.session import Session
 from mirelight.base.errors import InputError, MirelightError
 
@@ -45,13 +45,14 @@ class Desk:
             self._news.notify_all()
 
     def turn(self, up: str) -> None:
-        """Open the capture again with another direction as up: one of UPS, or "" for the one that is found.
+        """Open the capture again with another direction as up; see :func:`way_of`.
 
         Raises:
             InputError: nothing is open; there is no such direction.
         """
-        if not self._name or up not in ("", *UPS):
-            raise InputError("the page", "a way up that is none")
+        if not self._name:
+            raise InputError("the studio", "nothing is open")
+        way_of(up)
         self.open(self._name, up)
 
     def read(self) -> None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mirelight.apps.first_job import Wish, job_for
 from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job as jobs
 from mirelight.io.atomic import atomic_path
 from mirelight.io.job.limits import load_toml
+from mirelight.io.job.placing import matrix
+from mirelight.io.job.scene_tables import Transform
 from mirelight.io.job.write import text_of
 from mirelight.io.safety import existing, open_binary
 from mirelight.io.suffixes import SPLATS
@@ -49,12 +53,19 @@ class Document:
     data: Mapping[str, Any]  # as TOML gives it; paths are relative to the file's folder
     notes: tuple[str, ...]  # what was found in a capture, a line each
     begun: bool  # for a bare capture, whose light is only assumed
-    up: str = ""  # as it was asked for, "+Y"; "": as it was found
+    up: str = ""  # as it was asked for, "+Y" or "0.1 1 0"; "": as it was found
 
     def text(self, edits: Mapping[str, Any]) -> str:
         """The job's TOML with other values for what may be edited."""
         data = {key: value for key, value in self.data.items() if key not in edits}
         return text_of(data | {key: value for key, value in edits.items() if value}, self.path.parent, self.path, _HEAD)
+
+    def own_way(self, world: Sequence[float]) -> str:
+        """A direction in the world as one in the capture's own axes, as :func:`way_of` takes it."""
+        splats = self.data["splats"]
+        placed = splats.get("transform", {}) if isinstance(splats, Mapping) else {}
+        own = matrix(Transform(**placed))[:3, :3].T @ np.asarray(world, np.float64)
+        return " ".join(f"{x:.5f}" for x in own / max(float(np.linalg.norm(own)), 1e-9))
 
     def job(self, text: str) -> Job:
         """What such a text says.
@@ -81,13 +92,30 @@ class Document:
             temporary.write_text(text, encoding="utf-8")
 
 
+def way_of(up: str) -> tuple[float, ...] | None:
+    """A direction in a capture's own axes as it is asked for: one of UPS, or three numbers; None: it is looked for.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not up:
+        return None
+    try:
+        way = UPS[up] if up in UPS else tuple(float(x) for x in up.split())
+    except ValueError:
+        way = ()
+    if len(way) != 3 or not 1e-6 < sum(x * x for x in way) < 1e6:
+        raise InputError("the page", "a way up that is none")
+    return way
+
+
 def opened(name: str | Path, out: str | Path | None, up: str = "") -> Document:
     """A capture or a job to be edited.
 
     Args:
         name: a splat file or a job file.
         out: where to save; None: beside it, in a file of its own.
-        up: of a capture, in its own axes: one of UPS; "": it is looked for.
+        up: of a capture, as :func:`way_of` has it.
 
     Raises:
         InputError: it cannot be used; `out` is a file that the studio has not written.
@@ -116,7 +144,7 @@ def edits_of(asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_capture(path: Path, target: Path, up: str) -> Document:
-    found = job_for(path, target.parent, Wish(up=UPS.get(up)))
+    found = job_for(path, target.parent, Wish(up=way_of(up)))
     data = load_toml(found.text)
     return Document(target, _named(data, jobs.load_text(found.text, target)), (found.up, *found.not_taken), True, up)
 

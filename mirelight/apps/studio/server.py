@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mirelight.apps.mixer import bundle
-from mirelight.apps.mixer.asked import table, whole
+from mirelight.apps.mixer.asked import numbers, table, whole
 from mirelight.apps.realtime import engine
 from mirelight.apps.realtime.server import PATIENCE, Handler, answering
 from mirelight.apps.studio import uploads
@@ -24,17 +24,6 @@ from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
 
-_OWN = (
-    "index.html",
-    "style.css",
-    "studio.mjs",
-    "model.mjs",
-    "rows.mjs",
-    "queue.mjs",
-    "ball.mjs",
-    "mesh.mjs",
-    "things.mjs",
-)
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
 _UPLOAD, _OBJECT, _OPEN = "live/upload/", "live/object/", "live/open/"
 _LIMITS = {
@@ -68,7 +57,7 @@ def serving(desk: Desk, port: int = 0) -> Iterator[str]:
         BackendError: the engine is not installed and cannot be fetched.
     """
     installed = engine.install()
-    pages = {name: resources.files(__package__).joinpath("page", name).read_bytes() for name in _OWN}
+    pages = {x.name: x.read_bytes() for x in resources.files(__package__).joinpath("page").iterdir()}
     pages |= {name: bundle.page_file(name) for name in _MIXERS}
     pages |= {f"engine/{name}": (installed / name).read_bytes() for name in engine.FILES.values()}
     handler = partial(_Page, folder=desk.folder.resolve(), pages=pages, desk=desk)
@@ -149,7 +138,8 @@ class _Page(Handler):
             return session.save()
         asked = table(body)
         if name == "live/turn":
-            return self._desk.turn(_text(asked, "up"))
+            way = numbers(asked, "way", 3, 1e3) if "way" in asked else None
+            return self._desk.turn(_text(asked, "up") if way is None else session.document.own_way(way))
         if name == "live/job":
             return session.edit(
                 whole(asked, "number", 0, 10**15), _text(asked, "shown"), edits_of(_table(asked, "job"))

@@ -7,6 +7,7 @@ import { aimOf, between, createModel, freeName, fromSky, length, newLight, place
 import { createQueue } from './queue.mjs';
 import { aroundRow, lightRow, make } from './rows.mjs';
 import { createObjects } from './things.mjs';
+import { createUpright } from './upright.mjs';
 import { createView } from './view.mjs';
 
 const SLOTS = 32;  // layers that the view has room for; the last is the misfit of the proxy
@@ -210,11 +211,12 @@ function start(view, studio) {
         }
     }
     const handles = createHandles(find('handles'), view, {
-        pick: ({ light, thing }) => pick(light ?? thing),
+        pick: (handle) => (handle.upright ? upright.pick() : pick(handle.light ?? handle.thing)),
         move(handle, position, ended) {
             held = ended ? null : handle;
             if (handle.sun) return shine(handle, position, ended);
             if (handle.thing) return objects.move(handle, position, ended);
+            if (handle.upright) { upright.move(handle, position, ended); return upright.place(); }
             handle.position = position;
             model.change(`move ${handle.name}`, (job) => {
                 const light = job.lightings[chosen].lights.find((x) => x.name === handle.light);
@@ -224,6 +226,8 @@ function start(view, studio) {
             if (!ended) pick(handle.light);
         }
     });
+
+    const upright = createUpright({ line: find('arrow'), focus: () => focus(), away: () => away(), view, turn: (way) => turnUp({ way }) });
 
     // a sun's handle moves about what is looked at: which way it lies from there is where the sun stands
     const focus = () => bookmark?.target ?? [0, 0, 0];
@@ -273,7 +277,7 @@ function start(view, studio) {
     function showHandles() {
         const lights = lighting().lights ?? [];
         const light = (name) => (lighting().lights ?? []).find((x) => x.name === name);
-        drawn = [...objects.handles(), ...lights.flatMap(({ name, type, position }, layer) => {
+        drawn = [...upright.handles(), ...objects.handles(), ...lights.flatMap(({ name, type, position }, layer) => {
             const one = { name, light: name, layer };
             if (type === 'sun' || type === 'directional') return [{ ...one, sun: true, now: () => light(name) && sunPlace(light(name)) }];
             if (!position) return [];
@@ -286,7 +290,9 @@ function start(view, studio) {
             button.classList.toggle('aim', Boolean(drawn[i].aims || drawn[i].turns));
             button.classList.toggle('thing', Boolean(drawn[i].thing));
             button.classList.toggle('sun', Boolean(drawn[i].sun));
+            button.classList.toggle('upright', Boolean(drawn[i].upright));
         }
+        upright.place();
     }
     // handles stand where rows and undo have put their lights
     function follows() {
@@ -438,6 +444,7 @@ function start(view, studio) {
     // before | after: a plane through the eye, left of which splats are as captured
     function seen() {
         handles.place();
+        upright.place();
         balls();
         if (still?.eye && still.eye !== JSON.stringify(view.eye())) closeFrame();
         const share = Number(find('split').value), eye = view.eye();
@@ -476,6 +483,12 @@ function start(view, studio) {
             overlay?.(true);
             view.wake();
             marks();
+        },
+        upright: () => {
+            if (!studio.begun) return;
+            upright.toggle();
+            find('upright').setAttribute('aria-pressed', upright.on);
+            showHandles();
         },
         'render-still': renderStill,
         undo: () => { again(); model.undo(); cameraRows(); },
@@ -540,12 +553,20 @@ function start(view, studio) {
     }));
     find('split').addEventListener('input', seen);
     find('up-row').hidden = !studio.begun;
+    if (![...find('up').options].some((x) => x.value === studio.up)) find('up').append(make('option', { value: studio.up, textContent: 'by hand' }));
     find('up').value = studio.up;
-    find('up').addEventListener('change', async () => {
-        if (model.canUndo && !confirm('Begin again with another way up? Lights and cameras are set anew.')) return;
-        if (await put('live/turn', { up: find('up').value }) !== null || find('error').hidden) location.reload();
-    });
-    const keys = { c: 'captured', b: 'compare', m: 'misfit', n: 'mesh', p: 'render-still', s: 'save', h: 'fold' };
+    let turning = false;  // a drag ends in a click, too
+    async function turnUp(asked) {
+        if (turning) return;
+        turning = true;
+        const sure = !model.canUndo || confirm('Begin again with another way up? Lights and cameras are set anew.');
+        if (sure && (await put('live/turn', asked) !== null || find('error').hidden)) return location.reload();
+        find('up').value = studio.up;
+        if (upright.on) actions.upright();
+        turning = false;
+    }
+    find('up').addEventListener('change', () => turnUp({ up: find('up').value }));
+    const keys = { c: 'captured', b: 'compare', m: 'misfit', n: 'mesh', p: 'render-still', s: 'save', h: 'fold', u: 'upright' };
     addEventListener('keydown', (event) => {
         const typing = event.target.matches?.('select, textarea, input:not([type=range]):not([type=color])');
         if (typing) return;

@@ -122,11 +122,11 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
             break
         some = left[rng.permutation(len(left))[:_SAMPLE]]
         at, normals, weight = points.at[some], points.normal[some], points.weight[some]
+        places, ways = np.ascontiguousarray(at.T), np.ascontiguousarray(normals.T)  # sums over three are quicker so
         best, held = 0, -1.0
         for seed in rng.choice(len(some), _SEEDS, p=weight / weight.sum()):
-            n = normals[seed]
-            on = np.abs(((at - at[seed]) * n).sum(axis=1)) < tolerance
-            on &= np.abs((normals * n).sum(axis=1)) > TUNING.plane_cosine
+            on = np.abs(_along(places - at[seed][:, None], normals[seed])) < tolerance
+            on &= np.abs(_along(ways, normals[seed])) > TUNING.plane_cosine
             if weight[on].sum() > held:
                 best, held = int(seed), float(weight[on].sum())
         normal, offset = _fitted(points, left, normals[best], float((at[best] * normals[best]).sum()), tolerance)
@@ -142,6 +142,11 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
         out.append((normal, offset, rows))
         left = left[~((off < TUNING.plane_band * tolerance) & (cosine > 0.6))]
     return out
+
+
+def _along(rows: F64, way: F64) -> F64:
+    """(N,) how far along a direction (3,) rows (3, N) lie."""
+    return np.asarray(rows[0] * way[0] + rows[1] * way[1] + rows[2] * way[2])
 
 
 def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> tuple[F64, float]:

@@ -8,6 +8,7 @@ surface ends where the picture shows that it does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,31 +41,36 @@ def slanted(view: DepthMap, noise: float) -> DepthMap:
     height, width = view.depth.shape
     inverse = np.where(there, 1 / np.maximum(view.depth, np.float32(1e-12)), 0).astype(np.float32)
     trust = np.where(there, 0.05 + view.trust, 0).astype(np.float32)
-    padded = [np.pad(x, [(radius, radius)] * 2 + [(0, 0)] * (x.ndim - 2)) for x in (inverse, trust, view.color)]
+    colors = [np.ascontiguousarray(view.color[..., k]) for k in range(3)]
+    inverses, trusts, *others = (np.pad(x, radius) for x in (inverse, trust, *colors))
     line = range(-radius, radius + 1, step)
     offsets = [(y, x) for y in line for x in line if y * y + x * x <= radius * radius]
     windows = [(slice(radius + y, radius + y + height), slice(radius + x, radius + x + width)) for y, x in offsets]
     weights = []
     for (y, x), window in zip(offsets, windows, strict=True):
-        other = np.abs(padded[2][window] - view.color).sum(axis=-1)
+        red, green, blue = (np.abs(wide[window] - own) for wide, own in zip(others, colors, strict=True))
+        other = red + green + blue
         near = np.float32((x * x + y * y) / (2 * (radius / 2) ** 2))
-        weights.append(padded[1][window] * np.exp(-other / np.float32(TUNING.window_color) - near))
+        weights.append(trusts[window] * np.exp(-other / np.float32(TUNING.window_color) - near))
     plane = _plane_of(view)
     found: Bool = np.zeros((height, width), bool)
     for wide in TUNING.window_rounds:
         scale = 1 / (np.float32(wide * noise) * np.maximum(plane[..., 2], np.float32(1e-12)) ** 2)
         sums = np.zeros((9, height, width), np.float32)
         for (y, x), window, base in zip(offsets, windows, weights, strict=True):
-            value = padded[0][window]
+            value = inverses[window]
             off = (value - (plane[..., 2] + plane[..., 0] * np.float32(x) + plane[..., 1] * np.float32(y))) * scale
             w = base / (1 + off * off) ** 2
-            for i, part in enumerate((1, x, y, x * x, x * y, y * y)):
-                sums[i] += w * np.float32(part)
-            wv = w * value
-            for i, part in enumerate((1, x, y)):
-                sums[6 + i] += wv * np.float32(part)
+            _add(sums[:6], w, (1, x, y, x * x, x * y, y * y))
+            _add(sums[6:], w * value, (1, x, y))
         plane, found = _solved(sums, plane)
     return _with_planes(view, plane, found)
+
+
+def _add(sums: F32, weight: F32, parts: Sequence[int]) -> None:
+    for to, part in zip(sums, parts, strict=True):
+        if part:
+            to += weight if part == 1 else weight * np.float32(part)
 
 
 def _solved(sums: F32, before: F32) -> tuple[F32, Bool]:

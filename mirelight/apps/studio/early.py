@@ -92,7 +92,7 @@ class EarlyLight:
         return float((captured @ colour.REC709_LUMINANCE).mean())
 
     def spread(self, values: F32) -> F32:
-        """See :meth:`Few.spread`."""
+        """(few, 3) -> (N, 3); see :meth:`Few.spread`."""
         return self._few.spread(values)
 
     def _thin(self, scene: Scene) -> Job:
@@ -122,7 +122,7 @@ class FineLight(StagedLight):
         return (self.light(unit, stage) for unit in units)
 
     def level(self, captured: F32) -> float:
-        """Of the captured light; see `Scene.captured_level`."""
+        """Of the captured light (N, 3); see `Scene.captured_level`."""
         return self.scene.captured_level or 0.0
 
     def spread(self, values: F32) -> F32:

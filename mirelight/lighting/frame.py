@@ -35,6 +35,7 @@ FIRST_RAYS = 8  # a power of two: from a camera's hit where light is read, to ea
 INDEX_BITS = 32 - 3  # of a sample's number in its sequence, times those rays
 AGAIN = 0x6A09E667  # between the seeds of first and second samples
 OBJECTS = 4  # times the samples, of pixels that show inserted objects: these are few, and no filter cleans them
+EDGES = 8  # the same of those that show them in part: there a few samples have to tell the light on both
 ROUND = 0x3C6EF35F  # between the seeds of their rounds
 
 
@@ -133,14 +134,19 @@ class FrameInProgress:
 
     def add_rounds(self, spp: int, passes: Callable[[int], Sequence[int]]) -> Iterator[int]:
         """More samples of the pixels that show inserted objects, `OBJECTS` times as many in all as the `spp` that they
-        have; yields as `add_pass`. Each round goes along a sequence of its own, in whole quarters of batches.
+        have, and `EDGES` times where they show them in part; yields as `add_pass`. Each round goes along a sequence of
+        its own, in whole quarters of batches.
 
         `passes`: cuts samples into the counts that `add_pass` takes.
         """
         if not self._world.surface.has_objects:
             return
-        pixels = np.flatnonzero(self._film.shows_objects())
-        for k in range(1, OBJECTS if len(pixels) else 0):
+        hits = self._film.on_objects()
+        shown, edges = np.flatnonzero(hits > 0), np.flatnonzero((hits > 0) & (hits < self.samples - 0.5))
+        for k in range(1, EDGES):
+            pixels = shown if k < OBJECTS else edges
+            if not len(pixels):
+                break
             since, seed = int(self.samples[pixels[0]]), (self._seed_number + k * ROUND) & 0xFFFFFFFF
             for count in passes(spp // (4 * self._batch) * 4 * self._batch):
                 yield from self.add_pass(count, pixels, seed, since)

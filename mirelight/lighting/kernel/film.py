@@ -208,11 +208,11 @@ class Film:
         doubt = None if self._doubt is None else self._doubt.numpy().reshape(-1, size).sum(axis=0)
         return total.numpy(), self._squares.numpy()[-size:], hits.numpy(), doubt
 
-    def shows_objects(self) -> NDArray[np.bool_]:
-        """(pixels,) where paths began on inserted objects, of a film that keeps those apart."""
+    def on_objects(self) -> NDArray[np.float32]:
+        """(pixels,) how many paths began on inserted objects, of a film that keeps those apart."""
         size = dr.width(self._surface) // SURFACE
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size) * SURFACE).numpy()
-        return np.asarray(hits[size // 2 :] > 0)
+        return np.asarray(hits[size // 2 :], np.float32)
 
     def sums(self) -> Sums:
         """Everything; on a CPU the film's own memory, which `develop` turns into means in place."""

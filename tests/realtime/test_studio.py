@@ -82,12 +82,12 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
     def job(page: Page) -> dict[str, Any]:
         return dict(page.evaluate("studio.then(x => x.model.job)"))
 
-    def lit(page: Page, names: set[str]) -> Callable[[], bool]:
-        """Whether the page shows these layers, with all of their samples."""
+    def lit(page: Page, names: set[str], samples: int) -> Callable[[], bool]:
+        """Whether the page shows these layers with so many samples."""
 
         def holds() -> bool:
             layers = state(page).get("layers", [])
-            return {x["name"] for x in layers if x["name"]} == names and all(x["samples"] >= 64 for x in layers)
+            return {x["name"] for x in layers if x["name"]} == names and all(x["samples"] >= samples for x in layers)
 
         return holds
 
@@ -108,7 +108,7 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
     with sync_playwright() as playwright:
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]
         chromium = playwright.chromium.launch(executable_path=browser.find_browser(), args=flags)
-        page = chromium.new_page(viewport={"width": 1280, "height": 720})
+        page = chromium.new_page(viewport={"width": 900, "height": 600})
         page.set_default_timeout(LIMIT)
         failures: list[str] = []
         page.on("pageerror", lambda error: failures.append(str(error)))
@@ -118,7 +118,7 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         for label, value in (("Width", SIZE[0]), ("Height", SIZE[1])):
             page.fill(f"[aria-label='{label} of frames in pixels']", str(value))
         page.fill("#samples", "64")
-        until(page, lit(page, {"sun", "environment"}))
+        until(page, lit(page, {"sun", "environment"}, 8))
 
         page.click("#add-point")
         page.fill("[aria-label='lamp: Kelvin']", "2700")
@@ -141,7 +141,7 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         page.click("[aria-label='Another lighting like this one']")
         page.fill("#lighting-name", "dusk")
         page.click("[aria-label='Remove sun']")
-        until(page, lit(page, {"lamp", "environment"}))
+        until(page, lit(page, {"lamp", "environment"}, 8))
         page.click("#add-spot")
         page.click("#undo")
         found["undone"] = [x["name"] for x in job(page)["lightings"][1]["lights"]]
@@ -150,7 +150,7 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         page.keyboard.press("Tab")
         page.click("#keep-view")
         page.wait_for_selector("[aria-label='Render view-1']")
-        until(page, lit(page, {"lamp", "environment"}))
+        until(page, lit(page, {"lamp", "environment"}, 64))
 
         page.evaluate("studio.then(x => { x.view.resize(160, 120); x.go(x.cameras().at(-1)); })")
         settled(page, page.locator("#view"))

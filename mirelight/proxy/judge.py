@@ -31,6 +31,7 @@ WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yel
 SURE = 0.2  # trust in a pixel's depth, from which it shows a surface: else an exact mesh under a sky misses 21, not 4 %
 NEAR = 3.0  # spacings of the splats along the view: where mesh and splats are so near to each other normals compare
 _FEWEST = 50  # pixels on a plane
+_LARGE = 0.04  # of the pixels, that a plane has: slices of a biker have up to 0.02, walls of a room from 0.05 on
 _EVEN = 0.05  # spacings, deviation from a plane: less is flat, however it bends
 _BENT = 0.5  # share of the variance about a plane that a quadric leaves: with less it is the cap of something round
 _DEFAULT = ProxySettings()
@@ -200,6 +201,7 @@ def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Captur
         own.on_mesh & (x.depth > 0) & (np.abs(own.gap) < NEAR * capture.spacing)
         for x, own in zip(views, seen, strict=True)
     ]
+    least = _LARGE * sum(int(x.sum()) for x in left)
     for flat in flats_of(views, capture.spacing, capture.radius):
         normals, points = [], []
         for free, place, own in zip(left, places, seen, strict=True):
@@ -208,7 +210,7 @@ def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Captur
             normals.append(own.normal[on])
             points.append(place[on])
             free &= ~on
-        if not _is_bent(np.concatenate(points), flat.normal, capture.spacing):
+        if sum(map(len, points)) > least and not _is_bent(np.concatenate(points), flat.normal, capture.spacing):
             cosine = np.abs(np.concatenate(normals) @ flat.normal)
             out.append(np.degrees(np.arccos(np.minimum(cosine, 1))))
     return np.concatenate(out) if out else np.zeros(0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,8 +13,10 @@ import pytest
 
 from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
-from mirelight.model import ProxyMesh, SplatCloud
+from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy import MadeProxy, ProxySettings, make
+from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.depth import footprint
 
 from .clouds import ball, box_shell, fog
 
@@ -44,6 +47,30 @@ def test_a_ball_is_covered_without_gaps_and_leaks() -> None:
     assert quality.leaks < 0.01
     assert quality.gap_median < 0.002 * quality.size
     assert quality.fits
+
+
+def test_what_lies_closer_than_two_pixels_has_cells_of_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    making = importlib.import_module("mirelight.proxy.make")
+    for name in ("PIXELS", "FEWEST_PIXELS"):
+        monkeypatch.setattr(making, name, 48)
+    side = 0.6 * 2 * 2 / 48  # of a cell, of a ball of radius 1
+    found = len(make(ball(6000)).mesh.faces) * side**2 / (2 * 4 * np.pi)
+    assert 0.6 < found < 1.3  # 2.9 by how close they lie
+
+
+@pytest.mark.parametrize(("thick", "discs"), [(0.0, True), (0.3, False)])
+def test_flat_splats_are_discs_where_hardly_any_is_thick(thick: float, discs: bool) -> None:
+    cloud = ball(thin=0.05)
+    scales = cloud.scales.copy()
+    scales[: int(thick * len(cloud)), 2] *= 10
+    assert look_at_capture(replace(cloud, scales=scales), "ball").surfels == discs
+
+
+def test_the_side_of_a_pixel_where_points_lie() -> None:
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), 100, 50, yfov=60)
+    there = np.array([[0, 0, 0], [0.5, 0, 0], [0, 0, 9], [50, 0, 0]], np.float32)  # one behind it, one beside it
+    assert footprint([camera], there) == pytest.approx(5 / camera.fx)
+    assert footprint([camera], there[2:]) == 0
 
 
 def test_the_same_bits_on_any_number_of_threads_and_far_from_the_origin_at_its_place() -> None:

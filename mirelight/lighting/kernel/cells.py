@@ -66,6 +66,14 @@ class _Bucket(NamedTuple):
     end: UInt32
 
 
+class _Around(NamedTuple):
+    """What a place looks around with."""
+
+    lane: UInt32
+    count: UInt32  # rays
+    reach: Float  # beyond which a hit is far
+
+
 class _Read(NamedTuple):
     """A cell whose light is read."""
 
@@ -197,14 +205,14 @@ def look(
     at = surface.at(face, mi.Point2f(u, v), -rgb(side, lane, mi.Bool(True)), mi.Bool(True))
     key, above = grid.key(mi.Vector3f(at.p), at.geometric_normal), grid.above(surface, at, mi.Bool(True))
     fronts, distant, outside = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
-    number = mi.UInt32(0)
-    while number < count:
-        local = mi.warp.square_to_cosine_hemisphere(pair(number, mix(lane, 77)))
+    number, of = mi.UInt32(0), _Around(lane, count, reach)
+    while number < of.count:
+        local = mi.warp.square_to_cosine_hemisphere(pair(number, mix(of.lane, 77)))
         d = mi.Frame3f(at.geometric_normal).to_world(local)
         found = surface.nearest(mi.Ray3f(at.start, d), mi.Bool(True))
         hit = mi.Bool(found.is_valid())
         fronts += dr.select(hit & surface.shows_front(mi.UInt32(found.prim_index), d, hit), mi.UInt32(1), mi.UInt32(0))
-        distant += dr.select(hit & (found.t > reach), mi.UInt32(1), mi.UInt32(0))
+        distant += dr.select(hit & (found.t > of.reach), mi.UInt32(1), mi.UInt32(0))
         outside += dr.select(hit, mi.UInt32(0), mi.UInt32(1))
         number += 1
     dr.eval(key, above, fronts, distant, outside)

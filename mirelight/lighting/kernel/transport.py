@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -78,6 +79,28 @@ def _albedo(packed: UInt32) -> Vector3f:
     return mi.Vector3f(*(mi.Float((packed >> k) & STEPS) * scale for k in (20, 10, 0)))
 
 
+class _Half(NamedTuple):
+    """Rays of half the samples from a point; see `lamps._Given`."""
+
+    count: UInt32  # points
+    samples: UInt32
+    half: UInt32
+    point: UInt32
+    seed: UInt32
+
+
+class _Gathered(NamedTuple):
+    """A node's layer whose light is gathered."""
+
+    count: UInt32  # points
+    rows: UInt32  # nodes
+    layers: UInt32
+    point: UInt32
+    layer: UInt32
+    end: UInt32
+    values: Float  # of all nodes
+
+
 class DeviceLinks:
     """Ends of the rays of n points, `samples` of each.
 
@@ -96,15 +119,14 @@ class DeviceLinks:
         leaves to them."""
         n, of_half = dr.opaque(mi.UInt32, self.count), dr.opaque(mi.UInt32, self.samples // 2)
         number_of = mi.UInt32(dr.opaque(mi.UInt32, seed))
-        lane = dr.arange(mi.UInt32, 2 * self.count)
-        half = lane // n
-        point = lane - half * n
+        half = dr.arange(mi.UInt32, 2 * self.count) // n
+        of = _Half(n, of_half, half, dr.arange(mi.UInt32, 2 * self.count) - half * n, number_of)
         total: Vector3f = mi.Vector3f(0)
         sample = mi.UInt32(0)
-        while sample < of_half:
-            target = dr.gather(mi.UInt32, self.target, (half * of_half + sample) * n + point)
+        while sample < of.samples:
+            target = dr.gather(mi.UInt32, self.target, (of.half * of.samples + sample) * of.count + of.point)
             if target == SKY:
-                at, d, _ = _leaves(surface, points, point, sample, half, number_of, mi.Bool(True))
+                at, d, _ = _leaves(surface, points, of.point, sample, of.half, of.seed, mi.Bool(True))
                 reflected = dr.maximum(dr.dot(d, at.normal), 0) * dr.inv_pi
                 mapped = sky.pdf(d, mi.Bool(True))
                 share = dr.select(mapped > 0, reflected / (reflected + mapped), 1)
@@ -145,14 +167,15 @@ def _gather(
     lane = dr.arange(mi.UInt32, layers * links.count)
     point = lane // of_node
     layer = lane - point * of_node
-    sample, end = mi.UInt32(dr.opaque(mi.UInt32, first)), dr.opaque(mi.UInt32, first + samples)
+    of = _Gathered(n, rows, of_node, point, layer, dr.opaque(mi.UInt32, first + samples), values)
+    sample = mi.UInt32(dr.opaque(mi.UInt32, first))
     total: Vector3f = mi.Vector3f(0)
-    while sample < end:
-        ray = sample * n + point
+    while sample < of.end:
+        ray = sample * of.count + of.point
         target = dr.gather(mi.UInt32, links.target, ray)
-        there = target < rows
+        there = target < of.rows
         albedo = _albedo(dr.gather(mi.UInt32, links.albedo, ray))
-        q = dr.gather(mi.Vector4f, values, target * of_node + layer, there)
+        q = dr.gather(mi.Vector4f, of.values, target * of.layers + of.layer, there)
         total += dr.select(there, albedo * mi.Vector3f(q.x, q.y, q.z), 0)
         sample += 1
     total = total * dr.opaque(mi.Float, 1 / samples)

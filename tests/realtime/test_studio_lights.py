@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mirelight.apps.mixer import rgb9e5
 from mirelight.apps.studio import early, opened
@@ -28,7 +29,7 @@ environment = { radiance = 0.4 }
 """
 
 
-def shown(layers: tuple[Layer, ...]) -> np.ndarray:
+def shown(layers: tuple[Layer, ...]) -> NDArray[np.float64]:
     """(N, 3) what the page multiplies the splats by."""
     values = [rgb9e5.decode(np.frombuffer(x.packed, "<u4")) * (x.scale * x.weight) for x in layers]
     return np.asarray(np.sum(values, axis=0))

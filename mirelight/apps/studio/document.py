@@ -92,21 +92,21 @@ class Document:
             temporary.write_text(text, encoding="utf-8")
 
 
-def way_of(up: str) -> tuple[float, ...] | None:
+def way_of(up: str) -> tuple[float, float, float] | None:
     """A direction in a capture's own axes as it is asked for: one of UPS, or three numbers; None: it is looked for.
 
     Raises:
         InputError: it is none.
     """
-    if not up:
-        return None
+    if not up or up in UPS:
+        return UPS.get(up)
     try:
-        way = UPS[up] if up in UPS else tuple(float(x) for x in up.split())
+        x, y, z = (float(number) for number in up.split())
     except ValueError:
-        way = ()
-    if len(way) != 3 or not 1e-6 < sum(x * x for x in way) < 1e6:
+        x, y, z = 0.0, 0.0, 0.0
+    if not 1e-6 < x * x + y * y + z * z < 1e6:
         raise InputError("the page", "a way up that is none")
-    return way
+    return x, y, z
 
 
 def opened(name: str | Path, out: str | Path | None, up: str = "") -> Document:

@@ -41,11 +41,11 @@ class Few:
         size = float(np.linalg.norm(np.ptp(splats.means, axis=0))) or 1.0
         weight = 1 / (distance.reshape(len(splats), -1) + 1e-6 * size)
         self._index: I32 = index.reshape(len(splats), -1).astype(np.int32)
-        self._weight = (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)
+        self._weight: F32 = (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)
 
     def spread(self, values: F32) -> F32:
         """(few, 3) -> (N, 3)."""
-        return np.einsum("nkc,nk->nc", values[self._index], self._weight)
+        return np.asarray(np.einsum("nkc,nk->nc", values[self._index], self._weight), np.float32)
 
 
 class _FewPlaces(SplatLight):

@@ -59,7 +59,8 @@ def _things(objects: Sequence[Inserted], proxy: ProxyMesh, version: int, number:
     light = np.clip(face_normals(mesh)[placed.first :] @ (_LIGHT / np.linalg.norm(_LIGHT)), -1, 1) / 2 + 0.5
     shown = colors * (_DARK + (1 - _DARK) * light)[:, None, None]
     rgba = np.concatenate([np.clip(shown, 0, 1), np.ones((*shown.shape[:2], 1))], axis=2)
-    told, order = [], np.argsort(owners, kind="stable")
+    told: list[dict[str, Any]] = []
+    order = np.argsort(owners, kind="stable")
     for index, one in enumerate(objects):
         corners = mesh.vertices[faces[owners == index]].reshape(-1, 3).astype(np.float64)
         place, size = _foot(corners)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import redirect_stdout
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,7 @@ def clay(path: Path) -> Pixels:
     normal = read_exr(path.with_suffix(".exr")).layer("normal") @ camera.world_from_camera[:3, :3].astype(np.float32)
     slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
     shown = 255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None]
-    return np.rint(shown).astype(np.uint8)
+    return np.asarray(np.rint(shown), np.uint8)
 
 
 def estimated(work: Work) -> tuple[Lighting, bool]:
@@ -169,7 +170,7 @@ def main() -> int:
             work = Work(work.job, work.folder, lit(work))
             work.render("--camera", "first")
             sheet = work.folder / "sheet.png"
-            write_sheet(sheet, [[Tile(lambda p=p: p, t) for t, p in strip(work)]], size=260)
+            write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in strip(work)]], size=260)
             path = arguments.out / f"{name}.jpg"
             with atomic_path(path) as temporary:
                 temporary.write_bytes(jpeg(picture(sheet)))

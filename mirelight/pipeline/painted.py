@@ -77,7 +77,7 @@ def _cut(mesh: ProxyMesh, camera: Camera, shown: Bool) -> ProxyMesh:
     sums[1:, 1:] = shown.cumsum(axis=0).cumsum(axis=1)
     for level in range(_LEVELS):
         at, ahead = _projected(camera, mesh.vertices[mesh.faces].astype(np.float64))
-        some, all_ = ahead.any(axis=1), ahead.all(axis=1, keepdims=True)
+        some, all_ = ahead.any(axis=1), np.asarray(ahead.all(axis=1, keepdims=True))
         size = np.array([camera.width, camera.height])
         low = np.where(all_, at.min(axis=1), 0)
         high = np.where(all_, at.max(axis=1), size)

@@ -26,7 +26,7 @@ CAMERA = Camera.look_at((0, 4, 0.001), (0, 0, 0), 160, 120, yfov=60)
 
 def disc(radius: float) -> NDArray[np.float32]:
     y, x = np.mgrid[:120, :160] + 0.5
-    return ((x - 80) ** 2 + (y - 60) ** 2 < radius**2).astype(np.float32)
+    return np.asarray((x - 80) ** 2 + (y - 60) ** 2 < radius**2, np.float32)
 
 
 def areas(mesh: ProxyMesh, chosen: NDArray[np.bool_]) -> tuple[float, float]:

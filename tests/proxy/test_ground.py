@@ -27,7 +27,7 @@ def view(x: float, beyond: float | None) -> DepthMap:
     fog = ~near & (beyond is None)
     depth = np.where(fog, depth * np.random.default_rng(5).uniform(0.3, 3, depth.shape), depth)
     one = np.ones(depth.shape, np.float32)
-    up = np.broadcast_to(np.float32([0, 1, 0]), (*depth.shape, 3))
+    up = np.broadcast_to(np.array([0, 1, 0], np.float32), (*depth.shape, 3))
     spread, trust = np.where(fog, 1, 0), np.where(fog, 0.003, 1)
     return DepthMap(camera, 0 * up, one, depth.astype("f4"), up, spread.astype("f4"), trust.astype("f4"))
 

@@ -265,7 +265,7 @@ def view_key(index: Index, view: KeptView, place: int, world: Matrix) -> str:
     """The key of what a camera sees with objects as under the lighting at a place in the index, whatever lights it."""
     arrangement = index.lightings[place].arrangement
     sight = view.sights[arrangement]
-    first = next(x.groups[0] for x in index.lightings if x.arrangement == arrangement)
+    first = index.arrangements[arrangement].first
     objects = (sight.front, sight.objects) if sight.objects is not None else ()
     return digest("view 1", view.composite, view.groups[first], view.camera, world, *objects)
 

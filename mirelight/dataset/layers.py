@@ -56,7 +56,7 @@ class Layers:
         """What is ready of a camera, with objects in one arrangement."""
         index, lights = self._index, self.lights_in(arrangement)
         seen, sight = self.light_camera(view), view.sights[arrangement]
-        needed = {self.first_group(arrangement), *(index.units[i].group for i in lights)}
+        needed = {index.arrangements[arrangement].first, *(index.units[i].group for i in lights)}
         needed |= set(() if index.captured is None else index.captured.groups)
         buffers = {i: self.buffer(view.groups[i], seen) for i in sorted(needed)}
         glow, bare = (
@@ -66,7 +66,7 @@ class Layers:
         every = np.arange(seen.height * seen.width)
         planes = self._planes(lights, buffers, glow, every)
         splats, size = self.splats(view, view.composite), (seen.height, seen.width)
-        first = buffers[self.first_group(arrangement)]
+        first = buffers[index.arrangements[arrangement].first]
         objects: SeenObjects | None = None
         if first.objects is not None:
             where = np.flatnonzero(first.objects.coverage)
@@ -161,10 +161,6 @@ class Layers:
                 layer_planes[i] = values
         whole = np.array([unit.kind == "whole" for unit in units], dtype=np.bool_)
         return Planes(planes, None if glow is None else planar(glow, "", where), whole)
-
-    def first_group(self, arrangement: int) -> int:
-        """A set that shows all of the scene."""
-        return next((x.groups[0] for x in self._index.lightings if x.arrangement == arrangement), 0)
 
     def _captured_sun(self, buffers: Mapping[int, LightingBuffer]) -> relighting.Sun | None:
         """The strongest distant lamp of the captured light, in a view with these sets."""

@@ -140,7 +140,7 @@ class DataSet:
         """The proxy, and objects as they stand under a lighting, as that camera sees them: coverage, depth, position,
         normals, albedo; without light."""
         view = self._views[self._at(camera, [x.name for x in self.cameras], "camera")]
-        group = self._layers.first_group(self._arrangement(lighting))
+        group = self._index.arrangements[self._arrangement(lighting)].first
         return surface_of(self._layers.buffer(view.groups[group], self._layers.light_camera(view)))
 
     def environment(self, lighting: int | str, rows: int | None = None) -> F32 | None:

@@ -111,6 +111,7 @@ class Arrangement:
 
     objects: tuple[KeptObject, ...] = ()
     boxes: str | None = None  # key of an array (n, 4, 4): world from the cube of side 1 about 0, round each of them
+    first: int = 0  # index of a set that shows all of the scene with them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +198,9 @@ def _require_places(index: Index) -> None:
         known = known and one.arrangement in range(len(index.arrangements))
         if not one.groups or not known or len(one.units) != len(one.weights):
             raise ValueError("a lighting of unknown lights")
-    if any(unit.group not in groups for unit in index.units):
+    if any(
+        x not in groups for x in (*(u.group for u in index.units), *(a.first for a in index.arrangements if groups))
+    ):
         raise ValueError("a light of an unknown set")
 
 
@@ -257,7 +260,7 @@ def _index(data: dict[str, Any]) -> Index:
 
 def _arrangement(data: dict[str, Any]) -> Arrangement:
     objects = tuple(KeptObject(str(x["name"]), str(x["category"])) for x in data["objects"])
-    return Arrangement(objects, _key_or_none(data["boxes"]))
+    return Arrangement(objects, _key_or_none(data["boxes"]), data["first"])
 
 
 def _view(data: dict[str, Any]) -> KeptView:

@@ -71,13 +71,14 @@ def describe(plan: Plan) -> Index:
         denoised=job.render.denoise,
         profile=job.compositor.profile,
         linear=job.compositor.holds_light,
-        arrangements=tuple(
-            Arrangement(tuple(KeptObject(x.name, x.category or x.name) for x in one), made.object_boxes(one))
-            if one
-            else Arrangement()
-            for one in known.arrangements
-        ),
+        arrangements=tuple(_arrangement(made, x, known.first.get(id(x), 0)) for x in known.arrangements),
     )
+
+
+def _arrangement(made: keys.Keys, objects: Objects, first: int) -> Arrangement:
+    """What is known of objects in their places, which a set of an index shows."""
+    named = tuple(KeptObject(x.name, x.category or x.name) for x in objects)
+    return Arrangement(named, made.object_boxes(objects) if objects else None, first)
 
 
 def _sight(made: keys.Keys, camera: Camera, objects: Objects) -> KeptSight:
@@ -97,6 +98,9 @@ class _Units:
         self._made = made
         self.sets: dict[str, tuple[Objects, LightSet]] = {}  # and the objects that it is traced with
         self.arrangements = requirements.arrangements(made.job)
+        self.first: dict[int, int] = {}  # index of a set that is traced with an arrangement, by its id
+        self._numbers = {id(x): i for i, x in enumerate(self.arrangements)}
+        self._order: dict[str, int] = {}  # of the sets
         self.units: list[UnitLight] = []
         self._places: dict[str, int] = {}  # of units, by digest
         self._names: dict[str, int] = {}
@@ -104,13 +108,15 @@ class _Units:
     def weighted(self, lighting: Lighting, *, bare: bool = False) -> Weighted:
         """`bare`: traced without objects, though there may be some."""
         objects = () if bare else self._made.job.objects_of(lighting)
-        arrangement = 0 if bare else next(i for i, x in enumerate(self.arrangements) if x is objects)
+        arrangement = 0 if bare else self._numbers[id(objects)]
         mixture, apart = self._made.mixture(lighting), f"{arrangement} " if objects else ""
         for one in mixture.sets:
             self.sets.setdefault(f"{apart}{one.digest}", (objects, one))
-        order = list(self.sets)
-        groups = {one.digest: order.index(f"{apart}{one.digest}") for one in mixture.sets}
+            self._order.setdefault(f"{apart}{one.digest}", len(self._order))
+        groups = {one.digest: self._order[f"{apart}{one.digest}"] for one in mixture.sets}
         first = mixture.sets[0]
+        if not bare:
+            self.first.setdefault(id(objects), groups[first.digest])
         if first.whole is not None:
             place = self._place(f"{apart}{first.digest}", lighting.name, "whole", groups[first.digest], "", first.whole)
             own, white = (groups[first.digest],), ((1.0, 1.0, 1.0),)

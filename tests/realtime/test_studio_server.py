@@ -167,6 +167,10 @@ def test_meshes_are_kept_beside_the_job_and_set_down(asker: Asker, tmp_path: Pat
     assert line == "" and thing["name"] == "box" and thing["count"] == 12
     assert thing["place"] == pytest.approx([0, 0, 0], abs=1e-5) and thing["asked"] == pytest.approx([0, 2, 0])
     assert len(asker.session.objects(asker.session.state().things.version)) == 12 * 16
+    asker.session.edit(10**6, shown, before | {"objects": [box | {"transform": {"translation": [90, 2, 0]}}]})
+    line = asker.session._objects.set_down(asker.session._job.objects, asker.session._scene.mesh, 8)
+    assert line.startswith("nothing of the proxy lies under 'box'") and "\n" not in line
+    assert asker.session.state().things.told == (thing,)  # it stands as it did
     asker.session.edit(10**6 + 1, shown, before)
 
 

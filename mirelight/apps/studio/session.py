@@ -339,6 +339,7 @@ class Session:
         if line:
             with self._news:
                 self._trouble = line
+                self._news.changed()
         if lights is None:
             return False
         due = list(lights.wanted(lighting))

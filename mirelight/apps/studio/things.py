@@ -33,20 +33,20 @@ class SetDown:
 
     def __init__(self) -> None:
         self.things = Things()
-        self._made_from = ""
+        self._made_from, self._wrong = "", ""
 
     def set_down(self, objects: Sequence[Inserted], proxy: ProxyMesh | None, number: int) -> str:
         """Take an edit's objects; what is wrong with them in a line, and then they stand as they did."""
         key = digest(id(proxy), *((x.mesh.digest, x.drop, x.scatter, x.name) for x in objects))
         if key == self._made_from or proxy is None:
             self.things = replace(self.things, number=number)
-            return ""
-        self._made_from = key
+            return self._wrong
+        self._made_from, self._wrong = key, ""
         try:
             self.things = _things(objects, proxy, self.things.version + 1, number)
         except InputError as error:
-            return str(error)
-        return ""
+            self._wrong = f"{error.found}; {error.remedy}" if error.remedy else error.found
+        return self._wrong
 
 
 def _things(objects: Sequence[Inserted], proxy: ProxyMesh, version: int, number: int) -> Things:

@@ -603,6 +603,7 @@ function start(view, studio) {
         const kind = kinds.find((x) => x.suffixes.some((end) => chosenFile.name.toLowerCase().endsWith(end)));
         if (!kind) return say(`${chosenFile.name}: drop a panorama (.hdr, .exr), a mesh (.glb, .obj, .stl) or a capture (.ply, .spz, .sog, .splat)`);
         if (chosenFile.size > kind.most) return say(`${chosenFile.name} has more than ${kind.most / 2 ** 20} MB`);
+        say('');
         find('news').textContent = `reading ${chosenFile.name}`;
         return kind.take(chosenFile);
     };

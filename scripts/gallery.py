@@ -158,6 +158,21 @@ def parts(work: Work) -> Tiles:
     ]
 
 
+def closer(work: Work) -> Tiles:
+    """The well and the arcade: captured, by a tint, by the ratio, true."""
+    tint = replace(work, folder=work.folder / "tint", settings=(*work.settings, 'relight.mode="tint"'))
+    tint.render()
+    path = work.frames()[0][1]
+    truth = np.asarray(resized(picture(TRUTH), picture(path).shape))
+    tiles = (
+        ("as captured", unlit(path)),
+        ("tint: the shade of the capture stays", picture(tint.frames()[0][1])),
+        ("ratio of new to captured light", picture(path)),
+        ("path-traced truth", truth),
+    )
+    return [(name, part(pixels, (0.34, 0.4, 0.7, 0.95))) for name, pixels in tiles]
+
+
 def views(work: Work) -> Tiles:
     """A tile for every camera, without words."""
     return [("", picture(path)) for _, path in work.frames()]
@@ -288,6 +303,7 @@ TUTORIALS: dict[str, Kind] = {
     ),
     "glaze": Kind(glaze, 3, 320, page="guides/gloss", job="glaze"),
     "gloss": Kind(gloss, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
+    "tint": Kind(closer, columns=2, width=460, job="difference"),
     "clipped": Kind(clipped, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
 }
 
@@ -313,7 +329,7 @@ def resized(pixels: Pixels, shape: tuple[int, ...]) -> Image.Image:
 def job_of(name: str, kind: Kind, folder: Path) -> Path:
     """The job file of a picture; one that stands on a page is written into `folder`, with the scenes' full paths."""
     if not kind.page:
-        return JOBS / f"{name}.toml"
+        return JOBS / f"{kind.job or name}.toml"
     text = (ROOT / "docs" / f"{kind.page}.md").read_text(encoding="utf-8")
     _, found, rest = text.partition(f"```toml\n# {kind.job}.toml\n")
     if not found:
@@ -374,9 +390,18 @@ def clip(work: Work) -> Path:
     times = [100] * (len(shots) - 1) + [1500]
     with atomic_path(CLIP) as fresh:
         shots[0].save(
-            fresh, "WEBP", save_all=True, append_images=shots[1:], duration=times, loop=0, quality=60, method=6
+            fresh, "WEBP", save_all=True, append_images=shots[1:], duration=times, loop=0, quality=80, method=4
         )
     return CLIP
+
+
+def trained_splats(folder: Path) -> str:
+    """The setting that lays splats which were trained on pictures over the film's job; they are made and kept here."""
+    from trained import capture
+
+    from mirelight.io.job import load
+
+    return f'splats="{capture(load(JOBS / "clip.toml").cameras, folder).as_posix()}"'
 
 
 def wiped(before: Pixels, after: Pixels, share: float) -> Pixels:
@@ -402,7 +427,7 @@ def main() -> int:
         for name in arguments.names or every:
             folder = ROOT / "out" / "gallery" / name
             if name == "clip":
-                path = clip(Work(JOBS / "clip.toml", folder, arguments.set))
+                path = clip(Work(JOBS / "clip.toml", folder, (trained_splats(folder), *arguments.set)))
             else:
                 kind = kinds[name]
                 work = Work(job_of(name, kind, folder), folder, (*kind.settings, *arguments.set))

@@ -1,9 +1,10 @@
 """Makes the shipped scenes from their geometry, and renders what they truly look like under any of their lightings.
 
     python scripts/make_scenes.py courtyard
-    python scripts/make_scenes.py courtyard --truth --lighting night --camera front -o night.png
+    python scripts/make_scenes.py courtyard --truth --lighting night --camera front -o front.night.png
+    python scripts/make_scenes.py courtyard --clean front.night.png
 
-The first form needs the extra `scenes`.
+All but the second form need the extra `scenes`.
 """
 
 from __future__ import annotations
@@ -21,10 +22,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
 
 from scenegen import writing  # noqa: E402
 from scenegen.recipe import Recipe  # noqa: E402
-from scenegen.truth import Looks, Truth  # noqa: E402
+from scenegen.truth import F32, Looks, Truth  # noqa: E402
+
+from mirelight.base import colour  # noqa: E402
+from mirelight.model import Camera  # noqa: E402
 
 SCENES = ("courtyard", "stage")
 TRUTH_SPP = 160
+GUIDE_SPP = 32
 BAKE_SPP = 16  # a first guess; the photographs decide
 PHOTOGRAPH, PHOTOGRAPH_SPP = (800, 450), 12  # denoised
 
@@ -97,6 +102,29 @@ def render_truth(recipe: Recipe, arguments: argparse.Namespace) -> None:
     writing.write_png(picture, arguments.output)
 
 
+class Guided(Truth):
+    """The truth with what helps a denoiser."""
+
+    def guides(self, camera: Camera) -> F32:
+        """(H, W, 6) albedo and normals."""
+        integrator = self._mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
+        return self._rendered(integrator, camera, GUIDE_SPP, 0)[..., -6:]
+
+
+def clean(recipe: Recipe, path: Path, out: Path) -> None:
+    """Write a true picture CAMERA.LIGHTING.png without what is left of its noise: lamps at night send hard paths."""
+    import pyoidn  # type: ignore[import-untyped]
+    from PIL import Image
+
+    with Image.open(path) as image:
+        light = colour.srgb_decode(np.asarray(image.convert("RGB"), np.float32) / 255)
+    camera = next(x for x in recipe.cameras if x.name == path.name.partition(".")[0])
+    guides = Guided(recipe.looks(), recipe.captured).guides(camera.resized(light.shape[1], light.shape[0]))
+    albedo, normal = (np.ascontiguousarray(guides[..., k : k + 3]) for k in (0, 3))
+    made = pyoidn.denoise(light.astype(np.float32), albedo=albedo, normal=normal, hdr=True, clean_aux=True)
+    writing.write_png(np.asarray(made, np.float32), out)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", choices=SCENES)
@@ -106,11 +134,14 @@ def main() -> None:
     parser.add_argument("--camera", help="truth: a camera of the scene")
     parser.add_argument("--size", default="640x360", help="truth: pixels")
     parser.add_argument("--spp", type=int, default=TRUTH_SPP, help="truth: samples per pixel")
+    parser.add_argument("--clean", type=Path, metavar="PNG", help="take the noise out of a true picture that is there")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", type=Path, help="truth: the PNG; else the scene's folder")
     arguments = parser.parse_args()
     recipe = load(arguments.scene)
-    if arguments.truth:
+    if arguments.clean:
+        clean(recipe, arguments.clean, arguments.output or arguments.clean)
+    elif arguments.truth:
         render_truth(recipe, arguments)
     else:
         make(recipe, arguments.output or ROOT / "scenes" / recipe.name, arguments.only)

@@ -1,8 +1,10 @@
-"""The film of docs/guides/studio.md: a browser goes the studio's whole way, and what it shows is kept.
+"""Pages in a browser, as pictures of docs/guides: the studio's whole way as a film, the report of `compare`.
 
-    python scripts/screens.py [-o FOLDER]
+    python scripts/screens.py                       # all of them, into docs/pictures
+    python scripts/screens.py compare -o FOLDER     # one
 
-Needs Chromium and the extra `dev` (playwright). What is rendered for it is kept in out/screens.
+Needs Chromium, npm and the extras `test` (playwright), `compare` and `denoise`. What is rendered for them is kept in
+out/screens.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mirelight import cli
 from mirelight.apps.realtime import browser
 from mirelight.base.errors import MirelightError
 from mirelight.io.atomic import atomic_path
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 ROOT = Path(__file__).resolve().parents[1]
+STILL_LIFE = ROOT / "mirelight" / "apps" / "demo" / "scene"
 PICTURES = ROOT / "docs" / "pictures"
 WORK = ROOT / "out" / "screens"
 SIZE = {"width": 1280, "height": 720}
@@ -149,7 +153,7 @@ def film(out: Path) -> Path:
     """The studio's way as a film: mesh, a panorama turned, a lamp dragged and coloured, before and after, a frame."""
     work = WORK / "film"
     shutil.rmtree(work, ignore_errors=True)
-    shutil.copytree(ROOT / "mirelight" / "apps" / "demo" / "scene", work / "still life")
+    shutil.copytree(STILL_LIFE, work / "still life")
     frames: list[tuple[Image.Image, int]] = []
 
     def act(studio: Studio) -> None:
@@ -201,11 +205,43 @@ def film(out: Path) -> Path:
     return path
 
 
+def run(*arguments: str | Path) -> None:
+    """A command of mirelight."""
+    if code := cli.main([str(x) for x in arguments]):
+        raise MirelightError(f"`mirelight {' '.join(map(str, arguments))}` ended with exit code {code}")
+
+
+def kept(picture: Image.Image, path: Path) -> Path:
+    """Written as JPEG."""
+    with atomic_path(path) as fresh:
+        picture.save(fresh, "JPEG", quality=86, optimize=True, progressive=True)
+    return path
+
+
+def compared(out: Path) -> Path:
+    """The report of `compare`: the courtyard's evening beside its truth."""
+    work = WORK / "compare"
+    truth = ROOT / "scenes" / "courtyard" / "truth" / "front.evening.png"
+    run("render", ROOT / "docs" / "gallery" / "difference.toml", "-o", work, "-q")
+    run("compare", truth, work / "front.evening.exr", "-q", "-o", work / "report.html")
+    with opened((work / "report.html").as_uri(), height=900) as page:
+        page.evaluate(f"document.body.innerHTML = document.body.innerHTML.replaceAll('{ROOT.as_posix()}/', '')")
+        return kept(shot(page), out / "compare.jpg")
+
+
+PAGES = {"studio": film, "compare": compared}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--out", type=Path, default=PICTURES, help="folder of the film (docs/pictures)")
-    path = film(parser.parse_args().out)
-    print(f"{path} ({path.stat().st_size / 1000:.0f} kB)", flush=True)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(PAGES)}; none: all")
+    parser.add_argument("-o", "--out", type=Path, default=PICTURES, help="folder of the pictures (docs/pictures)")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - set(PAGES):
+        parser.error(f"no page {', '.join(sorted(unknown))}; there are {', '.join(PAGES)}")
+    for name in arguments.names or PAGES:
+        path = PAGES[name](arguments.out)
+        print(f"{path} ({path.stat().st_size / 1000:.0f} kB)", flush=True)
     return 0
 
 

@@ -85,7 +85,15 @@ def test_the_clip_is_a_film_of_its_cameras_and_lightings(
     assert np.abs(shown[1] - gallery.picture(last)).mean() < 8 < np.abs(shown[1] - gallery.unlit(last)).mean()
 
 
-@pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "glaze", "clipped"])
+@pytest.mark.parametrize("name", ["turntable", "day", "even", "gloss", "glaze", "clipped", "tint"])
 def test_jobs_on_pages_are_found(name: str, gallery: ModuleType, tmp_path: Path) -> None:
     kind = gallery.TUTORIALS[name]
     assert mirelight.load(gallery.job_of(name, kind, tmp_path)).cameras
+
+
+def test_pictures_for_the_film_are_taken_beside_its_way(gallery: ModuleType) -> None:
+    way = mirelight.load(DOCS / "gallery" / "clip.toml").cameras
+    taken = importlib.import_module("trained").walk(way)
+    off = [min(np.linalg.norm(x.position - y.position) for y in way) for x in taken]
+    assert len(taken) == 30 and max(off) < 1 and np.median(off) > 0.2
+    assert min(x.world_from_camera[:3, 2] @ way[0].world_from_camera[:3, 2] for x in taken) > 0.5

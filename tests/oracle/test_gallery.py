@@ -72,6 +72,7 @@ def test_the_clip_is_a_film_of_its_cameras_and_lightings(
     gallery: ModuleType, clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gallery, "CLIP", tmp_path / "clip.webp")
+    monkeypatch.setattr(gallery, "CARD", tmp_path / "card.jpg")
     few = [f"sweep.axes[{i}].steps=13" for i in range(5)]
     job = clone / "docs" / "gallery" / "clip.toml"
     work = gallery.Work(job, tmp_path / "frames", ("resolution_scale=0.02", *few, *TOY))

@@ -43,6 +43,8 @@ def test_early_light_comes_first_and_is_near_fine_light(tmp_path: Path, monkeypa
     (tmp_path / "page").mkdir()
     monkeypatch.setattr(early, "FEW", 600)
     session = Session(opened(tmp_path / "job.toml", None), tmp_path / "page")
+    session._lights.warm(session._scene)  # as while a proxy is made: nothing of it is shown or kept
+    assert session._lights.best is None and not session.state().tracing
     session._phase = "ready"  # as its proxy is a file
     asked: list[Ordered] = []
     monkeypatch.setattr(session, "_help", lambda order, line: asked.append(order))

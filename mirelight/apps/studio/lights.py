@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -14,7 +15,7 @@ from mirelight.apps.mixer import rgb9e5
 from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import MOST_LAYERS, Layering, layering
 from mirelight.apps.studio import early
-from mirelight.base.errors import InputError
+from mirelight.base.errors import InputError, MirelightError
 from mirelight.lighting.splat_light import REACH
 from mirelight.model import F32, F64, Lighting, ProxyMesh
 from mirelight.model.unit_lights import GLOW, Term, Unit, terms
@@ -252,10 +253,11 @@ class Supply:
         assert scene.splats is not None
         if early.is_small(scene.splats) or not early.knows_captured(scene):
             return
-        lights, lighting = self._of_few(scene, _unheard, early.scraps(scene.splats)), scene.job.lightings[0]
-        for stage, units in list(lights.wanted(lighting)):
-            lights.trace(units, stage)
-        lights.layers(lighting)
+        with suppress(MirelightError, RuntimeError, MemoryError):  # what is wrong is said where light is wanted
+            lights, lighting = self._of_few(scene, _unheard, early.scraps(scene.splats)), scene.job.lightings[0]
+            for stage, units in list(lights.wanted(lighting)):
+                lights.trace(units, stage)
+            lights.layers(lighting)
 
     def _of_few(self, scene: Scene, progress: Progress, mesh: ProxyMesh | None = None) -> Lights:
         if self._few is None:

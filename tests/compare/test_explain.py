@@ -30,9 +30,11 @@ from mirelight.model import (
     DirectionalLight,
     DisplaySettings,
     Environment,
+    Inserted,
     Job,
     Light,
     Lighting,
+    OutputSettings,
     PointLight,
     ProxyMesh,
     RelightSettings,
@@ -253,6 +255,17 @@ def test_the_last_rung_is_what_render_shows() -> None:
     assert not ladder.really_rendered
     named = {rung.name for rung in ladder.rungs} | {name for name, _ in ladder.absent}
     assert named == {"engine", *CAUSES}
+
+
+def test_what_files_hold_and_inserted_objects_change_no_step() -> None:
+    bare = make_job(wall(), lights=(LEFT,), sky=0.1, render={"spp": 4, "max_depth": 2})
+    bare = replace(bare, cameras=(CAMERA.resized(24, 16),))
+    before = Inserted(name="before", mesh=Deferred.of(quads(wall(z=1))))
+    other = replace(bare, objects=(before,), output=OutputSettings(exr=False))
+    with_it, without = ladder_of(other), ladder_of(bare)
+    for one, same in zip(with_it.rungs, without.rungs, strict=True):
+        np.testing.assert_array_equal(one.frame, same.frame)
+    assert any("inserted objects are left out" in x for x in with_it.warnings)
 
 
 def test_the_last_rung_of_a_ratio_has_the_scene_s_own_level() -> None:

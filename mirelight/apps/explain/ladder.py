@@ -285,7 +285,8 @@ def _light(subject: Subject, settings: RelightSettings, seed: int) -> tuple[Scen
     """The light that `mirelight render` has in the profile physical, at the frame's own resolution."""
     job = subject.job
     render = replace(job.render, profile="physical", seed=seed)
-    scene = prepare(replace(job, render=render, relight=replace(settings, texture_scale=1.0)))
+    output = replace(job.output, exr=True, layers=True)  # which light is which, whatever files hold
+    scene = prepare(replace(job, render=render, relight=replace(settings, texture_scale=1.0), output=output))
     return scene, light(scene, subject.camera, subject.given)
 
 

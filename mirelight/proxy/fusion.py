@@ -33,7 +33,8 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) 
     """One mesh from many depth maps.
 
     Where a sheet thinner than a few cells is seen from both sides, the views on the side of the origin count, as a
-    floor or a wall has its scene on that side; their average would be no surface at all.
+    floor or a wall has its scene on that side; their average would be no surface at all. But where none looks from
+    inside and nearly all from the other side, it is a hollow thing's, into which few views see, from below.
 
     Args:
         views: the maps.
@@ -45,7 +46,8 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) 
     size = np.ceil(2 * (half + (TUNING.fused_truncation + 1) * cell) / cell).astype(int) + 1
     shape = (int(size[0]), int(size[1]), int(size[2]))
     low = -(size - 1) * cell / 2
-    clean = _one_sided(views, TUNING.fused_sheet * cell)
+    inside = any((np.abs(view.camera.position) < half).all() for view in views)
+    clean = _one_sided(views, TUNING.fused_sheet * cell, inside)
     nodes = _near_surface(clean, low, cell, shape)
     at = (np.stack(np.unravel_index(nodes, shape), axis=1) * cell + low).astype(np.float32)
     total, weight = np.zeros(len(nodes), np.float32), np.zeros(len(nodes), np.float32)
@@ -115,16 +117,17 @@ class _Planes:
         return distance, weight
 
 
-def _one_sided(views: Sequence[DepthMap], cell: float) -> list[DepthMap]:
+def _one_sided(views: Sequence[DepthMap], cell: float, inside: bool) -> list[DepthMap]:
     """The maps without pixels that see the far side of a sheet thinner than `cell`."""
     found = [points_of(view) for view in views]
     points, normals = np.concatenate([p for p, _ in found]), np.concatenate([n for _, n in found])
     if not len(points):
         return list(views)
     side = (points * normals).sum(axis=1) < 0  # facing the origin
+    kept = inside | ~_mostly(_voxel(points / (TUNING.sheet_around * cell)), ~side)
     drop = np.zeros(len(points), bool)
     for offset in (0.0, 0.5):  # both sides of a sheet may fall into two voxels of one grid, not of both
-        drop |= _both_sides(_voxel(points / cell + offset), side, normals) & ~side
+        drop |= _both_sides(_voxel(points / cell + offset), side, normals) & (side != kept)
     out, start = [], 0
     for view, (own, _) in zip(views, found, strict=True):
         depth = view.depth.copy()
@@ -133,6 +136,13 @@ def _one_sided(views: Sequence[DepthMap], cell: float) -> list[DepthMap]:
         start += len(own)
         out.append(replace(view, depth=depth))
     return out
+
+
+def _mostly(voxel: Int, of: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) whether far more of the points of a point's voxel are of a kind than not."""
+    _, index = np.unique(voxel, return_inverse=True)
+    share = np.bincount(index, of) / np.bincount(index)
+    return np.asarray(share[index] > TUNING.sheet_outside)
 
 
 def _both_sides(voxel: Int, side: NDArray[np.bool_], normals: F64) -> NDArray[np.bool_]:

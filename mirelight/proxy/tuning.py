@@ -95,6 +95,9 @@ class Tuning:
     fused_truncation: int = 4  # cells
     fused_band: int = 2  # cells to either side of what views see, in which distances are kept
     fused_sheet: int = 3  # cells: what is thinner and seen from both sides is a sheet
+    sheet_around: float = 8.0  # such sheets: how far around a point it is told which side was looked at
+    # of the points there, above which the side away from the origin was: floors seen from both sides hold 0.5
+    sheet_outside: float = 0.75
     fused_opposite: float = -0.5  # cosine between normals of two sides of one sheet
     fused_facing: float = 0.05  # cosine to the view, as a weight: what is seen more aslant counts as this
     fused_few: float = 0.02  # of the other side's normals: fewer do no harm

@@ -1,0 +1,43 @@
+"""Depth maps of a thin wall that is seen from both sides: which side it is taken for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mirelight.model import Camera
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.fusion import fuse
+from mirelight.proxy.types import quiet
+from mirelight.proxy.views import rays
+
+WALL, CELL = 0.5, 0.05  # x of the wall
+
+
+def view(*at: float) -> DepthMap:
+    """The wall at x = 0.5, a unit wide and high."""
+    camera = Camera.look_at(at, (WALL, 0, 0), 60, 60, yfov=40)
+    origins, ways = rays(camera)
+    depth = (WALL - origins[..., 0]) / ways[..., 0]
+    there = (np.abs((origins + ways * depth[..., None])[..., 1:]) < 0.5).all(axis=-1)
+    one = np.ones(depth.shape, np.float32)
+    facing = np.array([np.sign(at[0] - WALL), 0, 0], np.float32)
+    return DepthMap(
+        camera,
+        np.zeros((*depth.shape, 3), np.float32),
+        one,
+        np.where(there, depth, 0).astype(np.float32),
+        np.broadcast_to(facing, (*depth.shape, 3)),
+        0 * one,
+        one,
+    )
+
+
+@pytest.mark.parametrize(("inner", "outer"), [((-3.0, -2.0, 0.0), True), ((-0.9, 0.0, 0.0), False)])
+def test_a_hollow_things_side_is_where_it_is_looked_at_from(inner: tuple[float, ...], outer: bool) -> None:
+    """One view sees its inner side; if that stands inside, as in a room, the wall is the room's."""
+    views = [view(3, y, z) for y, z in ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))]
+    grid = fuse([*views, view(*inner)], np.full(3, 1.0), CELL, quiet)
+    x = grid.low[0] + grid.cell * np.unravel_index(grid.nodes, grid.shape)[0]
+    beyond = grid.distance[np.abs(x - WALL - CELL) < 0.6 * CELL]
+    assert ((beyond > 0) == outer).mean() > 0.9

@@ -129,8 +129,8 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         page.keyboard.press("Alt+ArrowUp")
         found["moved"] = job(page)["lightings"][0]["lights"][1]["position"]
 
-        for label, value in (("Azimuth", "350"), ("Elevation", "20")):  # before the camera
-            page.fill(f"[aria-label='sun: {label} °']", value)
+        for label, degrees in (("Azimuth", "350"), ("Elevation", "20")):  # before the camera
+            page.fill(f"[aria-label='sun: {label} °']", degrees)
             page.keyboard.press("Tab")
         took = drag(page, "sun", 60, -30)
         sun = job(page)["lightings"][0]["lights"][0]

@@ -103,4 +103,4 @@ def _colors(mesh: ProxyMesh, faces: NDArray[np.integer], owners: NDArray[np.inte
                 np.minimum((uv[..., 1] * height).astype(int), height - 1),
                 np.minimum((uv[..., 0] * width).astype(int), width - 1),
             ]
-    return out
+    return np.asarray(out)

@@ -3,20 +3,35 @@
 from __future__ import annotations
 
 import io
+from typing import cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mirelight.apps.studio import around
+from mirelight.apps.studio.around import Around
 from mirelight.base import conventions
 from mirelight.model import Environment, Lighting, SunLight
+from mirelight.pipeline.scene import Scene
+
+
+class Resolved:
+    """A scene in which all light is given."""
+
+    def resolved(self, lighting: Lighting) -> Lighting:
+        return lighting
+
+
+def picture(lighting: Lighting) -> bytes:
+    around = Around()
+    around.look(cast(Scene, Resolved()), lighting, 1)
+    return around.png
 
 
 def brightest(lighting: Lighting) -> NDArray[np.float64]:
     """Unit direction of the mean of the brightest pixels."""
-    pixels = np.asarray(Image.open(io.BytesIO(around.picture(lighting))).convert("L"), dtype=np.float64)
+    pixels = np.asarray(Image.open(io.BytesIO(picture(lighting))).convert("L"), dtype=np.float64)
     ways = conventions.map_pixels(len(pixels))[pixels == pixels.max()]
     return conventions.unit(ways.mean(axis=0))
 
@@ -36,4 +51,4 @@ def test_a_sun_is_shown_where_it_stands() -> None:
 
 
 def test_no_far_light_is_no_picture() -> None:
-    assert around.picture(Lighting()) == b""
+    assert picture(Lighting()) == b""

@@ -1,7 +1,7 @@
-"""Pages in a browser, as pictures of docs/guides: the studio's whole way as a film, the report of `compare`.
+"""Pages in a browser, as pictures of docs/guides: the studio's whole way as a film, the mixer, reports.
 
     python scripts/screens.py                       # all of them, into docs/pictures
-    python scripts/screens.py compare -o FOLDER     # one
+    python scripts/screens.py mixer -o FOLDER       # one
 
 Needs Chromium, npm and the extras `test` (playwright), `compare` and `denoise`. What is rendered for them is kept in
 out/screens.
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import io
 import shutil
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -34,6 +35,7 @@ PICTURES = ROOT / "docs" / "pictures"
 WORK = ROOT / "out" / "screens"
 SIZE = {"width": 1280, "height": 720}
 PAUSE, LIMIT = 250, 600_000  # milliseconds
+MOST_SAMPLES = 256  # of a splat's light after a move
 MOST_FILM = 2_000_000  # bytes
 
 
@@ -211,11 +213,53 @@ def run(*arguments: str | Path) -> None:
         raise MirelightError(f"`mirelight {' '.join(map(str, arguments))}` ended with exit code {code}")
 
 
+@contextmanager
+def served(*arguments: str | Path) -> Iterator[str]:
+    """The address that a command serves, as long as it is needed."""
+    program = [sys.executable, "-m", "mirelight", *map(str, arguments)]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
 def kept(picture: Image.Image, path: Path) -> Path:
     """Written as JPEG."""
     with atomic_path(path) as fresh:
         picture.save(fresh, "JPEG", quality=86, optimize=True, progressive=True)
     return path
+
+
+def mixer(out: Path) -> Path:
+    """The served mixer: a lamp dragged across the still life, left as it is on the page, right as a still of it."""
+    work = WORK / "mixer"
+    shutil.rmtree(work, ignore_errors=True)
+    shutil.copytree(STILL_LIFE, work / "still life")
+    job = work / "still life" / "job.toml"
+    settings = ("--set", "render.denoise=true", "--set", "render.spp=64")
+    light = ("--lighting", "lamp", "--lighting", "sunset", "--spp", str(MOST_SAMPLES))
+    with served("mix", job, "-o", work / "page", "--serve", *light, *settings) as address, opened(address) as page:
+        page.wait_for_function("document.getElementById('message').hidden")
+        page.click("#lightings button:has-text('lamp')")
+        lamp = page.locator(".handle").first
+        lamp.click()
+        box = lamp.bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 16, box["y"] + 16)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 316, box["y"] + 46, steps=4)
+        page.mouse.up()
+
+        def traced() -> bool:
+            layers = page.evaluate("fetch('live/state').then(x => x.json())")["layers"]
+            return any(x["samples"] >= MOST_SAMPLES for x in layers)
+
+        until(page, traced)
+        page.click("#render")
+        page.wait_for_function("document.getElementById('news').textContent === 'Still: done'")
+        return kept(shot(page), out / "mixer.jpg")
 
 
 def compared(out: Path) -> Path:
@@ -229,7 +273,17 @@ def compared(out: Path) -> Path:
         return kept(shot(page), out / "compare.jpg")
 
 
-PAGES = {"studio": film, "compare": compared}
+def explained(out: Path) -> Path:
+    """The report of `explain`: what the real engine's picture of the courtyard's evening lacks, cause by cause."""
+    work = WORK / "explain"
+    small = ("--set", "resolution_scale=0.75")
+    run("explain", ROOT / "docs" / "gallery" / "difference.toml", "-o", work, "-q", *small)
+    with opened((work / "explain.html").as_uri(), height=1500) as page:
+        page.evaluate("scrollTo(0, 0)")
+        return kept(shot(page), out / "explain.jpg")
+
+
+PAGES = {"studio": film, "mixer": mixer, "compare": compared, "explain": explained}
 
 
 def main() -> int:

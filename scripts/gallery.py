@@ -188,6 +188,12 @@ def hours(work: Work) -> Tiles:
     return [(f"{name[-6:-4]}:{name[-4:-2]}", picture(path)) for name, path in work.frames()]
 
 
+def exported(work: Work) -> Tiles:
+    """The contact sheet of a data set that is exported from kept layers."""
+    work.run("export", str(work.folder), "--layout", "colmap", "--no-hdr", "-q", "-o", str(work.folder / "set"))
+    return [("", picture(work.folder / "set" / "sheet.jpg"))]
+
+
 def unlit(path: Path) -> Pixels:
     """The capture in a frame's EXR."""
     from mirelight.io.exr import read_exr
@@ -304,6 +310,17 @@ TUTORIALS: dict[str, Kind] = {
     "glaze": Kind(glaze, 3, 320, page="guides/gloss", job="glaze"),
     "gloss": Kind(gloss, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
     "tint": Kind(closer, columns=2, width=460, job="difference"),
+    "set": Kind(
+        exported,
+        settings=(
+            "resolution_scale=0.375",
+            "render.spp=256",
+            "display.exposure=1",
+            'output.store="layers"',
+            'cameras_from={path="../../scenes/stage/transforms.json",every=4}',
+        ),
+        job="one",
+    ),
     "clipped": Kind(clipped, 3, 320, page="explanation/cannot-be-removed", job="gloss"),
 }
 

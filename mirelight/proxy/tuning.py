@@ -23,7 +23,8 @@ class Tuning:
     plane_tolerance: float = 1.0  # from the plane to what lies on it
     plane_band: float = 2.5  # tolerances: what lies nearer and faces alike is the same surface, and no second plane
     plane_cosine: float = 0.85  # between the normals of points and their plane
-    plane_least: float = 0.004  # share of the surface: smaller ones are left to what is free
+    # share of the surface: smaller ones are left to what is free, as slices of a biker are, of 0.004 to 0.02
+    plane_least: float = 0.02
     plane_turn: float = (
         0.15  # radians from middle to rim: what turns more is round (a ball's caps 0.3, a room's walls 0.05)
     )

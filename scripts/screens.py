@@ -276,7 +276,7 @@ def compared(out: Path) -> Path:
 def explained(out: Path) -> Path:
     """The report of `explain`: what the real engine's picture of the courtyard's evening lacks, cause by cause."""
     work = WORK / "explain"
-    small = ("--set", "resolution_scale=0.75")
+    small = ("--set", "resolution_scale=0.75", "--spp", "16")
     run("explain", ROOT / "docs" / "gallery" / "difference.toml", "-o", work, "-q", *small)
     with opened((work / "explain.html").as_uri(), height=1500) as page:
         page.evaluate("scrollTo(0, 0)")

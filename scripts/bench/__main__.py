@@ -38,6 +38,7 @@ PARTS = {
     "mixer": "what a moved light costs on the mixer's page",
     "studio": "how soon the studio shows a capture in its light",
     "lens": "samples of light that the pinholes of a lens need",
+    "start": "what it takes from a clone to pictures, and until commands answer",
     "usd": "lights of UsdLux beside their closed forms, one panorama in four primaries",
     "cycles": "whether Blender Cycles and this tracer show the same light",
 }

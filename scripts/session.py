@@ -18,6 +18,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import gallery
+
 from mirelight.io.atomic import atomic_path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -27,7 +29,7 @@ CAPTURE = ROOT / "scenes" / "stage" / "splats.compressed.ply"
 COMMANDS = (
     "mirelight new stage.compressed.ply -o first.toml",
     "mirelight inspect first.toml",
-    "mirelight render first.toml --set render.spp=16 --set resolution_scale=0.5",
+    "mirelight render first.toml --set render.spp=16 --set display.exposure=0.5",
 )
 BEGIN, END = "<!-- recorded by scripts/session.py -->\n", "<!-- end of the recording -->\n"
 
@@ -58,10 +60,8 @@ def main() -> int:
         text = re.sub(r"[ \t]+$", "", said(command, folder), flags=re.MULTILINE)
         session += f"$ {command}\n{text}\n"
         print(f"$ {command}\n{text}", flush=True)
-    from PIL import Image
-
-    with atomic_path(PICTURE) as temporary, Image.open(folder / "out" / "first.sun.png") as picture:
-        picture.convert("RGB").save(temporary, "JPEG", quality=90, optimize=True)
+    with atomic_path(PICTURE) as temporary:
+        temporary.write_bytes(gallery.jpeg(gallery.picture(folder / "out" / "first.sun.png")))
     page = with_session(PAGE.read_text(encoding="utf-8"), session.rstrip("\n") + "\n")
     with atomic_path(PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8")

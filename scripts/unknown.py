@@ -172,6 +172,7 @@ def main() -> int:
             sheet = work.folder / "sheet.png"
             write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in strip(work)]], size=260)
             path = arguments.out / f"{name}.jpg"
+            path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_path(path) as temporary:
                 temporary.write_bytes(jpeg(picture(sheet)))
             print(path, flush=True)

@@ -168,3 +168,10 @@ def frame_around(way: Matrix) -> Matrix:
     first = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     second = np.stack([b, sign + y * y * a, -y], axis=-1)
     return np.stack([first, second, way], axis=-2)
+
+
+def box_corners(box: Matrix) -> Matrix:
+    """Corners (8, 3) of a box (4, 4): world from the cube of side 1 about 0."""
+    half = (-0.5, 0.5)
+    cube = np.array([[x, y, z, 1] for x in half for y in half for z in half])
+    return np.asarray((cube @ box.T)[:, :3])

@@ -133,10 +133,8 @@ class Sun:
     seen: F64  # (N,) cosine times the visible share of the disc
     loss: float
     start: tuple[float, float]  # mean albedo and share of the sun that it was found with
-    radii: tuple[float, float] = (
-        0.0,
-        TUNING.sun_radii[-1],
-    )  # degrees: none of these surely explains less, as far as was asked
+    # degrees: none of these surely explains less, as far as was asked
+    radii: tuple[float, float] = (0.0, TUNING.sun_radii[-1])
 
 
 def search(of: Search) -> tuple[Sun, ...]:

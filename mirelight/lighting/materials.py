@@ -129,13 +129,18 @@ def _face_means(image: F32, wraps: Wraps, uvs: F32) -> F64:
 
 
 def _looked_up(image: F32, wraps: Wraps, uvs: F32, weights: F32) -> F64:
-    h, w = image.shape
-    at = np.einsum("nkc,kp->cnp", uvs, weights)
+    found = texels(image, wraps, np.einsum("nkc,kp->cnp", uvs, weights))
+    return np.asarray(found.mean(axis=1, dtype=np.float64))
+
+
+def texels(image: F32, wraps: Wraps, at: F32) -> F32:
+    """The texels of an image (h, w, ...) at coordinates (2, ...), across and down, wrapped as the image says."""
+    height, width = image.shape[:2]
     x, y = (
         np.clip((_wrapped(a, wrap) * size).astype(np.int64), 0, size - 1)
-        for a, wrap, size in zip(at, wraps, (w, h), strict=True)
+        for a, wrap, size in zip(at, wraps, (width, height), strict=True)
     )
-    return np.asarray(image[y, x].mean(axis=1, dtype=np.float64))
+    return np.asarray(image[y, x])
 
 
 def _wrapped(a: F32, wrap: str) -> F32:

@@ -22,7 +22,6 @@ from mirelight.model import F64, Inserted, ProxyMesh, Scatter, shown
 _TRIES = 200
 _UNEVEN = 0.05  # of an object's size, that ground under its foot may rise and fall, and reach into it
 _GRID = np.array([[x, -0.5, z, 1] for x in (-0.45, 0, 0.45) for z in (-0.45, 0, 0.45)])  # of the foot, in its box
-_CORNERS = np.array([[x, y, z, 1] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _SIDES = np.array(
     [
         [0, 1, 3],
@@ -126,7 +125,7 @@ def _raised(box: F64, share: float) -> F64:
 
 def _sides(box: F64) -> F64:
     """(12, 3, 3) corners of the triangles of a box."""
-    return np.asarray((_CORNERS @ box.T)[:, :3][_SIDES])
+    return np.asarray(conventions.box_corners(box)[_SIDES])
 
 
 def _touches(box: F64, corners: F64) -> bool:

@@ -60,9 +60,8 @@ class DepthMaps:
         self._reach = (TUNING.depth_typical * np.median(scales[:, 1]) + TUNING.depth_reach * scales[:, 1]).astype(
             np.float32
         )
-        whitening = (
-            axes / np.maximum(scales, scales[:, 2:] * TUNING.depth_thinnest)[:, None, :]
-        )  # columns: axis / scale
+        # columns: axis / scale
+        whitening = axes / np.maximum(scales, scales[:, 2:] * TUNING.depth_thinnest)[:, None, :]
         # Normals of planes do not depend on a splat's size: by a power of two, which changes no other bit, it comes to
         # about 1, or squares of tiny ones overflow.
         _, size = np.frexp(scales[:, 2])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError
 from mirelight.lighting.albedo import face_normals
+from mirelight.lighting.materials import texels
 from mirelight.lighting.objects import inserted
 from mirelight.model import F64, Inserted, ProxyMesh, digest
 
@@ -97,10 +98,5 @@ def _colors(mesh: ProxyMesh, faces: NDArray[np.integer], owners: NDArray[np.inte
         out[own] *= material.base_color
         picture = material.base_color_texture
         if picture is not None and mesh.uvs is not None:
-            uv = np.mod(mesh.uvs[faces[own]], 1.0)
-            height, width = picture.shape[:2]
-            out[own] *= picture[
-                np.minimum((uv[..., 1] * height).astype(int), height - 1),
-                np.minimum((uv[..., 0] * width).astype(int), width - 1),
-            ]
+            out[own] *= texels(picture, material.base_color_wrap, np.moveaxis(mesh.uvs[faces[own]], -1, 0))
     return np.asarray(out)

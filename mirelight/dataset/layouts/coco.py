@@ -22,7 +22,6 @@ from mirelight.dataset.layouts.pictures import Picture, Shared, check_pinholes
 from mirelight.model import F32, Camera
 
 _OPENCV = np.diag([1.0, -1, -1])
-_CORNERS = np.array([[x, y, z, 1] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
 def check_coco(cameras: Sequence[Camera], shared: Shared) -> None:
@@ -143,7 +142,7 @@ def _box(box: Matrix) -> dict[str, Any]:
         "center": box[:3, 3].tolist(),
         "size": size.tolist(),
         "axes": axes.T.tolist(),
-        "corners": (_CORNERS @ box.T)[:, :3].tolist(),
+        "corners": conventions.box_corners(box).tolist(),
     }
 
 

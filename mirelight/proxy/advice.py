@@ -11,17 +11,11 @@ from mirelight.base import conventions
 from mirelight.model import F64, ProxyMesh
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.sampling import spread
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Agreement, Int
 from mirelight.proxy.views import turned
 
-MOST_UNCOVERED = 0.18  # share of splat pixels that a right proxy may leave off (right ones 3-13 %, wrong ones 24 % up)
-MOST_GAP = 0.004  # of the capture's size, as a median: 1 % of error costs relighting 11 dB
-MOST_LEAKS = 0.5  # share of the mesh's pixels past the splats: a right one may have what no camera saw (measured: 28 %)
-MOST_WAVES = 5.0  # degrees, median (exact proxies 0.3 to 0.6, with noise of 0.2 % of the size 11)
-MOST_APART, LEAST_APART = 1.5, 1e-3  # of how far the splats' own surface is from where pictures agree, and of the size
 UNEXPLAINED = "nothing simple explains it: see the heat map, and try --fit, or a proxy made from the splats"
-_POINTS = 6_000  # on each side of a comparison
-_BETTER = 0.5  # a guess must lower the distance to this share to be worth saying
 _HALF = ((180, 0, 0), (0, 180, 0), (0, 0, 180))
 _QUARTER = ((90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0), (0, 0, 90), (0, 0, -90))
 
@@ -48,16 +42,16 @@ def advice_on(capture: Capture, mesh: ProxyMesh, figures: Figures) -> tuple[str,
     """Sentences for a mesh with such figures, in the capture's space; none where it fits."""
     wrong = []
     uncovered, gap, leaks = figures.uncovered, figures.gap, figures.leaks
-    if not uncovered <= MOST_UNCOVERED:
+    if not uncovered <= TUNING.advice_uncovered:
         wrong.append(f"{uncovered:.0%} of the splats' pixels are off the proxy, where right ones leave 3 to 13 %")
     size = 2 * capture.radius
-    if gap > max(MOST_GAP * size, (0.5 if capture.surfels else 1.25) * capture.spacing):
+    if gap > max(TUNING.advice_gap * size, (0.5 if capture.surfels else 1.25) * capture.spacing):
         wrong.append(f"the proxy lies {gap:.3g} units ({gap / size:.1%} of the size) from the splats' surface")
-    if leaks > MOST_LEAKS:
+    if leaks > TUNING.advice_leaks:
         wrong.append(f"{leaks:.0%} of the proxy's pixels show no splats")
-    if figures.wavy > MOST_WAVES:
+    if figures.wavy > TUNING.advice_waves:
         wrong.append(f"it waves: half of it is {figures.wavy:.0f}° and more off the planes that the splats show")
-    if figures.pictures.apart > MOST_APART * figures.pictures.splats_apart + LEAST_APART * size:
+    if figures.pictures.apart > TUNING.advice_apart * figures.pictures.splats_apart + TUNING.advice_least_apart * size:
         wrong.append(
             f"the capture's pictures agree best {figures.pictures.apart / size:.1%} of the size off it "
             f"({figures.pictures.splats_apart / size:.1%} off the splats' own surface)"
@@ -86,9 +80,9 @@ def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     from scipy.spatial import cKDTree
 
     means = capture.splats.means
-    own = means[:: max(len(means) // _POINTS, 1)].astype(np.float64)
+    own = means[:: max(len(means) // TUNING.advice_points, 1)].astype(np.float64)
     tree = cKDTree(own)
-    on_mesh = spread(vertices, faces, _POINTS)
+    on_mesh = spread(vertices, faces, TUNING.advice_points)
 
     def distance(points: F64) -> float:
         # of the mesh the nearer half alone: the rest may be what no camera saw
@@ -100,7 +94,7 @@ def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     best: tuple[float, _Guess] | None = None
     for guess in _guesses(on_mesh, capture.middle, own):
         found = distance(turned(on_mesh, guess.pose[:3, :3]) + guess.pose[:3, 3]) * guess.cost
-        if found < _BETTER * now and found < 3 * floor and (best is None or found < best[0]):
+        if found < TUNING.advice_better * now and found < 3 * floor and (best is None or found < best[0]):
             best = found, guess
     return None if best is None else best[1]
 

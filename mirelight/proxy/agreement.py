@@ -15,18 +15,6 @@ from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Agreement
 from mirelight.proxy.views import rays, turned
 
-VIEWS = 6  # that others are compared with, evenly taken
-BESIDE = 2  # nearest others that each is compared with
-PIXELS = 192  # along the longer side of a picture
-WINDOW = 7  # px, side of what is compared
-STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the size: ways along the view that are tried
-FEWEST = 300  # pixels that tell something, below which nothing is said
-_CONTRAST = 0.02  # standard deviation of display values in a window that tells a place
-_WHOLE = 0.8  # of a window, that both views must show
-_CLEAR, _PEAK = 0.6, 0.3  # how well views agree where they do best, and how much better than where they do worst
-_HIDDEN = 0.01  # of the size: what lies so far behind the mesh in another view is hidden there
-_AHEAD = 4.0  # of a distance: what views that look at right angles to each other are taken as farther apart by
-
 Bool = NDArray[np.bool_]
 
 
@@ -55,7 +43,7 @@ def agreement(compositor: Compositor, cameras: Sequence[Camera], sight: Sight, s
         size: of the capture, world units.
     """
     some = [_small(x) for x in cameras if x.projection == "perspective"]
-    if len(some) <= BESIDE:
+    if len(some) <= TUNING.agree_beside:
         return Agreement()
     known = dict[int, tuple[_View, _View]]()
 
@@ -69,7 +57,7 @@ def agreement(compositor: Compositor, cameras: Sequence[Camera], sight: Sight, s
     for which in (0, 1):
         found = [_compared(one[which], [x[which] for x in others], size) for one, others in pairs]
         here, best, away = (np.concatenate(x) for x in zip(*found, strict=True))
-        if len(best) < FEWEST:
+        if len(best) < TUNING.agree_fewest:
             return Agreement()
         told.append((float(here.sum() / best.sum()), float(away.mean()) * size))
     return Agreement(*told[0], told[1][1])
@@ -80,10 +68,12 @@ def _neighbours(cameras: Sequence[Camera]) -> list[tuple[int, list[int]]]:
     at = np.stack([x.position for x in cameras])
     ahead = np.stack([-x.world_from_camera[:3, 2] for x in cameras])
     out = []
-    for i in range(0, len(cameras), -(-len(cameras) // VIEWS)):
-        apart = np.linalg.norm(at - at[i], axis=1) * (1 + _AHEAD * (1 - turned(ahead, ahead[i : i + 1])[:, 0]))
+    for i in range(0, len(cameras), -(-len(cameras) // TUNING.agree_views)):
+        apart = np.linalg.norm(at - at[i], axis=1) * (
+            1 + TUNING.agree_ahead * (1 - turned(ahead, ahead[i : i + 1])[:, 0])
+        )
         apart[apart == 0] = np.inf  # itself, and others in its place: these see no depth
-        out.append((i, [int(j) for j in np.argsort(apart, kind="stable")[:BESIDE]]))
+        out.append((i, [int(j) for j in np.argsort(apart, kind="stable")[: TUNING.agree_beside]]))
     return out
 
 
@@ -107,19 +97,19 @@ def _compared(view: _View, others: Sequence[_View], size: float) -> tuple[F64, F
     there = view.shows & np.isfinite(view.depth)
     reach = np.where(there, view.depth, 0.0)
     along = 1 / np.linalg.norm(directions, axis=-1)
-    total, weight = np.zeros((2, len(STEPS), *reach.shape))
-    for k, step in enumerate(STEPS):
+    total, weight = np.zeros((2, len(TUNING.agree_steps), *reach.shape))
+    for k, step in enumerate(TUNING.agree_steps):
         points = origins + directions * (reach + step * size * along)[..., None]
         for other in others:
-            value, seen = _taken(other, points, (_HIDDEN + abs(step)) * size)
+            value, seen = _taken(other, points, (TUNING.agree_hidden + abs(step)) * size)
             alike, tells = _correlation(view.gray, value, there & seen)
             total[k] += np.where(tells, alike, 0)
             weight[k] += tells
     mean = total / np.maximum(weight, 1)
     best, worst = mean.max(axis=0), mean.min(axis=0)
-    told = (weight > 0).all(axis=0) & (best > _CLEAR) & (best - worst > _PEAK)
-    away = np.abs(np.array(STEPS))[mean.argmax(axis=0)]
-    return mean[STEPS.index(0.0)][told], best[told], away[told]
+    told = (weight > 0).all(axis=0) & (best > TUNING.agree_clear) & (best - worst > TUNING.agree_peak)
+    away = np.abs(np.array(TUNING.agree_steps))[mean.argmax(axis=0)]
+    return mean[TUNING.agree_steps.index(0.0)][told], best[told], away[told]
 
 
 def _taken(view: _View, points: F64, slack: float) -> tuple[F64, Bool]:
@@ -143,17 +133,19 @@ def _correlation(a: F64, b: F64, there: Bool) -> tuple[F64, Bool]:
     """(H, W) normalized cross-correlation of windows, of what is there; and where it tells something."""
     from scipy.ndimage import uniform_filter
 
-    count = uniform_filter(there.astype(np.float64), WINDOW, mode="constant")
+    count = uniform_filter(there.astype(np.float64), TUNING.agree_window, mode="constant")
 
     def mean(x: F64) -> F64:
-        return np.asarray(uniform_filter(np.where(there, x, 0.0), WINDOW, mode="constant") / np.maximum(count, 1e-6))
+        return np.asarray(
+            uniform_filter(np.where(there, x, 0.0), TUNING.agree_window, mode="constant") / np.maximum(count, 1e-6)
+        )
 
     mean_a, mean_b = mean(a), mean(b)
     spread_a, spread_b = mean(a * a) - mean_a**2, mean(b * b) - mean_b**2
-    least = _CONTRAST**2
+    least = TUNING.agree_contrast**2
     alike = (mean(a * b) - mean_a * mean_b) / np.sqrt(np.maximum(spread_a, least) * np.maximum(spread_b, least))
-    return np.clip(alike, -1, 1), there & (count > _WHOLE) & (spread_a > least)
+    return np.clip(alike, -1, 1), there & (count > TUNING.agree_whole) & (spread_a > least)
 
 
 def _small(camera: Camera) -> Camera:
-    return camera.scaled(min(PIXELS / max(camera.width, camera.height), 1.0))
+    return camera.scaled(min(TUNING.agree_pixels / max(camera.width, camera.height), 1.0))

@@ -17,17 +17,11 @@ from mirelight.model import F64, triangles
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import Bool, Plane, Sheet
 from mirelight.proxy.tidy import compact, parts_of
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import turned
 
-DEEP = 3.0  # spacings of the splats: how far behind the surface its second sheet stands
-CRUMB = 5.0  # squares of spacings: less of a second sheet is hidden by chance, as behind the bars of a lantern's cage
-BEHIND = 0.25  # spacings behind the surface that still count as seen
-LEVEL = 3.0  # spacings: faces of one plane that lie within so much have one second sheet
-LEAST = 100.0  # squares of spacings: smaller pieces of planes have theirs as things do
-CELL = 0.75  # spacings: side of the cells behind planes
-VOXEL = 1.5  # spacings: corners behind things that share one become one
-_ALIKE = 511  # steps to a normal's component: vertices of faces that are nearer to parallel stay one
+_ALIKE = 511  # steps to a normal's component, as ten bits hold: vertices of faces that are nearer to parallel stay one
 _CORNERS = np.array([[0, 0, 0], [0, 1, 1], [0, 1, 1]], bool)  # from a cell to its four corners
 
 
@@ -52,19 +46,19 @@ def backs_of(soup: Soup, planes: Sequence[Plane], sight: Sight, pictures: Pictur
 
 
 def _levels(soup: Soup, planes: Sequence[Plane], normal: F64, spacing: float) -> Iterator[Plane]:
-    """Planes divided into what faces one side and is no thicker than `LEVEL`: normals to that side."""
+    """Planes divided into what faces one side and is no thicker than `back_level` of `TUNING`: normals to that side."""
     area = triangles.areas(soup.vertices[soup.faces])
     for plane in planes:
         middle = soup.vertices[soup.faces[plane.faces]].mean(axis=1)
         at = turned(middle, plane.normal[None])[:, 0]
-        step = np.floor((at - plane.offset) / (LEVEL * spacing) + 0.5).astype(np.int64)
+        step = np.floor((at - plane.offset) / (TUNING.back_level * spacing) + 0.5).astype(np.int64)
         side = np.where(turned(normal[plane.faces], plane.normal[None])[:, 0] < 0, -1, 1)
         for one in (1, -1):
             for k in np.unique(step):
                 here = np.flatnonzero((step == k) & (side == one))
                 faces = plane.faces[here]
                 total = float(area[faces].sum())
-                if total >= LEAST * spacing**2:
+                if total >= TUNING.back_least * spacing**2:
                     yield Plane(one * plane.normal, one * float((at[here] * area[faces]).sum()) / total, faces, total)
 
 
@@ -75,18 +69,18 @@ def _behind_plane(
     from scipy.ndimage import binary_dilation, label
 
     corners = soup.vertices[soup.faces[plane.faces].ravel()]
-    behind = replace(plane, offset=plane.offset - DEEP * spacing)
-    sheet = Sheet.of(behind, planes, corners.min(axis=0), corners.max(axis=0), CELL * spacing)
+    behind = replace(plane, offset=plane.offset - TUNING.back_deep * spacing)
+    sheet = Sheet.of(behind, planes, corners.min(axis=0), corners.max(axis=0), TUNING.back_cell * spacing)
     own = np.zeros(len(soup.faces) + 1, bool)  # the last: no face
     own[plane.faces] = True
     face, far = sight.first_hits(sheet.middles(), np.broadcast_to(plane.normal, (sheet.inside.size, 3)))
-    under = (own[face] & (far < (DEEP + LEVEL) * spacing)).reshape(sheet.inside.shape)
+    under = (own[face] & (far < (TUNING.back_deep + TUNING.back_level) * spacing)).reshape(sheet.inside.shape)
     asked = binary_dilation(np.pad(under, ((0, 1), (0, 1))), _CORNERS)
     hidden = np.zeros(asked.shape, bool)
     hidden[asked] = _hidden(sheet.lattice()[asked.ravel()], pictures, spacing)
     chosen = under & hidden[:-1, :-1] & hidden[1:, :-1] & hidden[:-1, 1:] & hidden[1:, 1:]
     part, _ = label(chosen)
-    chosen &= (np.bincount(part.ravel()) * CELL**2 > CRUMB)[part]
+    chosen &= (np.bincount(part.ravel()) * TUNING.back_cell**2 > TUNING.back_crumb)[part]
     made = sheet.rectangles(chosen)
     return Soup(made.vertices, made.faces[:, ::-1])
 
@@ -97,11 +91,11 @@ def _behind_things(soup: Soup, faces: Int, normal: F64, pictures: Pictures, spac
     way = (step[:, 0] << 20) | (step[:, 1] << 10) | step[:, 2]
     key = (soup.faces[faces] << 30) | way[:, None]  # a corner of faces of one plane is moved once
     _, first, corner = np.unique(key, return_index=True, return_inverse=True)
-    at = soup.vertices[soup.faces[faces].ravel()[first]] - DEEP * spacing * normal[faces[first // 3]]
+    at = soup.vertices[soup.faces[faces].ravel()[first]] - TUNING.back_deep * spacing * normal[faces[first // 3]]
     hidden = _hidden(at, pictures, spacing)[corner.reshape(-1, 3)].all(axis=1)
     chosen = np.flatnonzero(hidden)
-    chosen = chosen[connected_area(soup, faces[chosen]) > CRUMB * spacing**2]
-    return _coarse(compact(Soup(at, corner.reshape(-1, 3)[chosen][:, ::-1])), VOXEL * spacing)
+    chosen = chosen[connected_area(soup, faces[chosen]) > TUNING.back_crumb * spacing**2]
+    return _coarse(compact(Soup(at, corner.reshape(-1, 3)[chosen][:, ::-1])), TUNING.back_voxel * spacing)
 
 
 def _coarse(soup: Soup, voxel: float) -> Soup:
@@ -118,7 +112,7 @@ def _coarse(soup: Soup, voxel: float) -> Soup:
 
 
 def _hidden(at: F64, pictures: Pictures, spacing: float) -> Bool:
-    free, shown = pictures.states(at.astype(np.float32), BEHIND * spacing)
+    free, shown = pictures.states(at.astype(np.float32), TUNING.back_behind * spacing)
     return np.asarray(shown & ~free)
 
 

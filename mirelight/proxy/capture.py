@@ -12,19 +12,12 @@ from mirelight.model import F64, SplatCloud, shown
 from mirelight.model.scene import SOLID
 from mirelight.proxy.axes import axes_of
 from mirelight.proxy.joining import joined
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 
+# bounds of what can be read as a surface at all: nothing is tuned by them
 FEWEST = 50  # splats that a surface takes
-SURFEL = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)
-ALIKE = 0.75  # of the splats, that are as thin as that: real captures have medians of 0.04 to 0.3, three quarters 0.2
 SMALLEST = 1e-12  # world units: squares of distances in what is smaller leave single precision (1e-10 is as 1)
-POINTS = 1e-4  # of the spacing: splats that are smaller leave no surface between them
-FLAT = 0.5  # smallest over middle axis, below which a splat has a normal of its own
-STRAY = 0.002  # share of the splats at either end of an axis that may be strays
-MARGIN = 0.25  # of the box that holds the rest: how far the capture reaches beyond it
-MOST_SPLATS = 1_200_000  # beyond, neighbours are joined
-_MIXED = 16  # a splat and its neighbours
-_SAMPLE = 20_000  # splats whose neighbours tell the density
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +33,7 @@ class Capture:
 
 
 def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
-    """The solid part of a capture, joined down to `MOST_SPLATS`.
+    """The solid part of a capture, joined down to `capture_most_splats` of `TUNING`.
 
     Raises:
         InputError: too few splats, none that shows, all in one place, or too far from the origin.
@@ -53,14 +46,16 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     means = kept.means.astype(np.float64) - middle
     radius = float(np.linalg.norm(means, axis=1).max())
     kept = replace(kept, means=means.astype(np.float32))
-    shape = np.sort(kept.scales[:: max(len(kept) // _SAMPLE, 1)], axis=1)
-    surfels = bool(np.quantile(shape[:, 0] / np.maximum(shape[:, 1], 1e-30), ALIKE) < SURFEL)
-    if len(kept) > MOST_SPLATS:
-        kept = joined(kept, MOST_SPLATS)
+    shape = np.sort(kept.scales[:: max(len(kept) // TUNING.capture_sample, 1)], axis=1)
+    surfels = bool(
+        np.quantile(shape[:, 0] / np.maximum(shape[:, 1], 1e-30), TUNING.capture_alike) < TUNING.capture_surfel
+    )
+    if len(kept) > TUNING.capture_most_splats:
+        kept = joined(kept, TUNING.capture_most_splats)
     spacing = _spacing(kept.means.astype(np.float64))
     if not spacing > 0:
         raise InputError(source, "most splats lie in the same place as another", "check the file")
-    if np.median(np.sort(kept.scales, axis=1)[:, 1]) < POINTS * spacing:
+    if np.median(np.sort(kept.scales, axis=1)[:, 1]) < TUNING.capture_points * spacing:
         raise InputError(source, "no surface: its splats are points, with nothing between them", "check their scales")
     return Capture(kept, middle, half, radius, spacing, surfels)
 
@@ -80,8 +75,10 @@ def solid_part(splats: SplatCloud, source: str | Path) -> tuple[Int, F64, F64]:
     if len(solid) < FEWEST:
         found = f"{len(solid)} of {len(splats)} splats show (opacity {SOLID} and more), too few for a surface"
         raise InputError(source, found, "check the file; a capture that is all transparent has no proxy")
-    low, high = np.quantile(splats.means[solid].astype(np.float64), [STRAY, 1 - STRAY], axis=0)
-    middle, half = (low + high) / 2, (high - low) / 2 * (1 + 2 * MARGIN)
+    low, high = np.quantile(
+        splats.means[solid].astype(np.float64), [TUNING.capture_stray, 1 - TUNING.capture_stray], axis=0
+    )
+    middle, half = (low + high) / 2, (high - low) / 2 * (1 + 2 * TUNING.capture_margin)
     size = float(np.linalg.norm(half))
     if not size > 0:
         raise InputError(source, "all splats lie in one place", "check the file")
@@ -109,7 +106,7 @@ def take(splats: SplatCloud, rows: Int) -> SplatCloud:
 
 
 def _spacing(means: F64) -> float:
-    return float(np.median(_sixth(means, means[:: max(len(means) // _SAMPLE, 1)]))) / 1.8
+    return float(np.median(_sixth(means, means[:: max(len(means) // TUNING.capture_sample, 1)]))) / 1.8
 
 
 def density(means: F64) -> F64:
@@ -133,13 +130,13 @@ def normals_of(capture: Capture) -> F64:
     """
     axes, scales = axes_of(capture.splats)
     out = np.ascontiguousarray(axes[:, :, 0])
-    blob = np.flatnonzero(scales[:, 0] > FLAT * scales[:, 1])
+    blob = np.flatnonzero(scales[:, 0] > TUNING.capture_flat * scales[:, 1])
     if not len(blob):
         return out
     from scipy.spatial import cKDTree
 
     means = capture.splats.means.astype(np.float64)
-    _, near = cKDTree(means).query(means[blob], k=min(_MIXED, len(means)), workers=-1)
+    _, near = cKDTree(means).query(means[blob], k=min(TUNING.capture_mixed, len(means)), workers=-1)
     own = np.einsum("nik,nk,njk->nij", axes, scales**2, axes)
     total, weight = np.zeros((len(blob), 3, 3)), capture.splats.opacities.astype(np.float64)
     for k in range(near.shape[1]):

@@ -17,24 +17,14 @@ from mirelight.base.errors import InputError
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
 from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
 from mirelight.model.scene import SOLID
-from mirelight.proxy.capture import SURFEL
-
-_SAMPLE = 20_000  # splats that tell their kind
-_OPAQUE = 0.9  # alpha of pixels by which a picture's exposure is told
-_BRIGHT = 0.7  # quantile of the light from which it is: what is dark shows in composites what lies beside it
-_WHITE = 0.955  # linear, display value 0.98: a pixel may have been any brighter
-_COUNTS = 0.99  # of a pixel of a picture, from which it is taken
-_FEWEST = 100  # pixels
-_UNLIKE = 0.35  # of the logarithm: half of the pixels are off by more, if a picture is not of the splats
-_VARIED = 0.04  # of the logarithm: exposures of half of the pictures lie farther apart, if each has its own
-_DEVELOPED = 0.2  # of the logarithm: all pictures are brighter or darker than the splats by more, if they were changed
+from mirelight.proxy.tuning import TUNING
 
 
 def are_discs(splats: SplatCloud) -> bool:
     """Whether splats lie on the surface as thin discs, each with the surface's own colour."""
     solid = np.flatnonzero(splats.opacities >= SOLID)
-    shape = np.sort(splats.scales[solid[:: max(len(solid) // _SAMPLE, 1)]].astype(np.float64), axis=1)
-    return bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < SURFEL) if len(shape) else True
+    shape = np.sort(splats.scales[solid[:: max(len(solid) // TUNING.picture_sample, 1)]].astype(np.float64), axis=1)
+    return bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < TUNING.capture_surfel) if len(shape) else True
 
 
 def capture_views(
@@ -95,14 +85,14 @@ def _exposure(view: SplatLayer, picture: F32) -> float:
     own = np.maximum(view.color / np.maximum(alpha, 1e-6)[..., None], 0)
     own = own if view.linear else colour.srgb_decode(own)
     light = [colour.luminance(x) for x in (picture[..., :3], own)]
-    told = (picture[..., 3] > _COUNTS) & (alpha > _OPAQUE) & (light[0] > 0) & (light[1] > 0)
-    told &= np.maximum(picture[..., :3], own).max(axis=2) < _WHITE
-    if np.count_nonzero(told) < _FEWEST:
+    told = (picture[..., 3] > TUNING.picture_counts) & (alpha > TUNING.picture_opaque) & (light[0] > 0) & (light[1] > 0)
+    told &= np.maximum(picture[..., :3], own).max(axis=2) < TUNING.picture_white
+    if np.count_nonzero(told) < TUNING.picture_fewest:
         return np.nan
     ratio = np.log(light[0][told] / light[1][told])
-    ratio = ratio[light[1][told] > np.quantile(light[1][told], _BRIGHT)]
+    ratio = ratio[light[1][told] > np.quantile(light[1][told], TUNING.picture_bright)]
     exposure = float(np.median(ratio))
-    if float(np.median(np.abs(ratio - exposure))) > _UNLIKE:
+    if float(np.median(np.abs(ratio - exposure))) > TUNING.picture_unlike:
         raise ValueError("shows something else than the splats do from there")
     return exposure
 
@@ -117,16 +107,16 @@ def _gains(exposures: F64) -> F64:
     if not len(told):
         return np.ones(len(exposures))
     middle = float(np.median(told))
-    common = middle if abs(middle) > _DEVELOPED else 0.0
-    varied = float(np.median(np.abs(told - middle))) > _VARIED
+    common = middle if abs(middle) > TUNING.picture_developed else 0.0
+    varied = float(np.median(np.abs(told - middle))) > TUNING.picture_varied
     apart = np.nan_to_num(exposures - middle) if varied else np.zeros(len(exposures))
     return np.asarray(np.exp(-common - apart))
 
 
 def _as_photographed(view: SplatLayer, picture: F32, gain: float) -> SplatLayer:
     """The view in the colours of a picture (H, W, 4), times a gain; what does not count in it shows nothing."""
-    clipped = picture[..., :3].max(axis=2) > _WHITE
-    counts = picture[..., 3] > _COUNTS
+    clipped = picture[..., :3].max(axis=2) > TUNING.picture_white
+    counts = picture[..., 3] > TUNING.picture_counts
     if gain < 1:
         counts &= ~clipped  # white, of which no more is known than that it is above the gain
     rgb = np.where(clipped[..., None], picture[..., :3], np.minimum(picture[..., :3] * gain, 1))

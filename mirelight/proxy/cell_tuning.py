@@ -116,5 +116,11 @@ class CellTuning:
     # of the unknowns, in local spacings
     bent_damping: tuple[float, ...] = (1e-6, 1e-6, 1e-3, 1e-3, 3e-3, 3e-3, 1e-4)
 
+    # which discs lie on one surface (`discs`)
+    disc_same_plane: float = 0.8  # cosine between their normals
+    # rise over run to a disc of the same normal, above which it lies on another level: in a groove, on a step
+    disc_steep: float = 0.1
+    disc_level: float = 0.1  # of the spacing: so much more must it rise
+
 
 CELLS = CellTuning()

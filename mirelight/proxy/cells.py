@@ -22,7 +22,7 @@ from mirelight.proxy.stars import stars_of
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
 
-_CHUNK = 200_000  # cells cut at once
+_CHUNK = 200_000  # cells cut at once: memory alone
 _FEW = 50_000  # cells cut in wedges at once
 
 

@@ -13,17 +13,12 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64, triangles
 from mirelight.proxy.tidy import compact
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup
 
-RIM = 4.0  # weight of the plane that holds a rim's edge, against that of a square face beside it
-FLIPPED = 0.2  # cosine to its old normal below which a face would have turned over
-AHEAD = 2  # times as many edges as must go are looked at in a round, the cheapest ones,
-DIVIDED = 4  # but no more than one in so many, as those between dear ones should not go before cheaper ones elsewhere,
-FEWEST = 64  # and no fewer than so many
-IDLE = 10  # rounds in which next to nothing goes, after which nothing more will
+# small enough that nothing else notices, and far above single precision of what they stand beside
 _SOFT = 1e-6  # share of a quadric that draws a vertex to the edge's middle where planes leave it free
 _LONG = 1e-6  # of an edge's own square: among edges that cost nothing short ones go first
-_RESTED = 4  # rounds after which what was refused is tried again
 
 Mask = NDArray[np.bool_]
 
@@ -38,11 +33,11 @@ def decimated(soup: Soup, most: int) -> Soup:
         return soup
     work = _Work.of(soup)
     idle = 0
-    while len(work.faces) > most and idle < IDLE:
+    while len(work.faces) > most and idle < TUNING.fewer_idle:
         before = len(work.faces)
         work.round((before - most + 1) // 2)
         idle = idle + 1 if len(work.faces) > before - max(before // 2000, 1) else 0
-        if idle == IDLE and not work.joins_seams:
+        if idle == TUNING.fewer_idle and not work.joins_seams:
             work.joins_seams, idle = True, 0
     return compact(Soup(work.vertices, work.faces))
 
@@ -73,20 +68,22 @@ class _Work:
         along = b - a
         across = np.cross(along, side)
         length = np.linalg.norm(across, axis=1)
-        held = _planes(across / np.maximum(length, 1e-300)[:, None], a, RIM * length**2 / 3)
+        held = _planes(across / np.maximum(length, 1e-300)[:, None], a, TUNING.fewer_rim * length**2 / 3)
         _add(quadrics, edges[rim], held)
         return _Work(v.copy(), f, quadrics, np.zeros(0, np.int64))
 
     def round(self, most: int) -> None:
         """Collapse up to `most` edges that do not touch each other's faces."""
         self.rounds += 1
-        if self.rounds % _RESTED == 0:
+        if self.rounds % TUNING.fewer_rested == 0:
             self.refused = self.refused[:0]
         n = len(self.vertices)
         edges, _, count = _edges(self.faces, n)
         at, cost = self._best(edges)
         cost[np.isin(edges[:, 0] * n + edges[:, 1], self.refused)] = np.inf
-        looked_at = min(len(edges) - 1, max(min(AHEAD * most, len(edges) // DIVIDED), FEWEST))
+        looked_at = min(
+            len(edges) - 1, max(min(TUNING.fewer_ahead * most, len(edges) // TUNING.fewer_divided), TUNING.fewer_fewest)
+        )
         bound = np.partition(cost, looked_at)[looked_at]
         some = np.flatnonzero((cost <= bound) & np.isfinite(cost))
         order = some[np.argsort(cost[some], kind="stable")]
@@ -166,7 +163,7 @@ class _Work:
         f = self.faces[touched]
         old, new = triangles.crossed(self.vertices[f]), triangles.crossed(moved[f])
         lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
-        turned = ((old * new).sum(axis=1) < FLIPPED * lengths) | (lengths <= 0)
+        turned = ((old * new).sum(axis=1) < TUNING.fewer_flipped * lengths) | (lengths <= 0)
         fits = np.ones(len(edges), bool)
         fits[own[touched[turned]].max(axis=1)] = False
         return fits

@@ -8,11 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
+from mirelight.proxy.cell_tuning import CELLS
 from mirelight.proxy.types import Int
-
-SAME_PLANE = 0.8  # cosine between normals of discs of one surface
-STEEP = 0.1  # rise over run to a disc of the same normal, above which it lies on another level: in a groove, on a step
-LEVEL = 0.1  # of the spacing: so much more must it rise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +60,7 @@ class Around:
         along = np.einsum("rki,rij->rkj", step, discs.axes[rows][:, :, 1:])
         run = np.linalg.norm(along, axis=2)
         cosine = np.einsum("rki,ri->rk", m, n)
-        same = np.abs(cosine) > SAME_PLANE
+        same = np.abs(cosine) > CELLS.disc_same_plane
         over = np.einsum("rki,ri->rk", step, n) + np.where(cosine < 0, -1.0, 1.0) * np.einsum("rki,rki->rk", step, m)
         rise = np.abs(over) / np.sqrt(2 + 2 * np.abs(cosine))
-        return Around(step, along, run, same, same & (rise < STEEP * run + LEVEL * discs.spacing))
+        return Around(step, along, run, same, same & (rise < CELLS.disc_steep * run + CELLS.disc_level * discs.spacing))

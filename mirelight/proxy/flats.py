@@ -20,13 +20,6 @@ from mirelight.proxy.views import rays, turned
 
 Bool = NDArray[np.bool_]
 
-_SEEDS = 200  # points whose own planes are tried, for each plane that is found
-_SAMPLE = 6_000  # points that planes are tried on
-FEWEST = 200  # points, of which planes are made
-_STEP = 3  # every third pixel of a map, both ways, is a point
-_VOXEL = 0.7  # spacings: points in one voxel become one
-_ROUNDS = 6  # of fitting a plane to what lies on it
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
@@ -41,15 +34,15 @@ class Points:
         """What views see within the radius, one point a voxel."""
         at, normal, weight = [], [], []
         for view in views:
-            here, facing = points_of(view, _STEP)
-            seen = view.depth[::_STEP, ::_STEP] > 0
+            here, facing = points_of(view, TUNING.flat_step)
+            seen = view.depth[:: TUNING.flat_step, :: TUNING.flat_step] > 0
             at.append(here)
             normal.append(facing)
-            weight.append(view.trust[::_STEP, ::_STEP][seen].astype(np.float64) + 1e-3)
+            weight.append(view.trust[:: TUNING.flat_step, :: TUNING.flat_step][seen].astype(np.float64) + 1e-3)
         points, normals, weights = np.concatenate(at), np.concatenate(normal), np.concatenate(weight)
         near = (points * points).sum(axis=1) < radius * radius
         points, normals, weights = points[near], normals[near], weights[near]
-        i = np.floor(points / (_VOXEL * spacing)).astype(np.int64) + (1 << 20)
+        i = np.floor(points / (TUNING.flat_voxel * spacing)).astype(np.int64) + (1 << 20)
         _, index, count = np.unique(
             (i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2], return_inverse=True, return_counts=True
         )
@@ -63,7 +56,7 @@ class Points:
         return Points(
             mean(points),
             turned_to / np.maximum(agreed, 1e-12)[:, None],
-            agreed * np.minimum(count / _STEP, 1) * total / count,
+            agreed * np.minimum(count / TUNING.flat_step, 1) * total / count,
         )
 
 
@@ -101,7 +94,7 @@ class Flat:
 def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:
     """The large planes of what views see within the radius, largest first."""
     points = Points.of(views, spacing, radius)
-    if len(points.at) < FEWEST:
+    if len(points.at) < TUNING.flat_fewest:
         return []
     low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
     tolerance = TUNING.plane_tolerance * spacing
@@ -118,13 +111,13 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
     left, out = np.arange(len(points.at)), list[tuple[F64, float, Int]]()
     least = TUNING.plane_least * float(points.weight.sum())
     for _ in range(2 * TUNING.plane_most):
-        if len(out) == TUNING.plane_most or len(left) <= FEWEST:
+        if len(out) == TUNING.plane_most or len(left) <= TUNING.flat_fewest:
             break
-        some = left[rng.permutation(len(left))[:_SAMPLE]]
+        some = left[rng.permutation(len(left))[: TUNING.flat_sample]]
         at, normals, weight = points.at[some], points.normal[some], points.weight[some]
         places, ways = np.ascontiguousarray(at.T), np.ascontiguousarray(normals.T)  # sums over three are quicker so
         best, held = 0, -1.0
-        for seed in rng.choice(len(some), _SEEDS, p=weight / weight.sum()):
+        for seed in rng.choice(len(some), TUNING.flat_seeds, p=weight / weight.sum()):
             on = np.abs(_along(places - at[seed][:, None], normals[seed])) < tolerance
             on &= np.abs(_along(ways, normals[seed])) > TUNING.plane_cosine
             if weight[on].sum() > held:
@@ -151,8 +144,8 @@ def _along(rows: F64, way: F64) -> F64:
 
 def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> tuple[F64, float]:
     """The plane of least squares through what lies on a plane."""
-    for k in range(_ROUNDS):
-        wide = tolerance * (1.5 if k < _ROUNDS // 2 else 1.0)
+    for k in range(TUNING.flat_rounds):
+        wide = tolerance * (1.5 if k < TUNING.flat_rounds // 2 else 1.0)
         off = (points.at[rows] * normal).sum(axis=1) - offset
         on = (np.abs(off) < wide) & (np.abs((points.normal[rows] * normal).sum(axis=1)) > TUNING.plane_cosine)
         if on.sum() < 30:

@@ -15,8 +15,6 @@ from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.flats import Flat, votes
 from mirelight.proxy.tuning import TUNING
 
-_STEP = 4  # every fourth pixel of a map, both ways, is a point
-
 
 def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float) -> list[Flat]:
     """The planes, the ground among them with all cells that views do not surely see through.
@@ -42,8 +40,9 @@ def _is_ground(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> bool:
         return False
     behind = total = 0.0
     for view in views:
-        points, _ = points_of(view, _STEP)
-        trust = view.trust[::_STEP, ::_STEP][view.depth[::_STEP, ::_STEP] > 0]
+        points, _ = points_of(view, TUNING.ground_step)
+        every = slice(None, None, TUNING.ground_step)
+        trust = view.trust[every, every][view.depth[every, every] > 0]
         behind += float(trust[front * flat.off(points) < -TUNING.ground_below * tolerance].sum())
         total += float(trust.sum())
     return behind < TUNING.ground_behind * total

@@ -9,13 +9,7 @@ import numpy as np
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.depth import DepthMap, points_of
-
-HIDDEN = 0.06  # share of the splats that no view from around shows, from which it is looked at from inside too
-PLACES = 5  # to look from
-_GRID = 14  # candidates along each axis
-_SAMPLE = 20_000  # splats that tell what is hidden
-_APART = 0.6  # of the clearance: the more, the farther places lie from each other
-_INNER = 0.8  # of the box: where places may be
+from mirelight.proxy.tuning import TUNING
 
 
 def hidden_share(capture: Capture, views: Sequence[DepthMap]) -> float:
@@ -26,23 +20,23 @@ def hidden_share(capture: Capture, views: Sequence[DepthMap]) -> float:
     if not len(seen):
         return 1.0
     splats = capture.splats
-    step = max(len(splats) // _SAMPLE, 1)
+    step = max(len(splats) // TUNING.inside_sample, 1)
     weight = splats.opacities[::step].astype(np.float64)
     distance, _ = cKDTree(seen).query(splats.means[::step], workers=-1)
     far = distance > max(0.03 * capture.radius, 2 * capture.spacing)
     return float(weight[far].sum() / weight.sum())
 
 
-def places(capture: Capture, count: int = PLACES) -> F64:
+def places(capture: Capture, count: int = TUNING.inside_places) -> F64:
     """(count, 3) points with room around them, far from each other."""
     from scipy.spatial import cKDTree
 
-    line = np.linspace(-_INNER, _INNER, _GRID)
+    line = np.linspace(-TUNING.inside_inner, TUNING.inside_inner, TUNING.inside_grid)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3) * capture.half
     room, _ = cKDTree(capture.splats.means).query(grid, workers=-1)
     chosen = [int(np.argmax(np.minimum(room, 0.5 * capture.half.min())))]
     for _ in range(count - 1):
         apart = np.min([np.linalg.norm(grid - grid[i], axis=1) for i in chosen], axis=0)
         wide = room >= 0.25 * room[chosen[0]]
-        chosen.append(int(np.argmax(np.where(wide, apart + _APART * room, -1))))
+        chosen.append(int(np.argmax(np.where(wide, apart + TUNING.inside_apart * room, -1))))
     return grid[chosen]

@@ -12,7 +12,7 @@ from mirelight.model import F64, SplatCloud
 from mirelight.proxy.axes import axes_of
 from mirelight.proxy.types import Int
 
-_TRIES = 12  # voxel sizes tried
+_TRIES = 12  # voxel sizes tried: a count of halvings alone, which ends sooner as a rule
 
 
 def joined(splats: SplatCloud, most: int) -> SplatCloud:

@@ -21,19 +21,9 @@ from mirelight.proxy.flats import flats_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxyQuality, ProxySettings, ViewQuality
-from mirelight.proxy.views import LEAST_PIXELS, around, moved, rays
+from mirelight.proxy.views import around, moved, rays
 
-VIEWS = 12  # looked from, without cameras
-WAVES = 6  # of these, by which planes are told
-PIXELS = 256  # along a view's longer side, at most
-EMPTY = 0.1  # alpha below which a pixel shows no splats
-WRONG = 0.01  # of the capture's size: a gap that the heat map shows in full yellow
-SURE = 0.2  # trust in a pixel's depth, from which it shows a surface: else an exact mesh under a sky misses 21, not 4 %
-NEAR = 3.0  # spacings of the splats along the view: where mesh and splats are so near to each other normals compare
-_FEWEST = 50  # pixels on a plane
-_LARGE = 0.04  # of the pixels, that a plane has: slices of a biker have up to 0.02, walls of a room from 0.05 on
-_EVEN = 0.05  # spacings, deviation from a plane: less is flat, however it bends
-_BENT = 0.5  # share of the variance about a plane that a quadric leaves: with less it is the cap of something round
+WRONG = 0.01  # a picture's scale alone: of the capture's size: a gap that the heat map shows in full yellow
 _DEFAULT = ProxySettings()
 
 
@@ -51,7 +41,8 @@ def judge(
     Args:
         splats: the capture, in world space.
         mesh: the proxy, in the same space.
-        cameras: where to look from, with `LEAST_PIXELS` to `PIXELS` along the longer side; None: from `VIEWS` sides.
+        cameras: where to look from, with as many pixels along the longer side as `TUNING` has (`view_least_pixels` to
+            `judge_pixels`); None: from `judge_views` sides.
         captured: cameras of the capture's pictures, by which it is told whether these agree on the mesh; none: it is
             not told.
         settings: the variant that it runs on.
@@ -75,7 +66,7 @@ def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
     A room from around shows the backs of its walls.
     """
-    return tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // VIEWS)])
+    return tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // TUNING.judge_views)])
 
 
 def judged(
@@ -87,13 +78,17 @@ def judged(
     captured: Sequence[Camera] = (),
 ) -> ProxyQuality:
     """As :func:`judge`, of a capture that is known, everything in its space."""
-    chosen = around(capture.splats.means, capture.radius, VIEWS, PIXELS) if cameras is None else cameras
+    chosen = (
+        around(capture.splats.means, capture.radius, TUNING.judge_views, TUNING.judge_pixels)
+        if cameras is None
+        else cameras
+    )
     sight = Sight(mesh, settings.variant, settings.threads)
     compositor = Compositor(capture.splats, variant=settings.variant, threads=settings.threads)
     views = [maps.of(camera) for camera in chosen]
     normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
     seen = [_compared(compositor.composite(x.camera, depth=False), x, sight, normals) for x in views]
-    some = slice(None, None, -(-len(views) // WAVES))
+    some = slice(None, None, -(-len(views) // TUNING.judge_waves))
     waves = _waves([slanted(x, capture.spacing) for x in views[some]], seen[some], capture)
     wavy, wavy_high = _quantiles(waves, (0.5, 0.9))
     pictures = agreement(compositor, captured, sight, 2 * capture.radius)
@@ -144,7 +139,7 @@ class _Compared:
 
     @property
     def leaked(self) -> int:
-        return int(((self.alpha < EMPTY) & self.on_mesh).sum())
+        return int(((self.alpha < TUNING.judge_empty) & self.on_mesh).sum())
 
     @property
     def hit(self) -> int:
@@ -173,7 +168,7 @@ class _Compared:
         out = out * (1 - off) + off * (1.0, 0.85, 0.1)
         missed = self.surface & ~self.on_mesh
         out[missed] = 0.25 * out[missed] + 0.75 * np.array((1.0, 0.1, 0.05))
-        out[(self.alpha < EMPTY) & self.on_mesh] = (0.15, 0.35, 1.0)
+        out[(self.alpha < TUNING.judge_empty) & self.on_mesh] = (0.15, 0.35, 1.0)
         return np.rint(np.clip(out, 0, 1) * 255).astype(np.uint8)
 
 
@@ -189,7 +184,7 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight, normals: F64) -> 
     gap = np.where(both, (view.depth - depth) * long, np.nan)
     normal = np.zeros(directions.shape)
     normal[on_mesh] = normals[face[face >= 0]]
-    surface = (layer.transmittance < 1 - TUNING.depth_opaque) & (view.trust > SURE)
+    surface = (layer.transmittance < 1 - TUNING.depth_opaque) & (view.trust > TUNING.judge_sure)
     return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), surface, on_mesh, normal, gap)
 
 
@@ -198,10 +193,10 @@ def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Captur
     out = []
     places = [origins + ways * x.depth[..., None] for x in views for origins, ways in [rays(x.camera)]]
     left = [
-        own.on_mesh & (x.depth > 0) & (np.abs(own.gap) < NEAR * capture.spacing)
+        own.on_mesh & (x.depth > 0) & (np.abs(own.gap) < TUNING.judge_near * capture.spacing)
         for x, own in zip(views, seen, strict=True)
     ]
-    least = _LARGE * sum(int(x.sum()) for x in left)
+    least = TUNING.judge_large * sum(int(x.sum()) for x in left)
     for flat in flats_of(views, capture.spacing, capture.radius):
         normals, points = [], []
         for free, place, own in zip(left, places, seen, strict=True):
@@ -219,12 +214,12 @@ def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Captur
 def _is_bent(points: F64, normal: F64, spacing: float) -> bool:
     """Whether points (P, 3) beside a plane lie on the cap of something round: then their distances from the plane bend
     as a whole, where those of an uneven plane go up and down."""
-    if len(points) < _FEWEST:
+    if len(points) < TUNING.judge_fewest:
         return True
     x, y, off = ((points - points.mean(axis=0)) @ conventions.frame_around(normal[None])[0].T).T
     bent = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     rest = off - bent @ np.linalg.lstsq(bent, off, rcond=None)[0]
-    return bool(off.std() > _EVEN * spacing and rest.var() < _BENT * off.var())
+    return bool(off.std() > TUNING.judge_even * spacing and rest.var() < TUNING.judge_bent * off.var())
 
 
 def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:
@@ -234,9 +229,9 @@ def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:
 
 
 def _small(camera: Camera) -> Camera:
-    """The camera with its own pixels, but along the longer side at least `LEAST_PIXELS` and at most `PIXELS`."""
+    """The camera with its own pixels, but along the longer side no fewer and no more than are looked at."""
     longer = max(camera.width, camera.height)
-    return camera.scaled(min(max(longer, LEAST_PIXELS), PIXELS) / longer)
+    return camera.scaled(min(max(longer, TUNING.view_least_pixels), TUNING.judge_pixels) / longer)
 
 
 def _sheet(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

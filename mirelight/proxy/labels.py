@@ -17,10 +17,6 @@ from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import rays
 
-_OUT = 1.6  # cost of a plane where it has no cell
-_TURNED = 0.3  # 1 - cosine between a pixel's normal and the plane's that costs in full
-_FACING = 0.03  # cosine to the ray below which a plane is not seen
-
 
 def fog_of(views: Sequence[DepthMap]) -> float:
     """The trust below which pixels on no plane show no surface: 0 unless the views show a sky.
@@ -55,7 +51,7 @@ def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
     """(H, W) depth of a plane where it has cells, else 0."""
     origins, _ = rays(view.camera)
     facing = (directions * flat.normal).sum(axis=-1)
-    seen = np.abs(facing) > _FACING * np.linalg.norm(directions, axis=-1)
+    seen = np.abs(facing) > TUNING.label_facing * np.linalg.norm(directions, axis=-1)
     depth = np.where(seen, (flat.offset - (origins * flat.normal).sum(axis=-1)) / np.where(seen, facing, 1), 0)
     there = (depth > view.camera.near) & flat.inside(origins + directions * depth[..., None])
     return np.where(there, depth, 0).astype(np.float32)
@@ -70,11 +66,12 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
     for flat, depth in zip(flats, depths, strict=True):
         aslant = np.abs((directions * flat.normal).sum(axis=-1)).astype(np.float32)
         off = np.abs(depth - view.depth) * aslant
-        turned = (1 - np.abs((view.normal * flat.normal.astype(np.float32)).sum(axis=-1))) / np.float32(_TURNED)
+        aside = 1 - np.abs((view.normal * flat.normal.astype(np.float32)).sum(axis=-1))
+        turned = aside / np.float32(TUNING.label_turned)
         cost = np.minimum((off / reach) ** 2, 1) + np.float32(0.6) * np.minimum(turned, 1)
         unsure = np.float32(0.15) + np.float32(0.5) * np.minimum(cost, 1)
         cost = np.where(there, trust * cost + (1 - trust) * unsure, np.float32(0.5))
-        costs.append(np.where(depth > 0, cost, np.float32(_OUT)))
+        costs.append(np.where(depth > 0, cost, np.float32(TUNING.label_out)))
     free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)
     volume = np.stack([*costs, free], axis=0).astype(np.float32)
     return np.asarray(np.argmin(_smoothed(volume, view.color), axis=0))

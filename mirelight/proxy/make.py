@@ -18,7 +18,7 @@ from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.ground import carried_on
-from mirelight.proxy.inside import HIDDEN, hidden_share, places
+from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened, fog_of
 from mirelight.proxy.nets import surface_of
@@ -28,15 +28,8 @@ from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
 from mirelight.proxy.unseen import closing
-from mirelight.proxy.views import ORBIT, PIXELS, around, fewer, from_points, moved, turned
+from mirelight.proxy.views import around, fewer, from_points, moved, turned
 
-PIXEL = 0.66  # of the splats' spacing: smaller pixels see nothing more
-FEWEST_PIXELS = 96  # along the longer side of a view
-GRAIN = 2.0  # pixels: nothing is told finer, as splats of real captures lie closer and deeper than pictures tell
-LEAST_OPAQUE = 0.005  # share of the pixels around a capture; less is no surface
-LEAST_SEEN = 0.5  # of the splats, that the cameras of their own capture have in their pictures
-FOG = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
-FOG_VIEWS = 8  # that are asked for that
 _DEFAULT = ProxySettings()
 
 
@@ -80,7 +73,9 @@ def make(
         soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
         through = fewer(there) if there else _around(capture)
-        capture = replace(capture, spacing=max(capture.spacing, GRAIN * footprint(through, capture.splats.means)))
+        capture = replace(
+            capture, spacing=max(capture.spacing, TUNING.make_grain * footprint(through, capture.splats.means))
+        )
         maps = DepthMaps(capture, settings)
         views = [maps.of(camera) for camera in counted(through, part(report, 0.05, 0.3))]
         _refuse_depth(capture, maps, views, source)
@@ -151,7 +146,7 @@ def _inside(
 ) -> list[DepthMap]:
     """Views from inside a capture whose cameras are not known, where those from around miss much."""
     hidden = hidden_share(capture, outer)
-    if settings.views != "inside" and (settings.views == "around" or hidden <= HIDDEN):
+    if settings.views != "inside" and (settings.views == "around" or hidden <= TUNING.inside_hidden):
         return []
     pixels = max(max(x.camera.width, x.camera.height) for x in outer)
     looked = from_points(places(capture), pixels, 1e-3 * capture.radius)
@@ -176,15 +171,17 @@ def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | 
         shown |= pixels_of(camera, own) >= 0
     weight = capture.splats.opacities * density(capture.splats.means.astype(np.float64))
     seen = float(weight[shown].sum() / weight.sum())
-    if seen < LEAST_SEEN:
+    if seen < TUNING.make_least_seen:
         found = f"its {len(cameras):,} cameras have {seen:.0%} of it in their pictures"
         raise InputError(source, found, "give the cameras of this capture, in its own axes; or none")
 
 
 def _around(capture: Capture) -> tuple[Camera, ...]:
     """Views from around, whose pixels are as fine as splats lie, up to a bound."""
-    pixels = np.clip(2 * capture.half.max() / (PIXEL * capture.spacing), FEWEST_PIXELS, PIXELS)
-    return around(capture.splats.means, capture.radius, ORBIT, int(pixels))
+    pixels = np.clip(
+        2 * capture.half.max() / (TUNING.make_pixel * capture.spacing), TUNING.make_fewest_pixels, TUNING.view_pixels
+    )
+    return around(capture.splats.means, capture.radius, TUNING.view_orbit, int(pixels))
 
 
 def counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
@@ -196,10 +193,10 @@ def counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
 def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], source: str | Path) -> None:
     opaque = np.array([float((view.alpha > TUNING.depth_opaque).mean()) for view in views])
     remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
-    if opaque.mean() < LEAST_OPAQUE:
+    if opaque.mean() < TUNING.make_least_opaque:
         raise InputError(source, f"no surface: {opaque.mean():.1%} of the pixels around it are opaque", remedy)
-    few = views[:: -(-len(views) // FOG_VIEWS)]
+    few = views[:: -(-len(views) // TUNING.make_fog_views)]
     spread = float(np.median([np.median(x) for view in few if len(x := maps.blended_over(view.camera))]))
     spread /= capture.radius
-    if spread > FOG:
+    if spread > TUNING.make_fog:
         raise InputError(source, f"no surface: splats blend over a depth of {spread:.0%} of its radius", remedy)

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from mirelight.lighting.sight import Sight
 from mirelight.model import F32, F64, Camera
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Soup
 from mirelight.proxy.views import rays, turned
 
-MOST_CAMERAS = 96  # that are looked from; of more, evenly taken ones
-PIXELS = 480  # along the longer side of their pictures
-CRACK = 5  # pixels: gaps of the surface that are narrower are cracks, and nothing was seen through them
 _CHUNK = 1 << 18  # points at once
 
 Bool = NDArray[np.bool_]
@@ -31,7 +29,7 @@ class Pictures:
     @staticmethod
     def of(soup: Soup, cameras: Sequence[Camera], sight: Sight) -> Pictures:
         """Of a surface, everything in its space; `sight` is into it."""
-        chosen = tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // MOST_CAMERAS)])
+        chosen = tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // TUNING.seen_cameras)])
         return Pictures(chosen, tuple(_depth(camera, sight) for camera in chosen))
 
     @property
@@ -59,8 +57,8 @@ def _depth(camera: Camera, sight: Sight) -> F32:
     origins, directions = rays(camera)
     starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
     _, distance = sight.first_hits(starts, directions.reshape(-1, 3))
-    near = minimum_filter(distance.reshape(directions.shape[:2]).astype(np.float32), CRACK)
-    return np.asarray(maximum_filter(near, CRACK))
+    near = minimum_filter(distance.reshape(directions.shape[:2]).astype(np.float32), TUNING.seen_crack)
+    return np.asarray(maximum_filter(near, TUNING.seen_crack))
 
 
 def _at_pixels(camera: Camera, depth: F32, at: F32) -> tuple[F32, F32]:
@@ -77,4 +75,4 @@ def _at_pixels(camera: Camera, depth: F32, at: F32) -> tuple[F32, F32]:
 
 
 def _small(camera: Camera) -> Camera:
-    return camera.scaled(min(PIXELS / max(camera.width, camera.height), 1.0))
+    return camera.scaled(min(TUNING.seen_pixels / max(camera.width, camera.height), 1.0))

@@ -9,14 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64, triangles
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import lattice, turned
-
-MOST_PLANES = 24
-_DIRECTIONS = 1500  # tried for normals, over the whole sphere
-_ALIKE = 0.985  # cosine between normals of one plane
-_SAMPLE = 5_000  # faces by which directions are chosen
-_LOOKED_AT = 100_000  # faces by which planes are
 
 Bool = NDArray[np.bool_]
 
@@ -103,9 +98,9 @@ def planes_of(soup: Soup, thick: float, least: float) -> list[Plane]:
     middle = (a + b + c) / 3
     found: list[Plane] = []
     left = np.arange(len(area))
-    tried = lattice(_DIRECTIONS)
-    tried = tried[: _DIRECTIONS // 2]  # a lattice over the sphere, half of it
-    while len(found) < MOST_PLANES and len(left):
+    tried = lattice(TUNING.mesh_directions)
+    tried = tried[: TUNING.mesh_directions // 2]  # a lattice over the sphere, half of it
+    while len(found) < TUNING.mesh_planes and len(left):
         plane = _largest(normal, middle, area, left, tried, thick)
         if plane is None or plane.area < least:
             break
@@ -116,15 +111,15 @@ def planes_of(soup: Soup, thick: float, least: float) -> list[Plane]:
 
 def _largest(normal: F64, middle: F64, area: F64, left: Int, tried: F64, thick: float) -> Plane | None:
     """By some of the faces that are left directions are chosen, and by more the best; then it has all its faces."""
-    some = left[:: max(len(left) // _SAMPLE, 1)]
-    alike = np.abs(np.einsum("fi,di->df", normal[some], tried)) > _ALIKE
-    more = left[:: max(len(left) // _LOOKED_AT, 1)]
+    some = left[:: max(len(left) // TUNING.mesh_sample, 1)]
+    alike = np.abs(np.einsum("fi,di->df", normal[some], tried)) > TUNING.mesh_alike
+    more = left[:: max(len(left) // TUNING.mesh_looked_at, 1)]
     best, most = None, 0.0
     for k in np.argsort(-(alike * area[some]).sum(axis=1), kind="stable")[:4]:
         way = tried[k]
         for _ in range(3):  # towards the mean of those alike
             cosine = turned(normal[more], way[None])[:, 0]
-            near = np.abs(cosine) > _ALIKE
+            near = np.abs(cosine) > TUNING.mesh_alike
             mean = (normal[more[near]] * (area[more[near]] * np.sign(cosine[near]))[:, None]).sum(axis=0)
             if not np.linalg.norm(mean) > 0:
                 break
@@ -144,7 +139,7 @@ def _largest(normal: F64, middle: F64, area: F64, left: Int, tried: F64, thick: 
 
 def _on_plane(normal: F64, middle: F64, area: F64, rows: Int, way: F64, thick: float) -> Int:
     """Of some faces those on the largest plane across a direction, no farther than `thick` from its middle."""
-    rows = rows[np.abs(turned(normal[rows], way[None])[:, 0]) > _ALIKE]
+    rows = rows[np.abs(turned(normal[rows], way[None])[:, 0]) > TUNING.mesh_alike]
     if not len(rows):
         return rows
     at = turned(middle[rows], way[None])[:, 0]

@@ -13,27 +13,17 @@ from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, triangles
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import Capture, look_at_capture, normals_of
 from mirelight.proxy.depth import DepthMap, DepthMaps
-from mirelight.proxy.inside import HIDDEN, hidden_share, places
-from mirelight.proxy.judge import PIXELS, VIEWS, seen_by
+from mirelight.proxy.inside import hidden_share, places
+from mirelight.proxy.judge import seen_by
 from mirelight.proxy.make import counted, refuse_strangers
 from mirelight.proxy.sampling import spread_on
 from mirelight.proxy.sighted import Fit, sighted, small_step
 from mirelight.proxy.slanted import slanted
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Progress, ProxySettings, part, quiet
 from mirelight.proxy.views import around, from_points, moved, turned
 
-ROUNDS = 5  # of moving vertices
-WIDEST, NARROWEST = 6.0, 1.2  # how far around a vertex splats count in the first and the last round, in spacings
-STEPS = 40  # of the alignment as a whole, at most
-ENOUGH = 3e-4  # of the misfit: steps that take less away end it
-GAIN = 0.3  # of the misfit, which moving vertices must take away: less is the splats' noise, and things no mesh has
-SWOLLEN = 0.02  # of the misfit, which a swelling must take away: splats that were trained are off by as much anyway
-_SPLATS = 30_000  # that the whole is aligned by
-_POINTS = 60_000  # of the mesh that they are compared with
-_PLANES = 24  # nearest splats that move a vertex
-_STAY = 0.02  # how much vertices resist, relative to the planes: keeps them from sliding where only one plane pulls
 _SETTINGS = ProxySettings()
-_SPREAD = 30  # rounds in which vertices without splats take their neighbours' way
 
 
 def register(
@@ -94,10 +84,11 @@ def _views(capture: Capture, cameras: Sequence[Camera], report: Progress) -> lis
         refuse_strangers(capture, there, "splats")
         views = [maps.of(camera) for camera in counted(seen_by(there), report)]
     else:
-        outer = around(capture.splats.means, capture.radius, VIEWS, PIXELS)
+        outer = around(capture.splats.means, capture.radius, TUNING.judge_views, TUNING.judge_pixels)
         views = [maps.of(camera) for camera in counted(outer, report)]
-        if hidden_share(capture, views) > HIDDEN:
-            views += [maps.of(camera) for camera in from_points(places(capture), PIXELS // 2, 1e-3 * capture.radius)]
+        if hidden_share(capture, views) > TUNING.inside_hidden:
+            inner = from_points(places(capture), TUNING.judge_pixels // 2, 1e-3 * capture.radius)
+            views += [maps.of(camera) for camera in inner]
     return [slanted(view, capture.spacing) for view in views]
 
 
@@ -119,7 +110,7 @@ class _Misfit:
     """How far splats lie from a mesh, as a mean: off its planes, or past its rims."""
 
     def __init__(self, capture: Capture, normals: F64) -> None:
-        step = max(len(normals) // _SPLATS, 1)
+        step = max(len(normals) // TUNING.register_splats, 1)
         self.at, self.normals = capture.splats.means[::step].astype(np.float64), normals[::step]
         self._most = 0.1 * capture.radius
 
@@ -135,7 +126,9 @@ class _Misfit:
 
     def mesh(self, at: F64, faces: Int) -> float:
         """Mean misfit of a mesh to the splats."""
-        return float(self.of(spread_on(at, faces, _POINTS)[0], float(triangles.areas(at[faces]).sum()))[1].mean())
+        return float(
+            self.of(spread_on(at, faces, TUNING.register_points)[0], float(triangles.areas(at[faces]).sum()))[1].mean()
+        )
 
 
 def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64) -> Fit:
@@ -149,12 +142,12 @@ def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64)
     normals = triangles.vertex_normals(at, faces)
     error, less = (misfit.mesh(fit.of(at, normals), faces) for fit in (rigid, swollen))
     far = abs(swollen.swelling) * swollen.size > capture.spacing  # less is how splats lie about a surface
-    return swollen if far and less < (1 - SWOLLEN) * error else rigid
+    return swollen if far and less < (1 - TUNING.register_swollen) * error else rigid
 
 
 def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool) -> Fit:
     """The best fit on the way down from a guess."""
-    points, face = spread_on(at, faces, _POINTS)
+    points, face = spread_on(at, faces, TUNING.register_points)
     normals = triangles.crossed(at[faces])[face]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     area = float(triangles.areas(at[faces]).sum())
@@ -166,12 +159,12 @@ def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F6
     best = now = Fit(start)
     p, facing, off, error = apart(now)
     least = error
-    for _ in range(STEPS):
+    for _ in range(TUNING.register_steps):
         reach = max(2 * float(np.median(off)), 0.5 * capture.spacing)
         weight = 1 / (1 + (off / reach) ** 2) ** 2
         now = now.then(*small_step(p, facing if swells else 0 * facing, misfit.at, misfit.normals, weight))
         p, facing, off, error = apart(now)
-        if error > least * (1 - ENOUGH):
+        if error > least * (1 - TUNING.register_enough):
             break
         best, least = now, error
     return best
@@ -185,19 +178,22 @@ def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, re
     """
     from scipy.spatial import cKDTree
 
-    best, least = v, (1 - GAIN) * misfit.mesh(v, f)
+    best, least = v, (1 - TUNING.register_gain) * misfit.mesh(v, f)
     q = capture.splats.means.astype(np.float64)
     tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
-    for k, reach in enumerate(np.geomspace(WIDEST, NARROWEST, ROUNDS) * capture.spacing):
-        report("moving vertices onto the splats", k / ROUNDS)
+    for k, reach in enumerate(
+        np.geomspace(TUNING.register_widest, TUNING.register_narrowest, TUNING.register_rounds) * capture.spacing
+    ):
+        report("moving vertices onto the splats", k / TUNING.register_rounds)
         own = triangles.vertex_normals(v, f)
-        distance, index = tree.query(v, k=min(_PLANES, len(q)), workers=-1)
+        distance, index = tree.query(v, k=min(TUNING.register_planes, len(q)), workers=-1)
         n, step = normals[index], q[index] - v[:, None]
         agree = np.abs(np.einsum("vki,vi->vk", n, own)) ** 4
         w = weight[index] * agree * np.exp(-0.5 * (distance / reach) ** 2)
         total = w.sum(axis=1)
         height = (n * step).sum(axis=2)
-        matrix = np.einsum("vk,vki,vkj->vij", w, n, n) + (_STAY * total + 1e-9)[:, None, None] * np.eye(3)
+        stays = (TUNING.register_stay * total + 1e-9)[:, None, None] * np.eye(3)
+        matrix = np.einsum("vk,vki,vkj->vij", w, n, n) + stays
         move = np.linalg.solve(matrix, np.einsum("vk,vki,vk->vi", w, n, height)[..., None])[..., 0]
         length = np.linalg.norm(move, axis=1)
         move *= np.minimum(1, 2 * reach / np.maximum(length, 1e-30))[:, None]
@@ -219,6 +215,6 @@ def _shared(move: F64, sure: F64, f: Int) -> F64:
     degree = np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)
     own = 4 * sure + 1e-6  # against the neighbours' mean
     out = move * sure[:, None]
-    for _ in range(_SPREAD):
+    for _ in range(TUNING.register_spread):
         out = (own[:, None] * move + (graph @ out) / degree[:, None]) / (own + 1)[:, None]
     return out

@@ -16,18 +16,9 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.inside import places
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import lattice
-
-AROUND = 40  # places around a capture
-AWAY = 3.0  # radii: how far those are
-INSIDE = 12  # places inside it
-SAMPLE = 6_000  # discs by which places are chosen
-EDGE_ON = 0.1  # cosine, below which a place does not tell the sides apart
-CONFLICT = 0.3  # share of the discs that a place may see from the other side than those chosen before: leaves, bars
-LEAST_NEW = 0.002  # share of the discs that a further place must add
-OUTSIDE_FIRST = 0.97  # of what is seen from inside: where as much is seen from around, it was seen from around
-NEAREST = 8  # discs that were seen tell the side of one that was not
 
 Seen: TypeAlias = NDArray[np.int8]
 Look: TypeAlias = Callable[[F64, Int], Seen]
@@ -54,14 +45,16 @@ def seen_sides(capture: Capture, at: F64, normals: F64, sight: Sight) -> F64:
         way = step / np.maximum(far, 1e-30)[:, None]
         cosine = -np.einsum("nk,nk->n", way, normals[rows])
         out = np.zeros(len(rows), np.int8)
-        there = np.flatnonzero(np.abs(cosine) > EDGE_ON)
+        there = np.flatnonzero(np.abs(cosine) > TUNING.side_edge_on)
         _, distance = sight.first_hits(eye, way[there])
         clear = distance > far[there] - capture.spacing
         out[there[clear]] = np.sign(cosine[there[clear]])
         return out
 
-    eyes = np.concatenate([AWAY * capture.radius * lattice(AROUND), places(capture, INSIDE)])
-    some = np.arange(0, len(at), max(len(at) // SAMPLE, 1))
+    eyes = np.concatenate(
+        [TUNING.side_away * capture.radius * lattice(TUNING.side_around), places(capture, TUNING.side_inside)]
+    )
+    some = np.arange(0, len(at), max(len(at) // TUNING.side_sample, 1))
     chosen = _chosen(np.stack([look(eye, some) for eye in eyes]))
     every = np.arange(len(at))
     votes = np.stack([look(eyes[k], every) for k in chosen]).sum(axis=0, dtype=np.float64)
@@ -75,7 +68,7 @@ def _chosen(seen: Seen) -> list[int]:
     for start in range(len(seen)):
         found, votes = _grown(seen, start)
         share = float((votes != 0).mean())
-        if share > (most if start < AROUND else most / OUTSIDE_FIRST):
+        if share > (most if start < TUNING.side_around else most / TUNING.side_outside_first):
             best, most = found, share
     return best
 
@@ -87,7 +80,11 @@ def _grown(seen: Seen, start: int) -> tuple[list[int], NDArray[np.int64]]:
         side = np.sign(votes)
         agree, against = ((seen * side == sign).sum(axis=1) for sign in (1, -1))
         new = ((seen != 0) & (side == 0)).sum(axis=1)
-        fits = (against <= CONFLICT * (agree + against)) & (agree > 0) & (new - against >= LEAST_NEW * seen.shape[1])
+        fits = (
+            (against <= TUNING.side_conflict * (agree + against))
+            & (agree > 0)
+            & (new - against >= TUNING.side_least_new * seen.shape[1])
+        )
         fits[chosen] = False
         if not fits.any():
             return chosen, votes
@@ -103,7 +100,7 @@ def _with_neighbours(at: F64, normals: F64, votes: F64) -> F64:
     out, known = np.sign(votes), np.flatnonzero(votes)
     rest = np.flatnonzero(votes == 0)
     if len(rest) and len(known):
-        _, near = cKDTree(at[known]).query(at[rest], k=min(NEAREST, len(known)), workers=-1)
+        _, near = cKDTree(at[known]).query(at[rest], k=min(TUNING.side_nearest, len(known)), workers=-1)
         near = known[np.reshape(near, (len(rest), -1))]
         out[rest] = np.sign((np.einsum("rki,ri->rk", normals[near], normals[rest]) * out[near]).sum(axis=1))
     return np.asarray(np.where(out == 0, 1.0, out))

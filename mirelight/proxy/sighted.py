@@ -15,14 +15,11 @@ from mirelight.base import conventions
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, ProxyMesh, triangles
 from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Progress
 from mirelight.proxy.views import rays, turned
 
-MOST_RAYS = 120_000  # pixels that are looked along, evenly taken
-ROUNDS = 10  # of looking and moving, at most
-SHARP = 0.5  # spacings: what lies as far off counts half, in the end
-BETTER = 0.05  # of the misfit, which a way to move must take away for each that is simpler
-_SWELLING = 7
+_SWELLING = 7  # the unknown of `small_step`
 _WAYS = (
     (_SWELLING,),
     tuple(range(6)),
@@ -69,7 +66,7 @@ class _Rays:
 
     def __init__(self, views: Sequence[DepthMap], scale: float) -> None:
         seen = [view.depth > 0 for view in views]
-        step = max(sum(int(x.sum()) for x in seen) // MOST_RAYS, 1)
+        step = max(sum(int(x.sum()) for x in seen) // TUNING.sighted_most_rays, 1)
         starts, ways, depths, weights = [], [], [], []
         for view, there in zip(views, seen, strict=True):
             origins, directions = rays(view.camera)
@@ -105,14 +102,14 @@ def sighted(views: Sequence[DepthMap], at: F64, faces: Int, start: F64, spacing:
         spacing: of the capture's splats, world units.
         report: hears what is being done.
     """
-    looking = _Rays(views, SHARP * spacing)
+    looking = _Rays(views, TUNING.sighted_sharp * spacing)
     normals = triangles.vertex_normals(at, faces)
     best = Fit(start)
     least = looking.of(best.of(at, normals), faces).misfit
     for k, unknowns in enumerate(_WAYS):
         report("aligning the mesh", k / len(_WAYS))
-        found, misfit = _descended(looking, at, normals, faces, Fit(start), unknowns, SHARP * spacing)
-        if misfit < (1 - BETTER) * least:
+        found, misfit = _descended(looking, at, normals, faces, Fit(start), unknowns, TUNING.sighted_sharp * spacing)
+        if misfit < (1 - TUNING.sighted_better) * least:
             best, least = found, misfit
     return best
 
@@ -123,7 +120,7 @@ def _descended(
     """The best on the way down from a start, and its misfit: what is far off counts less and less."""
     best = now = start
     least, wide = np.inf, np.inf
-    for k in range(ROUNDS):
+    for k in range(TUNING.sighted_rounds):
         seen = looking.of(now.of(at, normals), faces)
         if seen.misfit < least:
             best, least = now, seen.misfit

@@ -22,7 +22,6 @@ from mirelight.proxy.views import rays
 Bool = NDArray[np.bool_]
 
 LEAST_WINDOW, MOST_WINDOW = 2, 8  # px, radius
-_LEAST = 0.05  # summed weight of a window that tells a plane
 
 
 def slanted(view: DepthMap, noise: float) -> DepthMap:
@@ -79,7 +78,7 @@ def _solved(sums: F32, before: F32) -> tuple[F32, Bool]:
     rows = [[xx + 1e-6, xy, x], [xy, yy + 1e-6, y], [x, y, one + 1e-9]]
     matrix = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     found = np.linalg.solve(matrix, np.stack([vx, vy, v], axis=-1)[..., None])[..., 0]
-    sound = (one > _LEAST) & (found[..., 2] > 0)
+    sound = (one > TUNING.window_least) & (found[..., 2] > 0)
     return np.where(sound[..., None], found, before).astype(np.float32), sound
 
 

@@ -5,21 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight.model import F64
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup
 
-FEWEST_FACES = 200  # of a part that is kept
-LONGEST_RIM = 32  # edges around a hole that is closed
-ROUNDS = 8  # of smoothing
 _SHRINK, _GROW = 0.5, -0.53  # Taubin's two factors: what one takes from large shapes, the other gives back
 
 
 def without_crumbs(soup: Soup) -> Soup:
-    """Connected parts of fewer than `FEWEST_FACES` faces dropped; where all are that small, the largest is kept."""
+    """Connected parts of fewer than `tidy_fewest_faces` of `TUNING` dropped; the largest stays in any case."""
     if not len(soup.faces):
         return soup
     part = parts_of(soup.faces)
     count = np.bincount(part)
-    return compact(Soup(soup.vertices, soup.faces[count[part] >= min(FEWEST_FACES, int(count.max()))]))
+    return compact(Soup(soup.vertices, soup.faces[count[part] >= min(TUNING.tidy_fewest_faces, int(count.max()))]))
 
 
 def parts_of(faces: Int) -> Int:
@@ -42,7 +40,7 @@ def compact(soup: Soup) -> Soup:
     return Soup(soup.vertices[used], (np.cumsum(used) - 1)[f])
 
 
-def closed(soup: Soup, longest: int = LONGEST_RIM) -> Soup:
+def closed(soup: Soup, longest: int = TUNING.tidy_longest_rim) -> Soup:
     """Holes with a rim of at most so many edges filled by a fan around the rim's middle."""
     following = _rims(soup.faces)
     vertices, faces, extra = [soup.vertices], [soup.faces], len(soup.vertices)
@@ -93,7 +91,7 @@ def smoothed(soup: Soup) -> Soup:
     graph.data[:] = 1.0
     mean = diags(1 / np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)) @ graph
     v: F64 = soup.vertices
-    for _ in range(ROUNDS):
+    for _ in range(TUNING.tidy_rounds):
         for factor in (_SHRINK, _GROW):
             step = mean @ v - v
             step[rim] = 0

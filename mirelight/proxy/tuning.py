@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """Lengths are in spacings of the splats (the median distance between neighbours) where nothing else is said.
+    """Lengths are in spacings of the splats (the median distance between neighbours) where nothing else is said; "of"
+    something is a share of it.
 
     Decided on captures that an optimiser made of pictures of a room and a courtyard, whose true surface is known:
     `docs/benchmarks/truth.md` and `proxies.md` have the figures.
@@ -18,6 +19,7 @@ class Tuning:
     window_step: int = 2  # px between those looked at; each one gives the same and takes four times as long
     window_color: float = 0.12  # display values, summed over channels: 0.08 to 0.3 differ by a degree
     window_rounds: tuple[float, ...] = (4, 2, 1, 1)  # noises: what lies so far off a plane counts a quarter
+    window_least: float = 0.05  # summed weight of a window that tells a plane
 
     # planes of the whole surface (`flats`)
     plane_tolerance: float = 1.0  # from the plane to what lies on it
@@ -54,6 +56,7 @@ class Tuning:
     ground_cameras: float = 0.95  # of the cameras, that stand before it
     ground_below: float = 4.0  # tolerances: what lies lower is below it
     ground_behind: float = 0.03  # of what is seen, at most, that lies there: 0.0001 of a yard's paving, 0.7 of a table
+    ground_step: int = 4  # every fourth pixel of a map, both ways, is a point
 
     cell: float = 0.6  # of the grid that maps are fused in
 
@@ -114,6 +117,192 @@ class Tuning:
     beyond_near: float = 0.4  # cells before the surface, where nothing counts as looked through
     beyond_marks: int = 8  # of the surface, to an area of a cell
     beyond_cells: int = 200  # along the box's longest side
+
+    # views of a capture (`views`)
+    view_yfov: float = 40.0  # degrees, of views from around
+    view_inside_yfov: float = 95.0  # degrees, of the six views from a point inside: a cube's faces with some overlap
+    view_orbit: int = 33  # views from around
+    view_pixels: int = 448  # along the longer side of a view
+    view_most: int = 96  # of a capture's cameras that are looked through
+    view_least_pixels: int = 160  # along the longer side of one
+    view_all_pixels: int = 5_000_000  # of their pictures: what a minute and a half goes over on two cores
+    view_border: float = 0.02  # of the longer side, kept free around the splats' centres
+
+    # places inside (`inside`)
+    # of the splats, that no view from around shows, from which it is looked at from inside too
+    inside_hidden: float = 0.06
+    inside_places: int = 5  # to look from
+    inside_grid: int = 14  # candidates along each axis
+    inside_sample: int = 20_000  # splats that tell what is hidden
+    inside_apart: float = 0.6  # of the clearance: the more, the farther places lie from each other
+    inside_inner: float = 0.8  # of the box: where places may be
+
+    # what a capture is (`capture`)
+    capture_surfel: float = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)
+    # of the splats, that are as thin as that: real captures have medians of 0.04 to 0.3, three quarters 0.2
+    capture_alike: float = 0.75
+    capture_points: float = 1e-4  # of the spacing: splats that are smaller leave no surface between them
+    capture_flat: float = 0.5  # smallest over middle axis, below which a splat has a normal of its own
+    capture_stray: float = 0.002  # of the splats at either end of an axis, that may be strays
+    capture_margin: float = 0.25  # of the box that holds the rest: how far the capture reaches beyond it
+    capture_most_splats: int = 1_200_000  # beyond, neighbours are joined
+    capture_mixed: int = 16  # a splat and its neighbours, whose mixture tells a blob's normal
+    capture_sample: int = 20_000  # splats whose neighbours tell the density
+
+    # pictures of a capture (`capture_views`)
+    picture_sample: int = 20_000  # splats that tell their kind
+    picture_opaque: float = 0.9  # alpha of pixels by which a picture's exposure is told
+    # quantile of the light from which it is: what is dark shows in composites what lies beside it
+    picture_bright: float = 0.7
+    picture_white: float = 0.955  # linear, display value 0.98: a pixel may have been any brighter
+    picture_counts: float = 0.99  # of a pixel of a picture, from which it is taken
+    picture_fewest: int = 100  # pixels that tell an exposure
+    # of the logarithm: half of the pixels are off by more, if a picture is not of the splats
+    picture_unlike: float = 0.35
+    # of the logarithm: exposures of half of the pictures lie farther apart, if each has its own
+    picture_varied: float = 0.04
+    # of the logarithm: all pictures are brighter or darker than the splats by more, if they were changed
+    picture_developed: float = 0.2
+
+    # which side of a disc was seen (`sides`)
+    side_around: int = 40  # places around a capture
+    side_away: float = 3.0  # radii of the capture: how far those are
+    side_inside: int = 12  # places inside it
+    side_sample: int = 6_000  # discs by which places are chosen
+    side_edge_on: float = 0.1  # cosine, below which a place does not tell the sides apart
+    # of the discs, that a place may see from the other side than those chosen before: leaves, bars
+    side_conflict: float = 0.3
+    side_least_new: float = 0.002  # of the discs, that a further place must add
+    # of what is seen from inside: where as much is seen from around, it was seen from around
+    side_outside_first: float = 0.97
+    side_nearest: int = 8  # discs that were seen tell the side of one that was not
+
+    # second sheets (`backs`)
+    back_deep: float = 3.0  # how far behind the surface its second sheet stands
+    # squares of spacings: less of a second sheet is hidden by chance, as behind the bars of a lantern's cage
+    back_crumb: float = 5.0
+    back_behind: float = 0.25  # behind the surface, that still counts as seen
+    back_level: float = 3.0  # faces of one plane that lie within so much have one second sheet
+    back_least: float = 100.0  # squares of spacings: smaller pieces of planes have theirs as things do
+    back_cell: float = 0.75  # side of the cells behind planes
+    back_voxel: float = 1.5  # corners behind things that share one become one
+
+    # fewer triangles (`decimate`)
+    fewer_rim: float = 4.0  # weight of the plane that holds a rim's edge, against that of a square face beside it
+    fewer_flipped: float = 0.2  # cosine to its old normal below which a face would have turned over
+    fewer_ahead: int = 2  # times as many edges as must go are looked at in a round, the cheapest ones,
+    # but no more than one in so many: those between dear ones should not go before cheaper ones elsewhere,
+    fewer_divided: int = 4
+    fewer_fewest: int = 64  # and no fewer than so many
+    fewer_idle: int = 10  # rounds in which next to nothing goes, after which nothing more will
+    fewer_rested: int = 4  # rounds after which what was refused is tried again
+
+    # what a mesh is judged by (`judge`)
+    judge_views: int = 12  # looked from, without cameras
+    judge_waves: int = 6  # of these, by which planes are told
+    judge_pixels: int = 256  # along a view's longer side, at most
+    judge_empty: float = 0.1  # alpha below which a pixel shows no splats
+    # trust in a pixel's depth, from which it shows a surface: else an exact mesh under a sky misses 21, not 4 %
+    judge_sure: float = 0.2
+    judge_near: float = 3.0  # along the view: where mesh and splats are so near to each other normals compare
+    judge_fewest: int = 50  # pixels on a plane
+    # of the pixels, that a plane has: slices of a biker have up to 0.02, walls of a room from 0.05 on
+    judge_large: float = 0.04
+    judge_even: float = 0.05  # deviation from a plane: less is flat, however it bends
+    # of the variance about a plane, that a quadric leaves: with less it is the cap of something round
+    judge_bent: float = 0.5
+
+    # when a mesh is said to misfit (`advice`)
+    # of the splats' pixels, that a right proxy may leave off (right ones 3-13 %, wrong ones 24 % up)
+    advice_uncovered: float = 0.18
+    advice_gap: float = 0.004  # of the capture's size, as a median: 1 % of error costs relighting 11 dB
+    # of the mesh's pixels, past the splats: a right one may have what no camera saw (measured: 28 %)
+    advice_leaks: float = 0.5
+    advice_waves: float = 5.0  # degrees, median (exact proxies 0.3 to 0.6, with noise of 0.2 % of the size 11)
+    advice_apart: float = 1.5  # of how far the splats' own surface is from where pictures agree,
+    advice_least_apart: float = 1e-3  # and of the capture's size
+    advice_points: int = 6_000  # on each side of a comparison
+    advice_better: float = 0.5  # a guess must lower the distance to this share to be worth saying
+
+    # whether pictures agree on a mesh (`agreement`)
+    agree_views: int = 6  # that others are compared with, evenly taken
+    agree_beside: int = 2  # nearest others that each is compared with
+    agree_pixels: int = 192  # along the longer side of a picture
+    agree_window: int = 7  # px, side of what is compared
+    # of the capture's size: ways along the view that are tried
+    agree_steps: tuple[float, ...] = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)
+    agree_fewest: int = 300  # pixels that tell something, below which nothing is said
+    agree_contrast: float = 0.02  # standard deviation of display values in a window that tells a place
+    agree_whole: float = 0.8  # of a window, that both views must show
+    agree_clear: float = 0.6  # how well views agree where they do best (correlation),
+    agree_peak: float = 0.3  # and how much better than where they do worst
+    # of the capture's size: what lies so far behind the mesh in another view is hidden there
+    agree_hidden: float = 0.01
+    # of a distance: what views that look at right angles to each other are taken as farther apart by
+    agree_ahead: float = 4.0
+
+    # a mesh moved onto discs (`register`)
+    register_rounds: int = 5  # of moving vertices
+    register_widest: float = 6.0  # how far around a vertex splats count in the first round,
+    register_narrowest: float = 1.2  # and in the last
+    register_steps: int = 40  # of the alignment as a whole, at most
+    register_enough: float = 3e-4  # of the misfit: steps that take less away end it
+    # of the misfit, which moving vertices must take away: less is the splats' noise, and things no mesh has
+    register_gain: float = 0.3
+    # of the misfit, which a swelling must take away: splats that were trained are off by as much anyway
+    register_swollen: float = 0.02
+    register_splats: int = 30_000  # that the whole is aligned by
+    register_points: int = 60_000  # of the mesh that they are compared with
+    register_planes: int = 24  # nearest splats that move a vertex
+    # how much vertices resist, relative to the planes: keeps them from sliding where only one plane pulls
+    register_stay: float = 0.02
+    register_spread: int = 30  # rounds in which vertices without splats take their neighbours' way
+
+    # a mesh moved onto depth maps (`sighted`)
+    sighted_most_rays: int = 120_000  # pixels that are looked along, evenly taken
+    sighted_rounds: int = 10  # of looking and moving, at most
+    sighted_sharp: float = 0.5  # what lies as far off counts half, in the end
+    sighted_better: float = 0.05  # of the misfit, which a way to move must take away for each that is simpler
+
+    # what is looked at (`make`)
+    make_pixel: float = 0.66  # smaller pixels see nothing more
+    make_fewest_pixels: int = 96  # along the longer side of a view
+    # pixels: nothing is told finer, as splats of real captures lie closer and deeper than pictures tell
+    make_grain: float = 2.0
+    make_least_opaque: float = 0.005  # of the pixels around a capture; less is no surface
+    make_least_seen: float = 0.5  # of the splats, that the cameras of their own capture have in their pictures
+    make_fog: float = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
+    make_fog_views: int = 8  # that are asked for that
+
+    # how planes of the whole surface are found (`flats`)
+    flat_seeds: int = 200  # points whose own planes are tried, for each plane that is found
+    flat_sample: int = 6_000  # points that planes are tried on
+    flat_fewest: int = 200  # points, of which planes are made
+    flat_step: int = 3  # every third pixel of a map, both ways, is a point
+    flat_voxel: float = 0.7  # points in one voxel become one
+    flat_rounds: int = 6  # of fitting a plane to what lies on it
+
+    # what lying on a plane costs (`labels`)
+    label_out: float = 1.6  # of a plane where it has no cell
+    label_turned: float = 0.3  # 1 - cosine between a pixel's normal and the plane's that costs in full
+    label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
+
+    # what cameras saw of a surface (`pictures`)
+    seen_cameras: int = 96  # that are looked from; of more, evenly taken ones
+    seen_pixels: int = 480  # along the longer side of their pictures
+    seen_crack: int = 5  # pixels: gaps of the surface that are narrower are cracks, and nothing was seen through them
+
+    # planes of a mesh (`planes`)
+    mesh_planes: int = 24  # at most
+    mesh_directions: int = 1500  # tried for normals, over the whole sphere
+    mesh_alike: float = 0.985  # cosine between normals of one plane
+    mesh_sample: int = 5_000  # faces by which directions are chosen
+    mesh_looked_at: int = 100_000  # faces by which planes are
+
+    # parts, holes and smoothing (`tidy`)
+    tidy_fewest_faces: int = 200  # of a part that is kept
+    tidy_longest_rim: int = 32  # edges around a hole that is closed
+    tidy_rounds: int = 8  # of smoothing
 
 
 TUNING = Tuning()

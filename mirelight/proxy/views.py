@@ -11,15 +11,7 @@ from numpy.typing import NDArray
 
 from mirelight.base import conventions
 from mirelight.model import F32, F64, Camera
-
-YFOV = 40.0  # degrees, of views from around
-INSIDE_YFOV = 95.0  # degrees, of the six views from a point inside: a cube's faces with some overlap
-ORBIT = 33  # views from around
-PIXELS = 448  # along the longer side of a view
-MOST_VIEWS = 96  # of a capture's cameras that are looked through
-LEAST_PIXELS = 160  # along the longer side of one
-ALL_PIXELS = 5_000_000  # of their pictures: what a minute and a half goes over on two cores
-_BORDER = 0.02  # of the longer side, kept free around the splats' centres
+from mirelight.proxy.tuning import TUNING
 
 
 def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
@@ -27,10 +19,12 @@ def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera,
 
     Each shows just what holds the points, `pixels` along its longer side.
     """
-    away = radius / np.sin(np.radians(YFOV / 2))
+    away = radius / np.sin(np.radians(TUNING.view_yfov / 2))
     return tuple(
         _framed(
-            Camera.look_at(way * away, (0, 0, 0), pixels, pixels, yfov=YFOV, near=1e-3 * radius, name=f"around-{i}"),
+            Camera.look_at(
+                way * away, (0, 0, 0), pixels, pixels, yfov=TUNING.view_yfov, near=1e-3 * radius, name=f"around-{i}"
+            ),
             points,
             pixels,
         )
@@ -52,7 +46,7 @@ def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
     own = turned(points, inverse[:3, :3].astype(np.float32)) + inverse[:3, 3].astype(np.float32)
     slopes = own[:, :2] / np.maximum(-own[:, 2:], np.float32(1e-12))
     low, high = slopes.min(axis=0).astype(np.float64), slopes.max(axis=0).astype(np.float64)
-    border = _BORDER * float((high - low).max())
+    border = TUNING.view_border * float((high - low).max())
     low, high = low - border, high + border
     focal = pixels / float((high - low).max())
     width, height = (max(round(float(x) * focal), 1) for x in high - low)
@@ -62,24 +56,25 @@ def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
 
 
 def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
-    """Of a capture's cameras at most `MOST_VIEWS`, evenly taken, in pictures of at most `ALL_PIXELS` together.
+    """Of a capture's cameras at most `view_most` of `TUNING`, evenly taken, in pictures of at most `view_all_pixels`
+    together.
 
     Tiny pictures are enlarged: splats are never narrower than a pixel, and stand out of their surface.
     """
-    chosen = [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // MOST_VIEWS)]]
-    share = min((ALL_PIXELS / sum(x.width * x.height for x in chosen)) ** 0.5, 1.0)
+    chosen = [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // TUNING.view_most)]]
+    share = min((TUNING.view_all_pixels / sum(x.width * x.height for x in chosen)) ** 0.5, 1.0)
     return tuple(x.scaled(share) for x in chosen)
 
 
 def _enlarged(camera: Camera) -> Camera:
-    return camera.scaled(max(LEAST_PIXELS / max(camera.width, camera.height), 1.0))
+    return camera.scaled(max(TUNING.view_least_pixels / max(camera.width, camera.height), 1.0))
 
 
 def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
     """Six views from each point (N, 3), along the axes and against them."""
     directions = np.concatenate([np.eye(3), -np.eye(3)])
     return tuple(
-        Camera.look_at(p, p + way, pixels, pixels, yfov=INSIDE_YFOV, near=near, name=f"inside-{i}-{k}")
+        Camera.look_at(p, p + way, pixels, pixels, yfov=TUNING.view_inside_yfov, near=near, name=f"inside-{i}-{k}")
         for i, p in enumerate(points)
         for k, way in enumerate(directions)
     )

@@ -17,6 +17,7 @@ from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy import MadeProxy, ProxySettings, make
 from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.depth import footprint
+from mirelight.proxy.tuning import TUNING
 
 from .clouds import ball, box_shell, fog
 
@@ -51,8 +52,7 @@ def test_a_ball_is_covered_without_gaps_and_leaks() -> None:
 
 def test_what_lies_closer_than_two_pixels_has_cells_of_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
     making = importlib.import_module("mirelight.proxy.make")
-    for name in ("PIXELS", "FEWEST_PIXELS"):
-        monkeypatch.setattr(making, name, 48)
+    monkeypatch.setattr(making, "TUNING", replace(TUNING, view_pixels=48, make_fewest_pixels=48))
     side = 0.6 * 2 * 2 / 48  # of a cell, of a ball of radius 1
     found = len(make(ball(6000)).mesh.faces) * side**2 / (2 * 4 * np.pi)
     assert 0.6 < found < 1.3  # 2.9 by how close they lie

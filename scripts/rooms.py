@@ -61,7 +61,7 @@ FLOORS: tuple[tuple[Room, ...], ...] = (
         Room("io", "one module per file format, and the job file; makes nothing"),
     ),
     (Room("model", "the types that cross rooms; unit lights, PlayCanvas' lights, checks of cameras"),),
-    (Room("base", "errors, machine, extras, conventions, colour, spherical harmonics, backend, version"),),
+    (Room("base", "errors, progress, machine, extras, conventions, colour, spherical harmonics, backend, version"),),
 )
 LEVEL = {room.name: len(FLOORS) - row for row, floor in enumerate(FLOORS) for room in floor}  # 1: the ground
 _MARKS = "<!-- rooms: written by scripts/rooms.py -->", "<!-- end of rooms -->"
@@ -79,6 +79,12 @@ def room_of(path: Path, package: Path = PACKAGE) -> str:
 
 
 @cache
+def parsed(path: Path) -> ast.Module:
+    """A module's tree."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def imports(path: Path, package: Path = PACKAGE) -> tuple[str, ...]:
     """Every module that a file imports, as absolute dotted names: those inside functions and under TYPE_CHECKING, and
     those that a string names, too."""
@@ -87,7 +93,7 @@ def imports(path: Path, package: Path = PACKAGE) -> tuple[str, ...]:
 
 def _imports(path: Path, package: Path) -> Iterator[str]:
     own = "mirelight." + ".".join(path.relative_to(package).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

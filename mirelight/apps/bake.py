@@ -16,12 +16,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from mirelight.base.progress import ShareProgress
 from mirelight.base.sh import C0
 from mirelight.lighting import sunsky
 from mirelight.model import F32, F64, Camera, Job, Lighting, RelightSettings, SplatCloud
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.splat_light import Progress, SplatLight
+from mirelight.pipeline.splat_light import SplatLight
 from mirelight.relighting import gloss_of
 
 _PLAIN = RelightSettings()
@@ -30,7 +31,7 @@ _NO_FRAMES: Mapping[str, str] = MappingProxyType({})
 _NO_FACTOR = 1e-6  # below, there is nothing to see
 
 
-def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: Progress | None = None) -> F32:
+def factors(scene: Scene, lighting: Lighting, *, spp: int, progress: ShareProgress | None = None) -> F32:
     """(N, 3) what the linear colours of the scene's splats are multiplied by under one of the job's lightings.
 
     Args:

@@ -17,6 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
+from mirelight.base.progress import CountProgress
 from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import frame_diagnostics, frames, stages
@@ -274,7 +275,7 @@ def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, 
 def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None) -> Frame:
     scene = view.scene
     began = time.monotonic()
-    report: Callable[[int, int], None] = partial(progress.samples, task)
+    report: CountProgress = partial(progress.samples, task)
     if task.camera.exposure is not None:
         made = frames.frame(scene, task.camera, task.lighting, progress=report)
         return _shown_and_kept(made, task, store, preview, began)
@@ -306,7 +307,7 @@ def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -
     there = store.has_layers(group.layers)
     if not there:
         began = time.monotonic()
-        report: Callable[[int, int], None] = partial(progress.samples, group.tasks[0])
+        report: CountProgress = partial(progress.samples, group.tasks[0])
         _composite(scene, group, store)
         lightings = [task.lighting for task in group.tasks if task.lighting is not None]
         stages.trace(scene, group.camera, lightings, progress=report)

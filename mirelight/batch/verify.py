@@ -14,6 +14,7 @@ import numpy as np
 
 from mirelight import relighting
 from mirelight.base.errors import InputError, MirelightError
+from mirelight.base.progress import CountProgress
 from mirelight.batch import checks
 from mirelight.batch.checks import Finding, Kind, Sums
 from mirelight.batch.order import Order
@@ -34,7 +35,6 @@ from mirelight.store.planned import PlannedFrame
 SUFFIXES = (".exr", ".png")
 
 Hear = Callable[[Finding], None]
-Step = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class Verified:
     notes: tuple[str, ...]  # what could not be checked, or is not the job's
 
 
-def verify(path: str | Path, hear: Hear, *, rebuild: bool = False, step: Step | None = None) -> Verified:
+def verify(path: str | Path, hear: Hear, *, rebuild: bool = False, step: CountProgress | None = None) -> Verified:
     """Look at every frame of an output folder, and at the light that is kept beside them.
 
     Args:
@@ -81,7 +81,7 @@ class _Look:
         self._job: Job | None = None
         self._keys: Keys | None = None
 
-    def all(self, step: Step) -> Verified:
+    def all(self, step: CountProgress) -> Verified:
         groups = self._groups()
         busy = {held.name for held in self.folder.held() if held.alive}
         total = sum(map(len, groups.values()))

@@ -36,7 +36,7 @@ def run_bake(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, progress to stderr."""
     from mirelight.apps import bake as baking
     from mirelight.base.version import __version__
-    from mirelight.cli.match import progress
+    from mirelight.cli.progress import bar
     from mirelight.io import splats
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
@@ -53,13 +53,9 @@ def run_bake(args: argparse.Namespace) -> int:
     lighting = plan(work, None, args.lighting and [args.lighting]).tasks[0].lighting
     if lighting is None:
         raise InputError(work.source, "no light", "a bake needs lights", field="lights")
-    with progress(args.quiet) as report:
-
-        def hear(what: str, done: int, total: int) -> None:
-            report(what, done / max(total, 1))
-
+    with bar(args.quiet) as report:
         scene = prepare(work)
-        factor = baking.factors(scene, lighting, spp=args.samples, progress=hear)
+        factor = baking.factors(scene, lighting, spp=args.samples, progress=report)
         baked = baking.relit(_as_named(source, table, work, out), factor, work.relight_of(lighting))
         of = f"{work.source.name}, lighting {lighting.name}, {args.samples} spp"
         comments = (f"relit by mirelight {__version__}: {of}",)

@@ -6,11 +6,12 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError
+from mirelight.base.progress import CountProgress
 from mirelight.cli import options, outputs, say
 from mirelight.cli.codes import DONE, FOUND
 from mirelight.cli.command import Command
@@ -143,7 +144,7 @@ COMMAND = Command(
 )
 
 
-def _counter() -> Callable[[int, int], None]:
+def _counter() -> CountProgress:
     def show(done: int, total: int) -> None:
         if done < total:
             say.live(f"pair {done + 1} of {total}")

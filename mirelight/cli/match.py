@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,6 +49,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_match(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout, progress to stderr."""
     from mirelight.apps.match import match, read_target
+    from mirelight.cli.progress import bar
     from mirelight.io.atomic import atomic_path
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
@@ -72,7 +71,7 @@ def run_match(args: argparse.Namespace) -> int:
     masks = args.mask or [None] * len(args.target)
     targets = [read_target(x, mask, work.display.tone) for x, mask in zip(args.target, masks, strict=True)]
     shots = [(x.camera, target) for x, target in zip(chosen, targets, strict=True)]
-    with progress(args.quiet) as report:
+    with bar(args.quiet) as report:
         found = match(
             prepare(work, report=_say(args.quiet)),
             shots,
@@ -155,18 +154,3 @@ def _percent(layer: LayerMatch) -> str:
 
 def _say(quiet: bool) -> Callable[[str], None] | None:
     return None if quiet else say.remark
-
-
-@contextmanager
-def progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """A live bar on a terminal; elsewhere nothing."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda what, done: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        row = bar.add_task("reading the job", total=1.0)
-        yield lambda what, done: bar.update(row, description=what, completed=done)

@@ -93,8 +93,8 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
 
     live = sys.stderr.isatty() and not args.quiet
 
-    def report(what: str, done: int, total: int) -> None:
-        say.live(f"light on splats, {what}: {done / max(total, 1):.0%}")
+    def report(what: str, done: float) -> None:
+        say.live(f"light on splats, {what}: {done:.0%}")
 
     store = Store(work)
     store.open()

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +14,9 @@ from mirelight.cli.command import Command
 from mirelight.io.suffixes import GLTF
 
 if TYPE_CHECKING:
+    from mirelight.base.progress import ShareProgress
     from mirelight.model import Camera, ProxyMesh, SplatCloud
     from mirelight.proxy import ProxyQuality
-    from mirelight.proxy.types import Progress
 
 FEWEST = 100  # triangles: fewer stand for nothing
 
@@ -44,6 +42,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_proxy(args: argparse.Namespace) -> int:
     """The command. The quality goes to stdout, progress to stderr."""
+    from mirelight.cli.progress import bar
     from mirelight.cli.report import print_json, quality_json
     from mirelight.io import splats
     from mirelight.io.gltf.write import write_glb
@@ -57,7 +56,7 @@ def run_proxy(args: argparse.Namespace) -> int:
         return _of_job(args, out)
     outputs.spare([out], [Path(path) for path in (args.splats, args.fit, args.cameras) if path is not None])
     heat = out.with_suffix(".heat.png")
-    with _progress(args.quiet) as report:
+    with bar(args.quiet) as report:
         cloud = splats.read(args.splats)
         how, mesh, quality, before = _made(cloud, args, report)
         write_glb(out, mesh)
@@ -121,7 +120,7 @@ def _of_job(args: argparse.Namespace, out: Path) -> int:
 
 
 def _made(
-    cloud: SplatCloud, args: argparse.Namespace, report: Progress | None
+    cloud: SplatCloud, args: argparse.Namespace, report: ShareProgress
 ) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
     from mirelight.io.mesh import read_mesh
@@ -205,20 +204,3 @@ def table(quality: ProxyQuality, before: ProxyQuality | None = None, *, own: boo
     )
     for line in quality.advice:
         yield f"  ! {f'see the heat map; {other}' if line == UNEXPLAINED else line}"
-
-
-@contextmanager
-def _progress(quiet: bool) -> Iterator[Progress | None]:
-    """A live bar on a terminal; elsewhere nothing, as a proxy takes seconds."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
-    ) as bar:
-        row = bar.add_task("reading the splats", total=1.0)
-        yield lambda what, done: bar.update(row, description=what, completed=done)

@@ -24,7 +24,7 @@ _OF_DATA_SETS = {"normalize": False, "split": "camera", "held_out": 0.1, "seed":
 def run_stage(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, progress to stderr."""
     from mirelight.apps import bake as baking
-    from mirelight.cli.match import progress
+    from mirelight.cli.progress import bar
     from mirelight.pipeline.scene import prepare
     from mirelight.store.folder import Folder
 
@@ -37,16 +37,11 @@ def run_stage(args: argparse.Namespace) -> int:
     outputs.spare([out], outputs.files_of(work))
     lighting = _lighting(work, args.lighting)
     frames = _frames(folder, order, work, lighting, out)
-    with progress(args.quiet) as report:
+    with bar(args.quiet) as report:
         scene = prepare(work)
         baked = None
         if work.splats is not None:
-            factor = baking.factors(
-                scene,
-                lighting,
-                spp=_SAMPLES,
-                progress=lambda what, done, total: report(what, done / max(total, 1)),
-            )
+            factor = baking.factors(scene, lighting, spp=_SAMPLES, progress=report)
             baked = baking.relit(work.splats.value, factor, work.relight_of(lighting))
         _ = scene.mesh  # made now, where the job makes it from the splats
         baking.write_stage(out, baked, work, lighting, frames)

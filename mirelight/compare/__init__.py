@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mirelight.base.progress import CountProgress
 from mirelight.compare import metrics
 from mirelight.compare.evaluate import evaluate
 from mirelight.compare.pairing import find_pairs
@@ -49,7 +50,7 @@ def compare(
     html: Path | None = None,
     json: Path | None = None,
     csv: Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: CountProgress | None = None,
 ) -> Outcome:
     """Score pairs and write what is asked for.
 

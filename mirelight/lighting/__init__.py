@@ -9,13 +9,11 @@ from mirelight.lighting.albedo import colored_by
 from mirelight.lighting.engine import EngineTracer
 from mirelight.lighting.level import captured_level
 from mirelight.lighting.profiles import finished, trace, tracer
-from mirelight.lighting.sampling import Progress
 from mirelight.lighting.trace import Interrupted, Tracer
 
 __all__ = [
     "EngineTracer",
     "Interrupted",
-    "Progress",
     "Tracer",
     "captured_level",
     "colored_by",

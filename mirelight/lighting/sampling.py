@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 
+from mirelight.base.progress import CountProgress
 from mirelight.lighting.frame import PASS, FrameInProgress
 from mirelight.model import Camera, RenderSettings
-
-Progress: TypeAlias = Callable[[int, int], None]
 
 _PINHOLE = 0x9E3779B1  # between the seeds of pinholes that share a picture
 
@@ -33,7 +30,7 @@ def with_pilot(settings: RenderSettings) -> RenderSettings:
     return replace(settings, spp=max(-(-settings.spp // PASS), 2) * PASS)
 
 
-def sample_all(frame: FrameInProgress, settings: RenderSettings, progress: Progress) -> None:
+def sample_all(frame: FrameInProgress, settings: RenderSettings, progress: CountProgress) -> None:
     """Passes until every pixel has its samples, then more of the noisy ones while the noise is above its target."""
     size, counts = len(frame.samples), _passes(settings.spp)
     for count in counts:

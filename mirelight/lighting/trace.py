@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from mirelight.base import backend
 from mirelight.base.errors import RenderError
+from mirelight.base.progress import CountProgress
 from mirelight.lighting.develop import dark, refuse_if_too_large
 from mirelight.lighting.frame import FrameInProgress, LitProxy
 from mirelight.lighting.layers import Layers
 from mirelight.lighting.materials import is_emissive
-from mirelight.lighting.sampling import Progress, for_camera, sample_all, with_pilot
+from mirelight.lighting.sampling import for_camera, sample_all, with_pilot
 from mirelight.lighting.sight import Sight
 from mirelight.lighting.sunsky import plain
 from mirelight.model import (
@@ -103,7 +104,7 @@ class Tracer:
         *,
         emission: bool = True,
         cache: SurfaceCache | None = None,
-        progress: Progress | None = None,
+        progress: CountProgress | None = None,
         look: Look | None = None,
     ) -> LightingBuffer:
         """Trace one frame. What a pixel's samples see of the surface does not depend on the lights.
@@ -176,7 +177,7 @@ class Tracer:
         return self._surface is not None and cells.openness(self._surface, self._proxy) < ROOM
 
     def transport(
-        self, cells: SurfaceCells, rays: int = CELL_SAMPLES, progress: Progress | None = None
+        self, cells: SurfaceCells, rays: int = CELL_SAMPLES, progress: CountProgress | None = None
     ) -> SurfaceTransport:
         """How light goes between cells: along at least `rays` of each, a power of two (fewer of very many cells).
 
@@ -199,7 +200,7 @@ class Tracer:
         samples: int = CELL_SAMPLES,
         transport: SurfaceTransport | None = None,
         emission: bool = True,
-        progress: Progress | None = None,
+        progress: CountProgress | None = None,
     ) -> SurfaceCache:
         """Light of a lighting on the surface, for every camera; light is additive, so parts may be filled apart.
 
@@ -264,7 +265,7 @@ class Tracer:
         *,
         emission: bool = True,
         cache: SurfaceCache | None = None,
-        progress: Progress | None = None,
+        progress: CountProgress | None = None,
     ) -> PointLayers:
         """Light that falls on points of the proxy from the side that their normals point to, layer by layer.
 
@@ -375,7 +376,7 @@ def _ignore(done: int, total: int) -> None:
     """Stands for progress where nobody waits."""
 
 
-def _looking(frame: FrameInProgress, progress: Progress, look: Look | None) -> Progress:
+def _looking(frame: FrameInProgress, progress: CountProgress, look: Look | None) -> CountProgress:
     """Progress that offers the light so far, once each pixel has a sample."""
 
     def report(done: int, total: int) -> None:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.progress import CountProgress
 from mirelight.lighting import sky_guiding
 from mirelight.lighting.cell_reading import on_device
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
@@ -50,7 +51,6 @@ PARTS = 8  # of the rays: each bounce but the last takes one of them, in turn
 ROUNDS = 2  # of them
 MOST_LEFT = 0.9  # of the light that a round brings, by the next: in a closed white room there is no end to it
 
-Progress = Callable[[int, int], None]
 Words = NDArray[np.uint32]
 
 
@@ -70,7 +70,7 @@ class _Places:
 
 
 def trace_links(
-    surface: DeviceProxy, cells: SurfaceCells, settings: RenderSettings, rays: int, progress: Progress
+    surface: DeviceProxy, cells: SurfaceCells, settings: RenderSettings, rays: int, progress: CountProgress
 ) -> SurfaceTransport:
     """Where the rays of every cell end.
 
@@ -163,7 +163,7 @@ def gather(
     cells: SurfaceCells,
     transport: SurfaceTransport,
     settings: RenderSettings,
-    progress: Progress,
+    progress: CountProgress,
 ) -> SurfaceCache:
     """Light of a lighting on every cell.
 

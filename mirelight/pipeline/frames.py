@@ -11,17 +11,17 @@ from functools import partial
 
 import numpy as np
 
+from mirelight.base.progress import CountProgress
 from mirelight.model import F32, Camera, Frame, Job, Lighting, LightingBuffer, LightLayer
 from mirelight.pipeline import requirements, stages
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.view_light import Progress
 
 _OPAQUE = np.float32(1e-6)  # light behind a frame that lets less through does not count
 _LEAST_COMPARED = 8  # samples of a pinhole, where light is divided by captured light: docs/benchmarks/relighting.md
 _SAMPLES_OF_MIDDLE = 4  # one part in so many of a pixel's samples, for what is said of the middle of the lens
 
 
-def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: Progress | None = None) -> Frame:
+def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: CountProgress | None = None) -> Frame:
     """One frame as `mirelight render` makes it.
 
     Args:
@@ -71,7 +71,7 @@ def _shares(job: Job, lighting: Lighting | None, count: int) -> int:
     return min(count, max(job.render.spp // _LEAST_COMPARED, 1)) if compared else count
 
 
-def _part(progress: Progress, number: int, count: int, done: int, total: int) -> None:
+def _part(progress: CountProgress, number: int, count: int, done: int, total: int) -> None:
     progress(number * total + done, count * total)
 
 

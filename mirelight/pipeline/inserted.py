@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mirelight.base.progress import CountProgress
 from mirelight.model import Camera, Inserted, Lighting, ProxyMesh, SurfaceCache
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
@@ -16,7 +17,6 @@ from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.painted import dressed_by
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.requirements import Arrangement
-from mirelight.pipeline.view_light import Progress
 
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
@@ -90,7 +90,7 @@ class SceneWithObjects(Prepared):
         """As the scene has it, whose estimate is made once."""
         return self._bare.resolved(lighting)
 
-    def surface_cache(self, light_set: LightSet, *, progress: Progress | None = None) -> SurfaceCache | None:
+    def surface_cache(self, light_set: LightSet, *, progress: CountProgress | None = None) -> SurfaceCache | None:
         """None: light on the surface is kept without objects, so all is traced."""
         return None
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mirelight.base.progress import CountProgress
 from mirelight.model import (
     F32,
     Camera,
@@ -228,9 +229,7 @@ class Prepared:
         """What to trace for a set: its lights, each with the name of its unit's layer."""
         return light_set.as_lighting(self.resolved)
 
-    def surface_cache(
-        self, light_set: LightSet, *, progress: Callable[[int, int], None] | None = None
-    ) -> SurfaceCache | None:
+    def surface_cache(self, light_set: LightSet, *, progress: CountProgress | None = None) -> SurfaceCache | None:
         """A set's light on the surface; None where the job traces it."""
         return None if self.surface_light is None else self.surface_light.cache(light_set, progress)
 

@@ -174,7 +174,7 @@ class Scene(Prepared):
         """Light on the splats, for all of the job's cameras."""
         said: set[str] = set()
 
-        def say(what: str, done: int, total: int) -> None:
+        def say(what: str, done: float) -> None:
             if what not in said:
                 said.add(what)
                 self._tell(f"light on {len(self.splats or ()):,} splats: {what}; it is kept for the next time")

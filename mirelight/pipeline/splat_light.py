@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mirelight import relighting
+from mirelight.base.progress import ShareProgress, counted, quiet
 from mirelight.model import (
     F32,
     DirectionalLight,
@@ -39,8 +40,6 @@ FEWEST_PATHS = 1 << 18  # below, light is traced: cells are not even looked for
 READS = 2  # where indirect light is read, one in so many samples is enough for the direct light that is left
 SHARP_READS = 8  # samples of lights that are a point or a direction, as then only what is read differs between them
 
-Progress = Callable[[str, int, int], None]  # what is traced; paths done, paths in all
-
 
 class SplatLight:
     """Light on N splats, found or made when it is asked for.
@@ -51,8 +50,8 @@ class SplatLight:
         progress: hears what is traced; what it raises ends the tracing.
     """
 
-    def __init__(self, scene: Prepared, spp: int, progress: Progress | None = None) -> None:
-        self._scene, self._spp, self._progress = scene, spp, progress
+    def __init__(self, scene: Prepared, spp: int, progress: ShareProgress | None = None) -> None:
+        self._scene, self._spp, self._say = scene, spp, progress or quiet
 
     def with_samples(self, spp: int) -> SplatLight:
         """The same splats with other samples."""
@@ -162,7 +161,7 @@ class SplatLight:
         count = len(splats)
 
         def make() -> F32:
-            self._say("where splats lie", 0, 1)
+            self._say("where splats lie", 0.0)
             reference = None if captured is None else scene.resolved(captured)
             found = splat_light.places_of(splats, proxy, self.tracer, reference)
             rows = [found.points, found.normals, np.full((1, 3), found.near)]
@@ -175,7 +174,7 @@ class SplatLight:
     def _traced(self, one: LightSet, layers: list[str], what: str) -> Iterator[F32]:
         points, normals = self.places.points, self.places.normals
         lighting, tracer = self._scene.lighting_of(one), self.tracer
-        say = partial(self._say, what)
+        say = counted(self._say, what)
         if not self._reads_surface:
             made = [tracer.point_layers(lighting, points, normals, self._spp, emission=one.glow, progress=say)]
         else:
@@ -203,7 +202,7 @@ class SplatLight:
 
     @cached_property
     def _transport(self) -> SurfaceTransport:
-        return self.tracer.transport(self._cells, self._spp, partial(self._say, "rays between surfaces"))
+        return self.tracer.transport(self._cells, self._spp, counted(self._say, "rays between surfaces"))
 
     @property
     def _reads_surface(self) -> bool:
@@ -212,10 +211,6 @@ class SplatLight:
         if self._scene.job.render.max_depth == 1 or paths <= FEWEST_PATHS:
             return False
         return paths > len(self._cells) * self._spp
-
-    def _say(self, what: str, done: int, total: int) -> None:
-        if self._progress is not None:
-            self._progress(what, done, total)
 
 
 def by_sharpness(lighting: Lighting, spp: int, *, glow: bool) -> Iterator[tuple[Lighting, int]]:

@@ -17,12 +17,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from mirelight import relighting
+from mirelight.base.progress import CountProgress
 from mirelight.model import F32, Camera, Frame, Lighting, LightingBuffer, RelightSettings, SplatLayer
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.model.scene import is_log
 from mirelight.pipeline import provenance, requirements
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.view_light import Progress, ViewStopped
+from mirelight.pipeline.view_light import ViewStopped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,7 +77,7 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
 
 
 def light(
-    scene: Scene, camera: Camera, lighting: Lighting, *, progress: Progress | None = None, look: Look | None = None
+    scene: Scene, camera: Camera, lighting: Lighting, *, progress: CountProgress | None = None, look: Look | None = None
 ) -> Lit:
     """The light of a view: unit lights are traced, or found where they were kept, and mixed.
 
@@ -148,7 +149,9 @@ def _factor(scene: Scene, lighting: Lighting) -> F32 | None:
     return scene.splat_light.factor(lighting)
 
 
-def trace(scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progress: Progress | None = None) -> None:
+def trace(
+    scene: Scene, camera: Camera, lightings: Iterable[Lighting], *, progress: CountProgress | None = None
+) -> None:
     """Trace the unit lights of a view that are not kept yet, and what frames are compared with; nothing is mixed.
 
     Raises:
@@ -253,7 +256,7 @@ def _blended(scene: Scene, splats: SplatLayer, factor: F32, settings: RelightSet
     return compositor.composite_colors(camera, new)
 
 
-def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: Progress | None = None) -> Frame:
+def frame(scene: Scene, camera: Camera, lighting: Lighting | None, *, progress: CountProgress | None = None) -> Frame:
     """The stages one after the other: one whole frame of a pinhole, as `mirelight render` makes it."""
     splats = composite(scene, camera)
     return relight(scene, splats, None if lighting is None else light(scene, camera, lighting, progress=progress))

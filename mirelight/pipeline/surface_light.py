@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from mirelight.base.progress import CountProgress
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import keys, requirements
@@ -18,7 +19,6 @@ from mirelight.pipeline.codecs import CELLS, lights_on, transport_between
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
 
-Progress = Callable[[int, int], None]  # (samples done, samples in all)
 
 _MOST_BYTES = 2**30  # of light that stays in memory
 FILL = 0x1B873593  # between the seeds of fills that are averaged
@@ -73,7 +73,7 @@ class SurfaceLight:
 
         return made_once(self._kept, _claim(key), key, transport_between(len(self.cells)), make)
 
-    def cache(self, light_set: LightSet, progress: Progress | None = None) -> SurfaceCache:
+    def cache(self, light_set: LightSet, progress: CountProgress | None = None) -> SurfaceCache:
         """A set's light, its layers named as the set's are.
 
         Args:
@@ -113,7 +113,7 @@ class SurfaceLight:
             self._lights[key] = found
         return True
 
-    def _fill(self, parts: dict[str, LightSet], progress: Progress | None) -> None:
+    def _fill(self, parts: dict[str, LightSet], progress: CountProgress | None) -> None:
         """Make parts together, as they share rays, and keep each by itself."""
         units = tuple(unit for part in parts.values() for unit in part.units)
         whole = LightSet(units) if units else next(iter(parts.values()))

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from mirelight import relighting
+from mirelight.base.progress import CountProgress
 from mirelight.model import Camera, DirectionalLight, Lighting, LightingBuffer, SunLight
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 from mirelight.pipeline import requirements
@@ -19,7 +20,6 @@ from mirelight.pipeline.prepared import Prepared
 if TYPE_CHECKING:
     from mirelight.lighting import Tracer
 
-Progress = Callable[[int, int], None]  # (samples done, samples in all)
 Look = Callable[[Callable[[], LightingBuffer]], None]  # may ask for a lighting as far as it is traced
 
 
@@ -43,7 +43,7 @@ class ViewLight:
         self._seen = seen
         self._there: dict[str, LightingBuffer] = {}  # by the digests of sets
         self._due: list[str] = []  # digests of sets that must be traced, in order
-        self._progress: Progress | None = None
+        self._progress: CountProgress | None = None
         self.is_broken = False  # a trace was interrupted: what it left is no whole set
         self._captured: LightingBuffer | None = None  # the captured light, which every frame of a ratio asks for
         self._sun: tuple[relighting.Sun | None] | None = None  # of the captured light, once it was looked for
@@ -53,7 +53,7 @@ class ViewLight:
         """The camera that light is traced for."""
         return self._seen
 
-    def expect(self, lightings: Sequence[Lighting], progress: Progress | None) -> None:
+    def expect(self, lightings: Sequence[Lighting], progress: CountProgress | None) -> None:
         """Find what is kept already, so that progress knows how much there is to do."""
         self._progress, self._due = progress, []
         for one in {s.digest: s for x in lightings for s in self._sets(self._scene.mixture(x))}.values():
@@ -105,7 +105,7 @@ class ViewLight:
             self._sun = (found,)
         return None if self._sun is None else self._sun[0]
 
-    def trace(self, lightings: Sequence[Lighting], progress: Progress | None) -> None:
+    def trace(self, lightings: Sequence[Lighting], progress: CountProgress | None) -> None:
         """Trace what is not kept yet, and keep it. What glows comes first: with all the rest there, it is, too.
 
         Raises:
@@ -150,7 +150,7 @@ class ViewLight:
         scene.kept.put(scene.light_key(one, self._seen), buffer, light_of(self._seen))
         return buffer
 
-    def _buffer(self, one: LightSet, report: Progress | None, look: Look | None) -> LightingBuffer:
+    def _buffer(self, one: LightSet, report: CountProgress | None, look: Look | None) -> LightingBuffer:
         """A set traced for this view; where the job keeps reflected light on the surface, gathered there first."""
         from mirelight.lighting import Tracer
 
@@ -185,7 +185,7 @@ class ViewLight:
         return denoise(buffer, layers=job.output.wants_layers)
 
 
-def _waiting(report: Progress, done: int, total: int) -> None:
+def _waiting(report: CountProgress, done: int, total: int) -> None:
     """No sample of the picture yet: light is being gathered on the surface."""
     report(0, 1)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.progress import ShareProgress
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, triangles
 from mirelight.proxy.axes import axes_of
@@ -20,13 +21,13 @@ from mirelight.proxy.rods import Rods, rods_of
 from mirelight.proxy.sides import seen_sides
 from mirelight.proxy.stars import stars_of
 from mirelight.proxy.tidy import compact
-from mirelight.proxy.types import Int, Progress, ProxySettings, Soup
+from mirelight.proxy.types import Int, ProxySettings, Soup
 
 _CHUNK = 200_000  # cells cut at once: memory alone
 _FEW = 50_000  # cells cut in wedges at once
 
 
-def cells_of(capture: Capture, settings: ProxySettings, progress: Progress) -> Soup:
+def cells_of(capture: Capture, settings: ProxySettings, progress: ShareProgress) -> Soup:
     """Triangles of the cells of all discs of a capture.
 
     A neighbour on the same sheet cuts at the bisector, moved outwards by a tenth; one on another plane cuts at that

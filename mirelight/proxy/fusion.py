@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.progress import ShareProgress
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Int, Progress
+from mirelight.proxy.types import Int
 from mirelight.proxy.views import rays, turned
 
 MOST_NODES = 160_000_000  # of the grid: more would take too much memory
@@ -29,7 +30,7 @@ class Grid:
     distance: F32  # (M,) signed, positive outside, at most TRUNCATION cells
 
 
-def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: Progress) -> Grid:
+def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgress) -> Grid:
     """One mesh from many depth maps.
 
     Where a sheet thinner than a few cells is seen from both sides, the views on the side of the origin count, as a

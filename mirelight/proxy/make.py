@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.base.errors import InputError
+from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
@@ -26,7 +27,7 @@ from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import MadeProxy, Method, Progress, ProxySettings, Soup, part, quiet
+from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
 from mirelight.proxy.views import around, fewer, from_points, moved, turned
 
@@ -36,7 +37,7 @@ _DEFAULT = ProxySettings()
 def make(
     splats: SplatCloud,
     settings: ProxySettings = _DEFAULT,
-    progress: Progress | None = None,
+    progress: ShareProgress | None = None,
     *,
     cameras: Sequence[Camera] = (),
     source: str | Path = "splats",
@@ -118,7 +119,7 @@ def _method(capture: Capture, settings: ProxySettings) -> Method:
     return settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
 
 
-def _fused(capture: Capture, views: list[DepthMap], report: Progress) -> Soup:
+def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> Soup:
     """By depth maps, each point of the surface in some of them."""
     report("smoothing depth maps", 0.0)
     views = [slanted(view, capture.spacing) for view in views]
@@ -142,7 +143,7 @@ def _fused(capture: Capture, views: list[DepthMap], report: Progress) -> Soup:
 
 
 def _inside(
-    capture: Capture, maps: DepthMaps, outer: list[DepthMap], settings: ProxySettings, report: Progress
+    capture: Capture, maps: DepthMaps, outer: list[DepthMap], settings: ProxySettings, report: ShareProgress
 ) -> list[DepthMap]:
     """Views from inside a capture whose cameras are not known, where those from around miss much."""
     hidden = hidden_share(capture, outer)
@@ -184,7 +185,7 @@ def _around(capture: Capture) -> tuple[Camera, ...]:
     return around(capture.splats.means, capture.radius, TUNING.view_orbit, int(pixels))
 
 
-def counted(cameras: Sequence[Camera], report: Progress) -> Iterator[Camera]:
+def counted(cameras: Sequence[Camera], report: ShareProgress) -> Iterator[Camera]:
     for done, camera in enumerate(cameras):
         report("taking depth maps", done / len(cameras))
         yield camera

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.base.errors import InputError
+from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, triangles
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import Capture, look_at_capture, normals_of
@@ -20,7 +21,7 @@ from mirelight.proxy.sampling import spread_on
 from mirelight.proxy.sighted import Fit, sighted, small_step
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Int, Progress, ProxySettings, part, quiet
+from mirelight.proxy.types import Int, ProxySettings
 from mirelight.proxy.views import around, from_points, moved, turned
 
 _SETTINGS = ProxySettings()
@@ -29,7 +30,7 @@ _SETTINGS = ProxySettings()
 def register(
     splats: SplatCloud,
     mesh: ProxyMesh,
-    progress: Progress | None = None,
+    progress: ShareProgress | None = None,
     *,
     cameras: Sequence[Camera] = (),
     source: str | Path = "mesh",
@@ -76,7 +77,7 @@ def register(
     )
 
 
-def _views(capture: Capture, cameras: Sequence[Camera], report: Progress) -> list[DepthMap]:
+def _views(capture: Capture, cameras: Sequence[Camera], report: ShareProgress) -> list[DepthMap]:
     """Depth maps, smooth, of the capture's cameras or of some around it, and inside where much is hidden from those."""
     maps = DepthMaps(capture, _SETTINGS)
     if cameras:
@@ -92,7 +93,7 @@ def _views(capture: Capture, cameras: Sequence[Camera], report: Progress) -> lis
     return [slanted(view, capture.spacing) for view in views]
 
 
-def _onto_discs(capture: Capture, v: F64, f: Int, guess: F64, report: Progress) -> tuple[Fit, F64]:
+def _onto_discs(capture: Capture, v: F64, f: Int, guess: F64, report: ShareProgress) -> tuple[Fit, F64]:
     """What brings a mesh nearest to discs as a whole, and where vertices come to lie then."""
     report("aligning the mesh", 0.0)
     normals = normals_of(capture)
@@ -170,7 +171,7 @@ def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F6
     return best
 
 
-def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, report: Progress) -> F64:
+def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, report: ShareProgress) -> F64:
     """Vertices moved onto the planes of splats, where that brings the mesh nearer to them.
 
     It does not where the mesh fits already, and where triangles are much larger than what their corners look at: a wall

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mirelight.base import conventions
+from mirelight.base.progress import ShareProgress
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, ProxyMesh, triangles
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Int, Progress
+from mirelight.proxy.types import Int
 from mirelight.proxy.views import rays, turned
 
 _SWELLING = 7  # the unknown of `small_step`
@@ -91,7 +92,7 @@ class _Rays:
         return _Seen(misfit, there, normal, target, weight, off)
 
 
-def sighted(views: Sequence[DepthMap], at: F64, faces: Int, start: F64, spacing: float, report: Progress) -> Fit:
+def sighted(views: Sequence[DepthMap], at: F64, faces: Int, start: F64, spacing: float, report: ShareProgress) -> Fit:
     """What brings a mesh to where depth maps have the surface; the start where nothing is much better.
 
     Args:

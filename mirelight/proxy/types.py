@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -14,7 +13,6 @@ from mirelight.model.arrays import freeze
 
 Method: TypeAlias = Literal["cells", "depth"]
 Int: TypeAlias = NDArray[np.int64]
-Progress: TypeAlias = Callable[[str, float], None]  # what is being done, and how much of the whole is done, 0 to 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,16 +106,3 @@ class Soup:
     def mesh(self) -> ProxyMesh:
         """The same as a proxy mesh, in single precision."""
         return ProxyMesh(vertices=self.vertices.astype(np.float32), faces=self.faces.astype(np.int32))
-
-
-def quiet(what: str, done: float) -> None:
-    """A `Progress` that says nothing."""
-
-
-def part(progress: Progress, low: float, high: float) -> Progress:
-    """Reports 0..1 of a step as low..high of the whole."""
-
-    def report(what: str, done: float) -> None:
-        progress(what, low + (high - low) * done)
-
-    return report

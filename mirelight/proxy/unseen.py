@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mirelight.base.progress import ShareProgress
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, triangles
 from mirelight.proxy.backs import backs_of
@@ -20,7 +21,7 @@ from mirelight.proxy.beyond import Look, beyond_pictures, box_of, cell_of
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Progress, ProxySettings, Soup
+from mirelight.proxy.types import ProxySettings, Soup
 
 
 def closing(
@@ -28,7 +29,7 @@ def closing(
     cameras: Sequence[Camera],
     spacing: float,
     settings: ProxySettings,
-    progress: Progress,
+    progress: ShareProgress,
 ) -> Soup:
     """What closes a surface against light from where no camera saw: fronts face the space that was seen.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mirelight.base.progress import quiet
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.fusion import fuse
-from mirelight.proxy.types import quiet
 from mirelight.proxy.views import rays
 
 WALL, CELL = 0.5, 0.05  # x of the wall

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mirelight.base.progress import quiet
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import SplatCloud
 from mirelight.proxy import ProxySettings
 from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.sampling import spread_on
-from mirelight.proxy.types import quiet
 
 from .clouds import box_shell
 

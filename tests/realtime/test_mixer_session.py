@@ -166,12 +166,12 @@ class Interrupting(Session):
 
     seen: list[int]
 
-    def _heard(self, what: str, done: int, total: int) -> None:
+    def _heard(self, what: str, share: float) -> None:
         urgency = int(self._working[0]) if np.isfinite(self._working[0]) else -1
         self.seen = [*getattr(self, "seen", []), urgency]
         if urgency == 2 and self.seen.count(2) == 1:
             self.move(0, 0, np.array([0.0, 1.0, 0.0]))
-        super()._heard(what, done, total)
+        super()._heard(what, share)
 
 
 def test_a_newer_place_ends_what_is_traced(scene: Scene, made: layers.MixLayers) -> None:
@@ -236,10 +236,10 @@ def test_a_still_that_nobody_looks_at_ends(scene: Scene, made: layers.MixLayers)
     heard: list[float] = []
     whole = session._heard
 
-    def drop(what: str, done: int, total: int) -> None:
-        heard.append(done / total)
+    def drop(what: str, share: float) -> None:
+        heard.append(share)
         session.drop_still()
-        whole(what, done, total)
+        whole(what, share)
 
     session._heard = drop  # type: ignore[method-assign]
     session.ask_still(View(1, camera, "day", (), 0.0))

@@ -10,7 +10,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[2] / "mirelight"
+from rooms import PACKAGE, parsed
+
 _ARRAYS = re.compile(r"\b(?:[FI]32|[FI]64|U8|Bool|Int|NDArray|ArrayLike|Pixels)\b")
 _SHAPES = re.compile(
     r"\((?:[\w. *+/²-]|\([^()]*\)²?)+,[^)]*\)|\([A-Z](?: \* [A-Z])*\)|\bshape\b|\bflat\b", re.IGNORECASE
@@ -35,7 +36,7 @@ def of_arrays(function: ast.FunctionDef) -> bool:
 
 def without_shapes(path: Path) -> list[str]:
     """Names of public functions of a module whose docstrings miss a shape."""
-    found = public(ast.parse(path.read_text(encoding="utf-8")).body)
+    found = public(parsed(path).body)
     return [f.name for f, said in found if of_arrays(f) and not _SHAPES.search(said)]
 
 

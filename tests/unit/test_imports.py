@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import rooms
-from rooms import LEVEL, PACKAGE, imports, room_of, rooms_used, sources
+from rooms import LEVEL, PACKAGE, imports, parsed, room_of, rooms_used, sources
 
 THIRD_PARTY_OWNERS = {
     "mitsuba": {"base/backend.py", "lighting"},
@@ -38,7 +38,7 @@ HEAVY = {
 
 def at_import_time(path: Path) -> Iterator[str]:
     """Top-level names of modules that importing a file loads at once."""
-    pending: list[ast.stmt] = list(ast.parse(path.read_text(encoding="utf-8")).body)
+    pending: list[ast.stmt] = list(parsed(path).body)
     while pending:
         node = pending.pop()
         if isinstance(node, ast.Import):
@@ -95,7 +95,7 @@ def test_no_module_imports_what_imports_it() -> None:
 
 def _modules_used(path: Path) -> Iterator[str]:
     """Imported modules, where a package's name stands before what is taken from it too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
@@ -106,6 +106,19 @@ def test_the_page_and_the_picture_are_of_now() -> None:
     remedy = "run: python scripts/rooms.py"
     assert rooms.PAGE.read_text(encoding="utf-8") == rooms.page(), remedy
     assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.picture(), remedy
+
+
+def test_progress_is_told_in_the_two_shapes_of_one_module() -> None:
+    """What hears counts or shares is `CountProgress` or `ShareProgress`, and nobody writes them out or renames them."""
+    shapes = {"Callable[[int, int], None]", "Callable[[str, float], None]", "Callable[[str, int, int], None]"}
+    found = {path.relative_to(PACKAGE).as_posix() for path in sources() if shapes & set(_callables(path))}
+    assert found == {"base/progress.py"}
+
+
+def _callables(path: Path) -> Iterator[str]:
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Callable":
+            yield ast.unparse(node)
 
 
 def test_mitsuba_and_drjit_are_named_by_their_owners_alone() -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
-from rooms import PACKAGE, sources
+from rooms import PACKAGE, parsed, sources
 
 MOST_LINES, MOST_PARAMETERS = 60, 8  # of a body without its docstring; of a signature without self and cls
 
 
 def _too_large() -> Iterator[str]:
     for path in sources():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 body = node.body[ast.get_docstring(node) is not None :]
                 lines = (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0

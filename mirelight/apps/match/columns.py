@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from mirelight import relighting
 from mirelight.apps.match.target import Target, resized
 from mirelight.apps.match.uncertain import Int, tiles
+from mirelight.base.progress import CountProgress
 from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, SplatLayer
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import stages
@@ -33,7 +34,7 @@ class Columns:
     tiles: Int  # (P,) in which part of the picture each pixel lies
 
     def __init__(
-        self, scene: Scene, camera: Camera, lighting: Lighting, target: Target, report: Callable[[float], None]
+        self, scene: Scene, camera: Camera, lighting: Lighting, target: Target, progress: CountProgress
     ) -> None:
         """Trace the lighting, whose lights are units (`units.terms`), and relight with each alone."""
         self._scene = scene
@@ -45,7 +46,7 @@ class Columns:
         light, self._inside = target.light(1 - splats.transmittance, scene.job.display)
         self.counts = resized(self._inside, self._size).astype(np.float64).reshape(-1, 3)
         self.target = self._small(light)
-        lit = stages.light(scene, camera, lighting, progress=lambda done, total: report(done / max(total, 1)))
+        lit = stages.light(scene, camera, lighting, progress=progress)
         self._new, self._captured = _light_alone(lit.new), lit.captured
         self.tiles = tiles(self._size)
         names = [x.layer for x in terms(lighting)]

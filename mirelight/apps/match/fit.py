@@ -8,7 +8,7 @@ picture, a computed sun and sky) gets it as a factor in the job's `mix`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from mirelight.apps.match.target import Target
 from mirelight.apps.match.uncertain import uncertainties
 from mirelight.base import colour
 from mirelight.base.errors import InputError
+from mirelight.base.progress import CountProgress, ShareProgress, counted, part, quiet
 from mirelight.model import F64, Camera, LayerFactor, Light, Lighting
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.unit_lights import terms
@@ -29,7 +30,6 @@ _CLAMP_ROUNDS = 3
 _COARSE, _FINE = 15.0, 1.0  # degrees: steps of the search for a rotation
 
 Shots = Sequence[tuple[Camera, Target]]  # pictures and where they were taken from
-Report = Callable[[str, float], None]  # what is being done, how much of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +71,7 @@ def match(
     free: Sequence[str] | None = None,
     keep_colours: bool = False,
     rotate: bool = False,
-    report: Report = lambda what, done: None,
+    report: ShareProgress = quiet,
 ) -> Match:
     """Fit a lighting to a picture, or to several of the same light.
 
@@ -97,7 +97,7 @@ def match(
         rotation = _rotation(scene, shots, lighting, wish, report)
         assert lighting.environment is not None
         lighting = replace(lighting, environment=replace(lighting.environment, rotation=rotation))
-    fit = _Fit(scene, shots, lighting, wish, lambda done: report("tracing the lights", done))
+    fit = _Fit(scene, shots, lighting, wish, report)
     report("fitting", 0.0)
     found = fit.layers(fit.solved())
     return Match(
@@ -163,12 +163,13 @@ class _Fit:
         shots: Shots,
         lighting: Lighting,
         wish: _Wish,
-        report: Callable[[float], None],
+        report: ShareProgress,
     ) -> None:
         units = white(lighting)
 
-        def said(shot: int) -> Callable[[float], None]:
-            return lambda done: report((shot + done) / len(shots))
+        def said(shot: int) -> CountProgress:
+            share = part(report, shot / len(shots), (shot + 1) / len(shots))
+            return counted(share, "tracing the lights")
 
         self._views = [Columns(scene, camera, units, target, said(k)) for k, (camera, target) in enumerate(shots)]
         self._before = {x.layer: np.asarray(x.weight, np.float64) for x in terms(lighting)}
@@ -249,7 +250,7 @@ class _Fit:
         return float((counts * (a - b) ** 2).sum() / counts.sum())
 
 
-def _rotation(scene: Scene, shots: Shots, lighting: Lighting, wish: _Wish, report: Report) -> float:
+def _rotation(scene: Scene, shots: Shots, lighting: Lighting, wish: _Wish, report: ShareProgress) -> float:
     """Degrees of the environment that come closest: in steps all around, then by halves about the best."""
     around = lighting.environment
     assert around is not None
@@ -263,7 +264,7 @@ def _rotation(scene: Scene, shots: Shots, lighting: Lighting, wish: _Wish, repor
         if turn not in known:
             report("turning the environment", len(known) / count)
             turned = replace(lighting, environment=replace(around, rotation=_upright(around.rotation + turn)))
-            known[turn] = _Fit(scene, small, turned, wish, lambda done: None).solved().residual
+            known[turn] = _Fit(scene, small, turned, wish, quiet).solved().residual
         return known[turn]
 
     best = min(steps, key=error)

@@ -17,13 +17,13 @@ from mirelight.apps.mixer import rgb9e5
 from mirelight.apps.mixer.layers import Mixed, MixLayers, make
 from mirelight.apps.realtime import engine
 from mirelight.base.errors import InputError
+from mirelight.base.progress import ShareProgress
 from mirelight.io.atomic import atomic_path, output_error
 from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import compressed_ply, ply
 from mirelight.model import F64, Camera, Job, SplatCloud
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.splat_light import Progress
 from mirelight.relighting.modes import mode_of
 
 _MODULES = ("mixer", "view", "panel", "files", "colors", "handles", "live", "served")
@@ -49,7 +49,7 @@ def export(
     *,
     spp: int,
     lightings: tuple[str, ...] | None = None,
-    progress: Progress | None = None,
+    progress: ShareProgress | None = None,
 ) -> Exported:
     """Write the mixer's page of a job. Any static server can serve the folder.
 

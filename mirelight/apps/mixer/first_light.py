@@ -11,12 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirelight.base.progress import ShareProgress
 from mirelight.lighting import Tracer
 from mirelight.lighting.splat_light import Places
 from mirelight.model import F32, F64, I32, Lighting
 from mirelight.model.unit_lights import LightSet, Unit
 from mirelight.pipeline.prepared import Prepared
-from mirelight.pipeline.splat_light import Progress, SplatLight
+from mirelight.pipeline.splat_light import SplatLight
 
 SAMPLES = 8  # of direct light on each splat
 FEW = 1 << 14  # splats that indirect light is traced from
@@ -77,7 +78,7 @@ class StagedLight:
         progress: hears what is traced; what it raises ends the trace.
     """
 
-    def __init__(self, scene: Prepared, stages: tuple[int, ...], progress: Progress) -> None:
+    def __init__(self, scene: Prepared, stages: tuple[int, ...], progress: ShareProgress) -> None:
         self.scene, self.splats = scene, SplatLight(scene, stages[0], progress)
         self.stages = stages
         self._first = FirstLight(self.splats.tracer, self.splats.places)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mirelight import relighting
 from mirelight.base.errors import InputError
+from mirelight.base.progress import ShareProgress
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.model import F32, F64, Job, Lighting
 from mirelight.model.lights import position_of
@@ -22,7 +23,7 @@ from mirelight.model.unit_lights import ALIKE, GLOW, LightSets, Unit, terms
 from mirelight.pipeline import requirements
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.splat_light import EMISSION, Progress, SplatLight
+from mirelight.pipeline.splat_light import EMISSION, SplatLight
 
 BASE = "base"
 MOST_LAYERS = 32  # the page's shader reads four from a texture, and beside them up to seven textures of the splats
@@ -85,7 +86,9 @@ class MixLayers:
         return np.asarray(total if self.limit is None else np.minimum(total, self.limit), dtype=np.float32)
 
 
-def make(scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: Progress | None = None) -> MixLayers:
+def make(
+    scene: Scene, *, spp: int, lightings: tuple[Lighting, ...], progress: ShareProgress | None = None
+) -> MixLayers:
     """Trace what is not kept, and divide by the captured light.
 
     Args:

@@ -19,6 +19,7 @@ from mirelight.apps.mixer.layers import MixLayers
 from mirelight.apps.mixer.news import News
 from mirelight.apps.mixer.stills import Still, Stills, View
 from mirelight.base.errors import MirelightError
+from mirelight.base.progress import counted
 from mirelight.model import F64, Job
 from mirelight.model.lights import moved_to
 from mirelight.model.unit_lights import Unit
@@ -175,13 +176,12 @@ class Session:
             found.append((float(stage), self._numbers[layer], layer))
         return min(found, key=lambda x: (x[0], -x[1]), default=None)
 
-    def _heard(self, what: str, done: int, total: int) -> None:
+    def _heard(self, what: str, share: float) -> None:
         """Progress of a trace; ends it where something else comes first."""
         with self._news:
             urgency, number, layer = self._working
             if self._is_over(urgency, number, layer):
                 raise _EndedError
-            share = done / max(total, 1)
             if share - self._done > 0.02 or share < self._done:
                 self._done = share
                 if layer is None and self._shown is not None:
@@ -238,7 +238,7 @@ class Session:
 
         if self._stills is None:
             self._stills = Stills(self._scene, self._moved_job)
-        self._stills.make(view, show, lambda done, total: self._heard("still", done, total))
+        self._stills.make(view, show, counted(self._heard, "still"))
 
     def _said(self, error: Exception, layer: int | None) -> str:
         """A line for people; what Dr.Jit and the machine say is longer, and its last line says what failed."""

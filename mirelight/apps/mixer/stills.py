@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mirelight.base.png import png_bytes
+from mirelight.base.progress import CountProgress
 from mirelight.batch.preview import quick_scene
 from mirelight.io.png import encode_display
 from mirelight.model import Camera, Frame, Job, LayerFactor, Lighting
@@ -61,7 +62,7 @@ class Stills:
         coarse = replace(plain.relight, texture_scale=min(plain.relight.texture_scale, _COARSE))
         self._quick = quick_scene(prepare(replace(plain, relight=coarse), self._scene.kept, like=self._scene))
 
-    def make(self, view: View, show: Callable[[bytes, bool], None], progress: Callable[[int, int], None]) -> None:
+    def make(self, view: View, show: Callable[[bytes, bool], None], progress: CountProgress) -> None:
         """A still of a view.
 
         Args:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mirelight.apps.show.encoders import Write
 from mirelight.apps.show.shots import Shot
 from mirelight.base.errors import InputError
+from mirelight.base.progress import CountProgress
 from mirelight.io.atomic import atomic_path
 
 Order = Literal["cameras", "lightings"]  # what runs first
@@ -60,7 +61,7 @@ def write_film(
     path: Path,
     rate: Fraction,
     write: Write,
-    report: Callable[[int, int], None] | None = None,
+    report: CountProgress | None = None,
 ) -> Film:
     """Write frames as a film. One is held at a time, but for GIF.
 
@@ -85,7 +86,7 @@ def write_film(
 class _Frames:
     """The pictures of shots, which must be of one size."""
 
-    def __init__(self, shots: Sequence[Shot], report: Callable[[int, int], None] | None) -> None:
+    def __init__(self, shots: Sequence[Shot], report: CountProgress | None) -> None:
         self._shots, self._report = shots, report
         height, width = shots[0].pixels().shape[:2]
         self.size = width, height

@@ -13,13 +13,14 @@ import numpy as np
 
 from mirelight.apps.mixer.first_light import STAGES, StagedLight
 from mirelight.base import colour, conventions
+from mirelight.base.progress import ShareProgress
 from mirelight.lighting.splat_light import Places, places_of
 from mirelight.model import F32, I32, Deferred, EstimatedSky, Job, ProxyMesh, SplatCloud
 from mirelight.model.unit_lights import Unit
 from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import ARRAY
 from mirelight.pipeline.scene import Scene, prepare
-from mirelight.pipeline.splat_light import Progress, SplatLight
+from mirelight.pipeline.splat_light import SplatLight
 
 FEW = 1 << 13  # splats that are traced
 SAMPLES = 16  # of each
@@ -71,7 +72,7 @@ class EarlyLight:
     stages = (SAMPLES,)
     together = 8  # unit lights share paths
 
-    def __init__(self, scene: Scene, few: Few, progress: Progress, mesh: ProxyMesh | None = None) -> None:
+    def __init__(self, scene: Scene, few: Few, progress: ShareProgress, mesh: ProxyMesh | None = None) -> None:
         found = scene.mesh if mesh is None else mesh
         assert found is not None
         self._few, self._mesh = few, Deferred.of(_coarse(found))
@@ -114,7 +115,7 @@ class FineLight(StagedLight):
 
     together = 1  # a person waits for the next one, and sees it
 
-    def __init__(self, scene: Scene, progress: Progress) -> None:
+    def __init__(self, scene: Scene, progress: ShareProgress) -> None:
         super().__init__(scene, STAGES, progress)
 
     def lights(self, units: tuple[Unit, ...], stage: int) -> Iterator[F32]:

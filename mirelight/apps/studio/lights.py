@@ -16,13 +16,13 @@ from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.layers import MOST_LAYERS, Layering, layering
 from mirelight.apps.studio import early
 from mirelight.base.errors import InputError, MirelightError
+from mirelight.base.progress import ShareProgress, quiet
 from mirelight.lighting.splat_light import REACH
 from mirelight.model import F32, F64, Lighting, ProxyMesh
 from mirelight.model.unit_lights import GLOW, Term, Unit, terms
 from mirelight.pipeline import requirements
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.scene import Scene
-from mirelight.pipeline.splat_light import Progress
 from mirelight.relighting import captured_color
 
 _GLOW_SAMPLES = STAGES[1]
@@ -216,7 +216,7 @@ class Supply:
         progress: hears what is traced; what it raises ends the trace.
     """
 
-    def __init__(self, order: NDArray[np.intp], progress: Progress) -> None:
+    def __init__(self, order: NDArray[np.intp], progress: ShareProgress) -> None:
         self._order, self._progress = order, progress
         self._few: early.Few | None = None
         self._early: Lights | None = None
@@ -254,17 +254,13 @@ class Supply:
         if early.is_small(scene.splats) or not early.knows_captured(scene):
             return
         with suppress(MirelightError, RuntimeError, MemoryError):  # what is wrong is said where light is wanted
-            lights, lighting = self._of_few(scene, _unheard, early.scraps(scene.splats)), scene.job.lightings[0]
+            lights, lighting = self._of_few(scene, quiet, early.scraps(scene.splats)), scene.job.lightings[0]
             for stage, units in list(lights.wanted(lighting)):
                 lights.trace(units, stage)
             lights.layers(lighting)
 
-    def _of_few(self, scene: Scene, progress: Progress, mesh: ProxyMesh | None = None) -> Lights:
+    def _of_few(self, scene: Scene, progress: ShareProgress, mesh: ProxyMesh | None = None) -> Lights:
         if self._few is None:
             assert scene.splats is not None
             self._few = early.Few(scene.splats)
         return Lights(scene, early.EarlyLight(scene, self._few, progress, mesh), self._order)
-
-
-def _unheard(what: str, done: int, total: int) -> None:
-    pass

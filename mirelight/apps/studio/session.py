@@ -349,7 +349,7 @@ class Session:
             return False
         if due:
             stage, units = min(due, key=lambda x: x[0])
-            self._say("light on the splats" if stage == 0 else f"light, {STAGES[stage]} samples", 0, 1)
+            self._say("light on the splats" if stage == 0 else f"light, {STAGES[stage]} samples", 0.0)
             lights.trace(units, stage)
         layers = lights.layers(lighting)
         with self._news:
@@ -373,12 +373,11 @@ class Session:
                 self._refined = key
                 self._help(Ordered(self._text, str(self.document.path)), early.REFINING)
 
-    def _say(self, what: str, done: int, total: int) -> None:
+    def _say(self, what: str, share: float) -> None:
         """Progress of a trace; ends it where the job has changed."""
         with self._news:
             if self._at is not None and self._job is not self._at:
                 raise _EndedError
-            share = done / max(total, 1)
             if abs(share - self._done) > 0.02 or not self._tracing:
                 self._tracing, self._done = what, share
                 self._news.changed()

@@ -6,12 +6,12 @@ error: the resolution, bias and blur of its shadow maps, and the bits of its tar
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.progress import CountProgress
 from mirelight.lighting.develop import refuse_if_too_large
 from mirelight.lighting.engine.raster import Rasterised, rasterise
 from mirelight.lighting.engine.shading import ambient, received
@@ -77,7 +77,7 @@ class EngineTracer:
         camera: Camera,
         *,
         emission: bool = True,
-        progress: Callable[[int, int], None] | None = None,
+        progress: CountProgress | None = None,
     ) -> LightingBuffer:
         """The lighting texture that the engine would make.
 

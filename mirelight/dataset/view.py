@@ -67,6 +67,8 @@ class DataSet:
         if any(relighting.per_splat(x) for x in ways):
             found = "frames whose light is found for splats"
             raise InputError(self.folder, found, 'render with relight.per = "pixel"')
+        if self._index.painted:
+            raise InputError(self.folder, "frames with a painted mask", "render without relight.mask")
         self._kept = Artefacts(self.folder / indexing.LIGHT)
         self._scene = Artefacts(self.folder / indexing.SCENE)
         self._far = FarLight(self.folder, self._index, self._scene, REMEDY)

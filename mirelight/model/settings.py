@@ -14,7 +14,7 @@ from mirelight.base.primaries import ColorSpace
 from mirelight.model.arrays import F32
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
-from mirelight.model.dressing import Dress
+from mirelight.model.dressing import Dress, Mask
 from mirelight.model.inserted import Inserted
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
@@ -222,6 +222,7 @@ class Job:
         Deferred[F32] | None, ...
     ] = ()  # what those took, (H, W, 4) linear and what counts; or none
     materials: tuple[Dress, ...] = ()  # how parts of the proxy mirror; what they send out is in `proxy` itself
+    masks: tuple[Mask, ...] = ()  # where factors are taken from the surface around
     objects: tuple[Inserted, ...] = ()  # that are put into the capture; lightings of a sweep may have theirs elsewhere
     albedo_from_splats: bool = False  # the proxy takes the splats' colours, where the relight mode can use them
     cameras: tuple[Camera, ...] = ()

@@ -33,6 +33,8 @@ def check(job: Job) -> None:
         raise InputError(job.source, found, remedy, field="cameras")
     if any(x.gloss for x in _relights(job)):
         _check_gloss(job)
+    if job.masks:
+        _check_masks(job, bool(kept_apart))
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
     if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
@@ -72,6 +74,19 @@ def _check_gloss(job: Job) -> None:
     for is_so, found, remedy in wrong:
         if is_so:
             raise InputError(job.source, f"gloss and {found}", remedy, field="relight.gloss")
+
+
+def _check_masks(job: Job, kept_apart: bool) -> None:
+    """Raises InputError, in one line, where a job paints over factors that it does not have."""
+    wrong = (
+        (job.splats is None, "no splats whose colours are changed", "name a capture, or leave the mask out"),
+        (requirements.follows_engine(job), "the profile playcanvas, whose light is not traced", "use profile physical"),
+        (any(_asks_splats(x) for x in _relights(job)), "light that is found for splats", 'set relight.per to "pixel"'),
+        (kept_apart, "frames that are mixed from layers", 'leave dataset.layouts and output.store = "layers" out'),
+    )
+    for is_so, found, remedy in wrong:
+        if is_so:
+            raise InputError(job.source, f"a mask and {found}", remedy, field="relight.mask")
 
 
 def _comparing(job: Job) -> str:

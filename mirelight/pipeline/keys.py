@@ -296,7 +296,14 @@ class Keys:
             parts += self._old[seen]
         if job.splats is not None and relighting.per_splat(job.relight_of(lighting)):
             parts += self._on_splats(lighting)
+        if job.masks:
+            parts.append(self._paint)
         return _joined("frame", *parts)
+
+    @cached_property
+    def _paint(self) -> str:
+        """Where factors are taken from the surface around."""
+        return digest("paint", self.job.masks, self._device)
 
     def _on_splats(self, lighting: Lighting) -> Iterator[str]:
         """What a frame reads of the light on splats."""

@@ -1,15 +1,21 @@
-"""Materials of what is painted over a camera's picture: faces are cut along the paint, and those behind others left."""
+"""What is painted over a camera's picture, on the surface: faces are cut along it, and those behind others left."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, F64, Camera, ProxyMesh, RenderSettings
+from mirelight.model import F32, F64, Camera, LightingBuffer, ProxyMesh, RenderSettings
 from mirelight.model.dressing import Dress, Mask, dressed
+from mirelight.pipeline import reads
+
+if TYPE_CHECKING:
+    from mirelight.lighting.sight import Sight
 
 Bool = NDArray[np.bool_]
 
@@ -30,22 +36,49 @@ def dressed_by(mesh: ProxyMesh, dresses: Sequence[Dress], source: str, settings:
         return dressed(mesh, dresses, source)
     from mirelight.lighting.sight import Sight
 
-    sight = Sight(mesh, settings.variant, settings.threads)
-
-    def painted(mask: Mask, points: F64) -> Bool:
-        camera, shown = _pictured(mask)
-        at, ahead = _projected(camera, points)
-        row, column = (np.floor(np.clip(x, -1, 1e6)).astype(np.int64) for x in (at[:, 1], at[:, 0]))
-        inside = ahead & (row >= 0) & (row < camera.height) & (column >= 0) & (column < camera.width)
-        inside[inside] = shown[row[inside], column[inside]]
-        eyes = _eyes(camera, points[inside])
-        _, distance = sight.first_hits(eyes, points[inside] - eyes)
-        inside[inside] = distance > _BEFORE
-        return inside
-
+    painted = partial(_painted, Sight(mesh, settings.variant, settings.threads))
     for mask in masks.values():
         mesh = _cut(mesh, *_pictured(mask))
     return dressed(mesh, dresses, source, painted)
+
+
+def paint_of(masks: Sequence[Mask], seen: LightingBuffer, sight: Sight) -> Bool:
+    """(H, W) where a camera sees what is painted in any of the masks, and not behind something else.
+
+    Args:
+        masks: painted over frames of any cameras.
+        seen: what it sees of the proxy.
+        sight: into that.
+
+    Raises:
+        InputError: a mask cannot be read, or has another shape than its camera's pictures.
+    """
+    covered = seen.coverage > 0
+    out = np.zeros(covered.shape, np.bool_)
+    points = seen.position[covered].astype(np.float64)
+    for mask in masks:
+        out[covered] |= _painted(None if _same_view(mask.camera.pinhole, seen.camera) else sight, mask, points)
+    return out
+
+
+def _same_view(one: Camera, other: Camera) -> bool:
+    """Whether both see the same, on any number of pixels: then nothing of it is hidden from either."""
+    one = one.resized(other.width, other.height)
+    return reads.view(one) == reads.view(other)
+
+
+def _painted(sight: Sight | None, mask: Mask, points: F64) -> Bool:
+    """(N,) which points (N, 3) lie in a mask's paint and are seen by its camera; `sight` None: all are."""
+    camera, shown = _pictured(mask)
+    at, ahead = _projected(camera, points)
+    row, column = (np.floor(np.clip(x, -1, 1e6)).astype(np.int64) for x in (at[:, 1], at[:, 0]))
+    inside = ahead & (row >= 0) & (row < camera.height) & (column >= 0) & (column < camera.width)
+    inside[inside] = shown[row[inside], column[inside]]
+    if sight is not None:
+        eyes = _eyes(camera, points[inside])
+        _, distance = sight.first_hits(eyes, points[inside] - eyes)
+        inside[inside] = distance > _BEFORE
+    return inside
 
 
 def _pictured(mask: Mask) -> tuple[Camera, Bool]:

@@ -25,13 +25,16 @@ from mirelight.pipeline.backdrops import Backdrops
 from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
+from mirelight.pipeline.painted import paint_of
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.requirements import Arrangement
 from mirelight.pipeline.splat_light import SplatLight
 from mirelight.pipeline.view_light import ViewLight
+from mirelight.relighting.inpainting import Inpainted, inpainted
 
 if TYPE_CHECKING:
     from mirelight.lighting.mattes import Mattes
+    from mirelight.lighting.sight import Sight
 
 
 def prepare(
@@ -70,6 +73,7 @@ class Scene(Prepared):
         self._view_with_objects: ViewLight | None = None
         self._view_of_lobes: ViewLight | None = None
         self._repaired: tuple[LightingBuffer, SplatLayer, LightingBuffer] | None = None  # was, seen in, is
+        self._inpainted: tuple[LightingBuffer, SplatLayer, Inpainted] | None = None  # captured or new, seen in, found
         self._arranged: SceneWithObjects | None = None
         self._object_rays: Mattes | None = None  # of that
         self._mattes: tuple[Camera, dict[str, Matte]] | None = None
@@ -187,6 +191,22 @@ class Scene(Prepared):
             made = relighting.repaired(captured, sun, relighting.unlit_rgba(splats))
             self._repaired = captured, splats, made
         return self._repaired[2]
+
+    def inpainted(self, new: LightingBuffer, captured: LightingBuffer | None, splats: SplatLayer) -> Inpainted:
+        """A view's light where the job's masks are painted; that of the last view is kept."""
+        surface = new if captured is None else captured
+        if self._inpainted is None or self._inpainted[0] is not surface or self._inpainted[1] is not splats:
+            paint = paint_of(self.job.masks, surface, self._sight)
+            found = inpainted(surface, paint, captured, relighting.unlit_rgba(splats))
+            self._inpainted = surface, splats, found
+        return self._inpainted[2]
+
+    @cached_property
+    def _sight(self) -> Sight:
+        from mirelight.lighting.sight import Sight
+
+        assert self.mesh is not None
+        return Sight(self.mesh, self.job.render.variant, self.job.render.threads)
 
     def in_front(self, camera: Camera, objects: Arrangement, seen: LightingBuffer) -> SplatLayer:
         """The splats in front of objects, which are seen in a buffer; those of the last camera are kept."""

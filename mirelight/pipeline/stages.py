@@ -213,9 +213,13 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
         captured = lit.captured if lit else None
         if splats is not None and lit is not None and captured is not None and relighting.repairs(settings):
             captured = scene.repaired(captured, lit.sun, splats)
+        new = lit.new if lit else None
+        if job.masks and splats is not None and new is not None and settings.blend > 0:
+            found = scene.inpainted(new, captured, splats)
+            captured, new = found.captured, found.new(new)
         made = relighting.apply(
             splats,
-            lit.new if lit else None,
+            new,
             settings,
             captured=captured,
             captured_level=scene.captured_level if lit and lit.captured else None,

@@ -130,6 +130,7 @@ class Index:
     profile: str
     linear: bool  # composites hold linear light
     arrangements: tuple[Arrangement, ...] = (Arrangement(),)  # ways in which objects stand in the capture
+    painted: bool = False  # factors are taken from around where a mask is painted, which no layer holds
 
 
 def write(index: Index, folder: Path) -> None:
@@ -255,6 +256,7 @@ def _index(data: dict[str, Any]) -> Index:
         profile=str(data["profile"]),
         linear=bool(data["linear"]),
         arrangements=tuple(_arrangement(x) for x in data["arrangements"]),
+        painted=bool(data.get("painted", False)),
     )
 
 

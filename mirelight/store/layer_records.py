@@ -72,6 +72,7 @@ def describe(plan: Plan) -> Index:
         profile=job.compositor.profile,
         linear=job.compositor.holds_light,
         arrangements=tuple(_arrangement(made, x, known.first.get(id(x), 0)) for x in known.arrangements),
+        painted=bool(job.masks),
     )
 
 

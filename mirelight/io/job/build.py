@@ -24,6 +24,7 @@ from mirelight.io.job import (
 from mirelight.io.job.assets import Assets
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.light_tables import CAPTURED, AsCaptured, Lit
+from mirelight.io.job.material_tables import MaskTable
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path as Place
 from mirelight.io.job.scene_tables import ObjectTable
@@ -75,6 +76,7 @@ def build(source: Source, table: JobTable) -> Job:
     made = _made_of_splats(source, table, splats, capture_cameras)
     proxy = _with_job_albedo(made.mesh, table) if made else _of_file(table, assets)
     dresses = _dresses(table, assets, cameras_of, wrong)
+    masks = _masks(table, assets, cameras_of, wrong)
     proxy = _glowing(proxy, dresses, source) if proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
@@ -101,6 +103,7 @@ def build(source: Source, table: JobTable) -> Job:
         capture_cameras=capture_cameras,
         capture_pictures=capture_pictures,
         materials=dresses,
+        masks=masks,
         objects=objects(table.objects),
         albedo_from_splats=_uses_splat_albedo(table),
         cameras=cameras_of(),
@@ -178,16 +181,32 @@ def _dresses(table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong
     for i, one in enumerate(table.materials):
         mask: Mask | None = None
         if one.mask is not None:
-            named = {x.name: x for x in cameras_of()}
-            camera = named.get(one.mask.camera)
-            if camera is None:
-                remedy = f"there are: {', '.join(list(named)[:10])}"
-                found = f"no camera is named {shown(one.mask.camera)}"
-                wrong.append(Mistake(("materials", i, "mask", "camera"), found, remedy))
+            mask = _mask(one.mask, ("materials", i, "mask"), assets, cameras_of, wrong)
+            if mask is None:
                 continue
-            mask = Mask(camera=camera, painted=assets.painted(one.mask.path, camera))
         out.append(one.dress(mask))
     return tuple(out)
+
+
+def _masks(table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]) -> tuple[Mask, ...]:
+    """Where factors are wrong. Captured light as the only lighting is compared with itself, so there is none."""
+    if any(isinstance(x, AsCaptured) for x in table.lightings):
+        return ()
+    found = [_mask(x, ("relight", "mask", i), assets, cameras_of, wrong) for i, x in enumerate(table.relight.mask)]
+    return tuple(x for x in found if x is not None)
+
+
+def _mask(
+    table: MaskTable, at: Place, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]
+) -> Mask | None:
+    """What is painted over a camera's frame; None, and a mistake more, where there is no such camera."""
+    named = {x.name: x for x in cameras_of()}
+    camera = named.get(table.camera)
+    if camera is None:
+        found, remedy = f"no camera is named {shown(table.camera)}", f"there are: {', '.join(list(named)[:10])}"
+        wrong.append(Mistake((*at, "camera"), found, remedy))
+        return None
+    return Mask(camera=camera, painted=assets.painted(table.path, camera))
 
 
 def _glowing(mesh: Deferred[ProxyMesh], dresses: tuple[Dress, ...], source: Source) -> Deferred[ProxyMesh]:
@@ -211,6 +230,7 @@ def relight_settings(table: JobTable, own: RelightTable | None = None) -> model.
     """The relight settings, with what depends on other tables filled in; `own`: those of one lighting."""
     rules = model.rules_of(table.profile)
     chosen = _settings(own or table.relight)
+    del chosen["mask"]  # of the whole job
     chosen["mode"] = chosen["mode"] or rules.default_mode(table.captured is not None)
     chosen["space"] = chosen["space"] or rules.default_space(table.compositor.linear)
     return model.RelightSettings(profile=table.profile, **chosen)

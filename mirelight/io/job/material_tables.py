@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import BeforeValidator, Field, model_validator
 
 from mirelight.io.job.fields import AssetPath, Bounds, ColorOrGray, LightName, Name, Share, Table, wrong
 from mirelight.model.dressing import Dress, Mask
@@ -13,6 +15,17 @@ class MaskTable(Table):
 
     path: AssetPath = Field(description="The picture, of the camera's shape and any size: .png or .jpg.")
     camera: Name = Field(description="The job's camera whose frame it is painted over.")
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+Masks: TypeAlias = Annotated[
+    list[MaskTable],
+    Field(max_length=100),
+    BeforeValidator(_as_list, json_schema_input_type=MaskTable | list[MaskTable]),
+]
 
 
 class MaterialTable(Table):

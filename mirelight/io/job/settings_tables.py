@@ -11,6 +11,7 @@ from mirelight import model
 from mirelight.base.primaries import ColorSpace
 from mirelight.io.job.background_tables import Background, BackgroundTable
 from mirelight.io.job.fields import NotNegative, Positive, Seed, Share, Table, wrong
+from mirelight.io.job.material_tables import Masks
 from mirelight.io.job.words import closest, shown, shown_path
 from mirelight.model import (
     Compression,
@@ -161,6 +162,11 @@ class RelightTable(Table):
     gloss: bool = Field(
         default=_RELIGHT.gloss,
         description="Add what the proxy's materials mirror of the new light (docs/guides/gloss.md). playcanvas: false.",
+    )
+    mask: Masks = Field(
+        default=[],
+        description="Painted over frames, a table or a list: where the factor is wrong, it is taken from the surface "
+        "around (docs/guides/captured-light.md). Profile physical, light found for pixels.",
     )
     sh: Gloss = Field(
         default=_RELIGHT.sh,

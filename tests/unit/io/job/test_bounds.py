@@ -137,6 +137,7 @@ WITHOUT_BOUNDS = {
     "indirect",
     "per",
     "repair",
+    "mask",
     "gloss",
     "sh",
     "variant",

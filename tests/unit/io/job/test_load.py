@@ -57,10 +57,12 @@ def test_splats_and_proxy_are_enough(write_job: WriteJob) -> None:
 )
 def test_tables_hold_every_setting_of_the_model(section: str, settings: type[Any]) -> None:
     """`profile` stands once, at the top; what splats say of themselves is said beside them; a view has three names,
-    what lies behind the splats one; everything else has its key."""
+    what lies behind the splats one, masks are the job's; everything else has its key."""
     table = type(getattr(JobTable(), section))
     elsewhere, names = {"profile", "color_space", "cutoff"}, {"config", "display"}
     elsewhere |= {"transparent", "backdrop"}
+    if section == "relight":
+        names.add("mask")
     if section == "output":
         elsewhere.remove("color_space")
     assert set(table.model_fields) - names == {f.name for f in fields(settings)} - elsewhere

@@ -37,7 +37,7 @@ from mirelight.model import (
     SkyModel,
     SplatCloud,
 )
-from mirelight.model.dressing import Dress
+from mirelight.model.dressing import Dress, Mask
 from mirelight.model.planes import AOVS, MATTES
 from mirelight.pipeline import keys, provenance
 from mirelight.pipeline.plan import plan
@@ -192,6 +192,9 @@ CONTENT: dict[str, Job] = {
     "a light's name or a lighting's": with_lights(replace(LAMP, name="other")),
     "an environment's picture or rotation": with_lights(LAMP, around=replace(sky(), rotation=10.0)),
     "an environment's intensity": with_lights(LAMP, around=replace(sky(), intensity=0.5)),
+    "the picture of `relight.mask`, or its camera": replace(
+        JOB, masks=(Mask(camera=VIEW, painted=Deferred.of(np.ones((10, 20), np.float32))),)
+    ),
     "the captured lighting's colours and intensities": replace(
         JOB, captured=replace(CAPTURED, lights=(replace(CAPTURED.lights[0], intensity=9.0),))
     ),

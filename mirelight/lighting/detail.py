@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.lighting.albedo import DARKEST, irradiance_at
 from mirelight.lighting.lattices import Detail, lattice, points_of, starts
@@ -18,6 +19,8 @@ from mirelight.lighting.observed import Deposits, observed
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F64, I32, Lighting, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 from mirelight.model.profiles import BRIGHTEST
+
+Bool = NDArray[np.bool_]
 
 MOST_POINTS = 1 << 18  # of all lattices together
 FINEST = 1 / 256  # of the distance to a mirror: steps that show no more
@@ -36,6 +39,8 @@ def told(
     views: Sequence[SplatLayer],
     captured: Lighting,
     settings: RenderSettings,
+    *,
+    discs: bool = True,
 ) -> Detail:
     """The colours near mirrors.
 
@@ -46,6 +51,7 @@ def told(
         views: as for :func:`mirelight.lighting.colored_by`.
         captured: what it was captured under.
         settings: seed, depth and variant count.
+        discs: the splats lie on the surface as discs, so that each tells its colour beside the views.
 
     Raises:
         BackendError: the variant cannot be used on this machine.
@@ -59,6 +65,8 @@ def told(
     nowhere = np.zeros((len(face), 2, 3))
     places = Deposits(face, moved.astype(np.float32), np.ones(len(face)), np.zeros((len(face), 3)), nowhere)
     shown, known = observed(splats, views, mesh, tracer).at(*places.on(mesh))
+    if views and discs:
+        shown, known = _both((shown, known), observed(splats, (), mesh, tracer).at(*places.on(mesh)))
     some = np.flatnonzero(known)
     if len(some):
         there = Deposits(*(np.asarray(getattr(places, x))[some] for x in Deposits.__slots__))
@@ -67,6 +75,14 @@ def told(
         reflected = np.minimum(np.pi * shown[some], BRIGHTEST * light)
         colors[some] = np.maximum((reflected + doubt * colors[some]) / (light + doubt), DARKEST)
     return Detail(steps, starts(steps), colors.astype(np.float32))
+
+
+def _both(one: tuple[F64, Bool], other: tuple[F64, Bool]) -> tuple[F64, Bool]:
+    """(N, 3) colours and (N,) where they are known, of two that do: their mean where both are, as they err apart."""
+    shares = np.stack([one[1], other[1]]).astype(np.float64)[..., None]
+    whole = shares.sum(axis=0)
+    mean = (shares[0] * one[0] + shares[1] * other[0]) / np.maximum(whole, 1)
+    return np.asarray(mean), np.asarray(whole[:, 0] > 0)
 
 
 def _steps(mesh: ProxyMesh, mirrors: Sequence[tuple[F64, float]]) -> I32:

@@ -65,6 +65,7 @@ class SceneWithObjects(Prepared):
     def _mirrored(self) -> Detail | None:
         """What smooth objects show of the capture; None where there are none, or the proxy has colours of its own."""
         from mirelight.lighting import detail, lattices
+        from mirelight.proxy.capture_views import are_discs
 
         job, proxy = self.job, self._bare.proxy
         boxes = [box for one, box in zip(self.objects, self.placed.boxes, strict=True) if _mirrors(one)]
@@ -75,9 +76,10 @@ class SceneWithObjects(Prepared):
         if found is None:
             self._tell("finding what mirrors show of the capture; it is kept for the next time")
             near = [(box[:3, 3], float(np.linalg.norm(box[:3, :3], axis=0).max()) / 2) for box in boxes]
-            assert self._bare.splats is not None
-            captured = self.resolved(job.captured)
-            made = detail.told(proxy, near, self._bare.splats, self._bare.views, captured, job.render)
+            splats = self._bare.splats
+            assert splats is not None
+            captured, discs = self.resolved(job.captured), are_discs(splats)
+            made = detail.told(proxy, near, splats, self._bare.views, captured, job.render, discs=discs)
             found = made.packed()
             self.kept.put(key, found, ARRAY)
         return lattices.Detail.unpacked(found)

@@ -40,7 +40,7 @@ T = TypeVar("T")
 Bool = NDArray[np.bool_]
 ZONES = ("changed > 1 %", "> 10 %", "contact", "not changed", "edges")
 CONTACT = 4  # px round the objects
-TAKEN = (480, 270, 8)  # pixels and samples of each of the capture's pictures, which are denoised
+TAKEN = (350, 197, 8)  # pixels, as `view_size` reads pictures, and samples of each of the capture's, which are denoised
 EYE, TARGET = (0.9, 1.7, 6.2), (-1.35, 0.25, 2.4)
 
 
@@ -75,7 +75,7 @@ class Yard:
     def _job(self) -> Job:
         """The job with the capture's cameras and what they took."""
         width, height, spp = TAKEN if self.camera.width > 64 else (64, 36, 1)
-        cameras = tuple(x.resized(width, height) for x in self.recipe.orbit[::2])
+        cameras = tuple(x.resized(width, height) for x in self.recipe.orbit)
 
         def make() -> F32:
             scene = Truth(self._looks, self.recipe.captured)

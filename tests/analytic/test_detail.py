@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mirelight.compositor import Compositor
 from mirelight.lighting import detail, lattices
-from mirelight.model import Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
+from mirelight.model import Camera, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud
 
 Array = NDArray[np.float64]
 SIDE = 64
+LIGHT = 0.6
 
 
 def pattern(x: Array) -> Array:
@@ -18,11 +20,11 @@ def pattern(x: Array) -> Array:
     return np.asarray(0.4 + 0.3 * np.sin(8 * x))
 
 
-def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(detail, "MOST_POINTS", 3000)
+def striped_floor() -> tuple[SplatCloud, ProxyMesh]:
+    """A floor of discs in stripes, and a mesh of two gray triangles under it."""
     at = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     x, z = (v.ravel() for v in np.meshgrid(at, at))
-    count, light = len(x), 0.6
+    count, light = len(x), LIGHT
     flat = np.tile([np.sqrt(0.5), np.sqrt(0.5), 0, 0], (count, 1))  # thin along Y once turned about X
     shown = np.repeat((pattern(x) * light)[:, None], 3, axis=1)
     splats = SplatCloud(
@@ -33,13 +35,18 @@ def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch
         sh=((shown - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
         color_space="lin_rec709_display",
     )
-    floor = ProxyMesh(
+    return splats, ProxyMesh(
         vertices=np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], np.float32),
         faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
         vertex_colors=np.full((4, 3), 0.5, np.float32),
         albedo=None,
     )
-    sky = Environment(name="sky", radiance=np.full((4, 8, 3), light, np.float32))
+
+
+def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(detail, "MOST_POINTS", 3000)
+    splats, floor = striped_floor()
+    sky = Environment(name="sky", radiance=np.full((4, 8, 3), LIGHT, np.float32))
     found = detail.told(
         floor, [(np.array([0.2, 0.3, 0.0]), 0.2)], splats, (), Lighting(name="day", environment=sky), RenderSettings()
     )
@@ -70,3 +77,24 @@ def test_lattices_hold_the_pattern_of_the_splats(monkeypatch: pytest.MonkeyPatch
     truth = (floor.vertices[floor.faces[np.minimum(which, 1)]] * weights[:, :, None]).sum(1)[:, [0, 2]] + 2
     truth[which == 2] = 7
     np.testing.assert_allclose(np.array(looked)[[0, 2]].T, truth, atol=1e-5)
+
+
+def test_discs_tell_what_no_picture_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(detail, "MOST_POINTS", 3000)
+    splats, floor = striped_floor()
+    sky = Environment(name="sky", radiance=np.full((4, 8, 3), LIGHT, np.float32))
+    camera = Camera.look_at((0.6, 1, 0), (0.6, 0, 0), 160, 160, yfov=40, name="half")
+    views = (Compositor(splats).composite(camera),)
+    mirrors = [(np.array([0.2, 0.3, 0.0]), 0.2)]
+    error = {}
+    for discs in (False, True):
+        lighting = Lighting(name="day", environment=sky)
+        found = detail.told(floor, mirrors, splats, views, lighting, RenderSettings(), discs=discs)
+        face, corners = lattices.lattice(found.steps)
+        places = (floor.vertices[floor.faces[face]] * corners[:, :, None]).sum(1)
+        off = (found.colors[:, 1] - pattern(places[:, 0])) ** 2
+        inside = np.abs(places).max(1) < 0.95
+        for name, part in (("seen", np.abs(places - [0.6, 0, 0]).max(1) < 0.3), ("beside", places[:, 0] < -0.1)):
+            error[name, discs] = float(np.sqrt(off[inside & part].mean()))
+    assert error["seen", False] < 0.04 and error["seen", True] < 0.04
+    assert error["beside", True] < 0.03 and error["beside", False] > 0.1

@@ -209,7 +209,7 @@ class EstimatedSky:
     exposure: float = 0.0  # stops that the estimate is made stronger by
     lights: tuple[Light, ...] = ()  # where lamps were known to be, of intensity 1; how strong they were is estimated
     intensity: float = 1.0  # multiplies lux and radiance
-    method: int = 5  # of estimating; counted up when the same splats give another light
+    method: int = 6  # of estimating; counted up when the same splats give another light
 
 
 SUN, SKY = "sun", "sky"  # names of a sky model's layers

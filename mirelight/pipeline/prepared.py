@@ -177,9 +177,11 @@ class Prepared:
         return resolved(lighting, self.job.render.variant)
 
     def _estimated(self, sky: EstimatedSky) -> Lighting:
-        """The light that the splats were captured under: found where it was kept, or estimated."""
+        """The light that the splats were captured under: found where it was kept, or estimated; even light in place of
+        an estimate that is doubted."""
         from mirelight.estimate import estimate, lighting_of
         from mirelight.estimate.describe import doubts
+        from mirelight.estimate.even import is_even
 
         key = self.keys.estimate(sky)
         known = self._estimates.get(key)
@@ -195,11 +197,22 @@ class Prepared:
                     self._tell(f'the captured light is not known: {doubt}; relight.mode = "tint" needs none')
                 packed = self.keep_estimate(sky, found)
             known = self._estimates[key] = lighting_of(packed.astype(np.float64), sky.lights)
+            if is_even(known):
+                self._tell(
+                    "the captured light's estimate is doubted, so even light, as strong, takes its place; to name what "
+                    f"was found instead: mirelight estimate {self.job.source.name} -o captured.toml"
+                )
         return known
 
     def keep_estimate(self, sky: EstimatedSky, found: Estimate) -> F32:
-        """Keep what was found, as numbers (N,), for every job that asks for the same; says what is kept."""
-        key, packed = self.keys.estimate(sky), found.packed().astype(np.float32)
+        """Keep what was found, or even light where that is doubted, as numbers (N,), for every job that asks for the
+        same; says what is kept."""
+        from mirelight.estimate.even import or_even
+
+        splats, mesh = self.splats, self.mesh
+        assert splats is not None and mesh is not None
+        taken = or_even(found, splats, mesh, replace(self.job.render, seed=sky.seed), self.views)
+        key, packed = self.keys.estimate(sky), taken.packed().astype(np.float32)
         self._share(key, packed, ARRAY)
         return packed
 

@@ -16,13 +16,15 @@ from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
 from mirelight.estimate import Estimate, estimate, transport
+from mirelight.estimate.even import or_even
 from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.job.captured_text import captured_text
-from mirelight.model import EstimatedSky, Job, PointLight
+from mirelight.lighting import captured_level
+from mirelight.model import EstimatedSky, Job, PointLight, ProxyMesh
 from mirelight.pipeline.artefact_cache import NullCache
 from mirelight.pipeline.codecs import Codec, Packed
 from mirelight.pipeline.plan import plan
@@ -108,6 +110,45 @@ def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
         assert sum("not known: where the sun stood" in x for x in said) == times
 
 
+def test_even_light_takes_the_place_of_a_doubted_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As strong, said each time, and never where lamps were named; `mirelight estimate` writes what was found."""
+    sure = told(2.0)
+    doubted = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: doubted)
+    work, shelf = loaded(folder), Shelf()
+    assert work.captured is not None and work.splats is not None and work.proxy is not None
+    for _ in range(2):
+        said = list[str]()
+        light = prepare(work, shelf, said.append).resolved(work.captured)
+        assert sum("even light, as strong, takes its place" in x for x in said) == 1
+        assert light.environment is not None and light.lights[0].intensity == 0
+        assert np.ptp(light.environment.pixels.reshape(-1, 3), axis=0).max() == 0
+        assert light.layer_names == work.captured.layer_names
+    levels = [captured_level(work.splats.value, work.proxy.value, x, work.render) for x in (light, doubted.lighting)]
+    assert levels[0] == pytest.approx(levels[1], rel=1e-3)
+    assert main(["estimate", str(folder / "job.toml"), "-o", str(folder / "found.toml"), "-q"]) == 0
+    np.testing.assert_array_equal(read_environment(folder / "found.exr"), doubted.radiance.astype(np.float32))
+    lamp = PointLight(name="lamp", position=np.array([0.0, 3, 0]), intensity=2.0)
+    named = replace(doubted, named=(lamp,))
+    assert or_even(named, work.splats.value, work.proxy.value, work.render) is named
+
+
+def test_a_doubted_estimate_of_a_room_stays(folder: Path) -> None:
+    """Even light would come through its windows alone."""
+    sure = told(2.0)
+    doubted = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
+    work = loaded(folder)
+    assert work.splats is not None and work.proxy is not None
+    around = work.proxy.value
+    corners = np.array([[x, y, z] for x in (-20, 20) for y in (-1, 20) for z in (-20, 20)], np.float32)
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    box = np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))], np.int32)
+    vertices = np.concatenate([around.vertices, corners])
+    closed = ProxyMesh(vertices=vertices, faces=np.concatenate([around.faces, box + len(around.vertices)]))
+    assert or_even(doubted, work.splats.value, closed, work.render) is doubted
+    assert or_even(doubted, work.splats.value, around, work.render) is not doubted
+
+
 def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same to the bit whoever asks for it."""
     monkeypatch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))  # a toy is plain
@@ -116,7 +157,9 @@ def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.M
     assert work.relight.mode == "ratio"
     light = prepare(work, shelf).resolved(work.captured)
     assert work.splats is not None and work.proxy is not None
-    found = estimate(work.splats.value, work.proxy.value, work.render)
+    found = or_even(
+        estimate(work.splats.value, work.proxy.value, work.render), work.splats.value, work.proxy.value, work.render
+    )
     assert light.environment is not None
     np.testing.assert_array_equal(light.environment.pixels, found.radiance.astype(np.float32))
     monkeypatch.setattr("mirelight.estimate.estimate", None)  # not called again

@@ -25,7 +25,7 @@ from scenegen.truth import Looks, Truth
 from scipy import ndimage
 
 from bench.common import Table, table, truth_options
-from bench.objects_truth import Thing, bsdf, things
+from bench.objects_truth import Thing, bsdf, surface, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
 from mirelight import prepare
@@ -110,11 +110,16 @@ class Yard:
         parts = [(x.part.vertices, x.base, x.metallic, x.roughness) for x in self.things]
         return Pictures.of(self._store.array(name, "true pictures", make, "scenes", (EYE, TARGET, parts)))
 
-    def made(self, lighting: Lighting, *, whole: bool) -> tuple[F32, LightingBuffer]:
-        """(factor (H, W, 3), new light) of a lighting with the objects, or without."""
+    @cached_property
+    def _true_job(self) -> Job:
+        """The job on the true surface with its textures, which no capture knows: what its proxy costs is not in it."""
+        return replace(self._job, proxy=Deferred.of(surface(self._looks)), albedo_from_splats=False)
+
+    def made(self, lighting: Lighting, *, whole: bool, true: bool = False) -> tuple[F32, LightingBuffer]:
+        """(factor (H, W, 3), new light) of a lighting, with objects or without, on the proxy or the true surface."""
         as_it_was = replace(self._job.relight, repair=False) if lighting is self.recipe.captured else None
         job: Job = replace(
-            self._job,
+            self._true_job if true else self._job,
             objects=tuple(_inserted(x, s) for x, s in self._soups) if whole else (),
             lightings=(replace(lighting, relight=as_it_was),),
             captured=self.recipe.captured,
@@ -132,9 +137,16 @@ class Yard:
         (plain, bare), (whole, new) = self.made(lighting, whole=False), self.made(lighting, whole=True)
         assert new.objects is not None
         zones = self._zones(truth, new.objects)
-        ways = {"pasted": plain, "with the sun's shadow": plain * _sun_left(bare, new), "mirelight": whole}
-        for way, factor in ways.items():
-            first, second = (_over(x, factor, new.objects) for x in before)
+        on_true, of_true = self.made(lighting, whole=True, true=True)
+        ways = {
+            "pasted": (plain, new),
+            "with the sun's shadow": (plain * _sun_left(bare, new), new),
+            "mirelight": (whole, new),
+            "on the true surface": (on_true, of_true),
+        }
+        for way, (factor, light) in ways.items():
+            assert light.objects is not None
+            first, second = (_over(x, factor, light.objects) for x in before)
             error = squared_error((first, second), truth.full)
             mean, true = (np.clip(x, 0, 1) for x in ((first + second) / 2, (truth.full[0] + truth.full[1]) / 2))
             label = [lighting.name, way]

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scenegen.geometry import Part, lathe, place
+from scenegen.truth import Looks
 
 from mirelight.base.backend import mitsuba
+from mirelight.model import Material, ProxyMesh
 
 F64 = NDArray[np.float64]
 DIELECTRIC = 0.04
@@ -42,6 +44,22 @@ def things() -> tuple[Thing, ...]:
         Thing("gray", lathe(vase + inside, "gray", 64).moved(place(-1.35, 0, 2.25)), (0.5, 0.5, 0.5), 0, 1),
         Thing("plastic", ring.moved(place(-0.62, 0, 3.0)), (0.55, 0.04, 0.03), 0, 0.3),
         Thing("chrome", lathe(ball, "chrome", 128).moved(place(-2.0, 0, 3.1)), (1.0, 1.0, 1.0), 1, 0),
+    )
+
+
+def surface(looks: Looks) -> ProxyMesh:
+    """A scene's true surface with its textures; what is glossy of it is matt, as proxies are."""
+    vertices = np.concatenate([x.positions.reshape(-1, 3) for x in looks.soups])
+    uvs = [x.uvs.reshape(-1, 2) / looks.surfaces[x.material].size for x in looks.soups]
+    textures = [np.ascontiguousarray(looks.surfaces[x.material].texture, np.float32) for x in looks.soups]
+    return ProxyMesh(
+        vertices=vertices.astype(np.float32),
+        faces=np.arange(len(vertices), dtype=np.int32).reshape(-1, 3),
+        normals=np.concatenate([x.normals.reshape(-1, 3) for x in looks.soups]).astype(np.float32),
+        uvs=np.concatenate(uvs).astype(np.float32),
+        face_materials=np.repeat(np.arange(len(textures), dtype=np.int32), [len(x.positions) for x in looks.soups]),
+        materials=tuple(Material(base_color_texture=x) for x in textures),
+        albedo=None,
     )
 
 

@@ -31,6 +31,7 @@ class Camera(ArrayHolder):
     near: float = 0.01  # world units along the view axis; nearer splats and surfaces are not seen
     far: float = float("inf")  # world units
     time: float | None = None  # s, of the animation that it was taken from; not part of what it sees
+    frame: float | None = None  # of its path, from 1, where things move by it; not part of what it sees
     exposure: Exposure | None = None  # its lens and shutter; None: a pinhole, which all is sharp to
     share: tuple[int, int] | None = None  # (number, count) among the pinholes whose mean is one picture
 
@@ -82,12 +83,13 @@ class Camera(ArrayHolder):
             return (self,)
         out = []
         poses = exposure.poses_at(self.world_from_camera, count)
+        frames = exposure.frames_at(self.frame, count)
         for k, (right, up) in enumerate(exposure.points(count)):
             pose = poses[k].copy()
             pose[:3, 3] += right * pose[:3, 0] + up * pose[:3, 1]
             shift = right / exposure.focus_distance, up / exposure.focus_distance
             cx, cy = self.cx + self.fx * shift[0], self.cy - self.fy * shift[1]
-            out.append(replace(plain, world_from_camera=pose, cx=cx, cy=cy, share=(k, count)))
+            out.append(replace(plain, world_from_camera=pose, cx=cx, cy=cy, share=(k, count), frame=frames[k]))
         return tuple(out)
 
     def rays(self) -> tuple[F64, F64]:

@@ -21,6 +21,7 @@ class Exposure(ArrayHolder):
     focus_distance: float = 1.0  # world units along the view axis, to the plane that is sharp
     poses: F64 | None = None  # (n, 4, 4) world_from_camera at equal steps while it is open; None: it stands still
     shutter: tuple[float, float] | None = None  # s after the camera's time that it opens and closes, where known
+    frames: tuple[float, float] | None = None  # the same in frames of its path, where things move by it
 
     def __post_init__(self) -> None:
         freeze(self, "poses", (None, 4, 4), np.float64)
@@ -30,16 +31,21 @@ class Exposure(ArrayHolder):
     def __repr__(self) -> str:
         lens = f"aperture {self.aperture_radius:.4g}, sharp at {self.focus_distance:.4g}"
         parts = [lens] if self.aperture_radius > 0 else []
-        return ", ".join([*parts, *(["moving"] if self.poses is not None else [])]) or "a pinhole"
+        is_open = self.poses is not None or self.frames is not None
+        return ", ".join([*parts, *(["moving"] if is_open else [])]) or "a pinhole"
 
     def poses_at(self, plain: F64, count: int) -> list[F64]:
-        """(4, 4) at the middles of `count` equal parts of the time that it is open, in an order (van der Corput's) that
-        has nothing to do with that of `points`; `plain` where it stands still."""
+        """(4, 4) at `count` moments of the time that it is open; `plain` where it stands still."""
         if self.poses is None or len(self.poses) < 2:
             return [plain] * count
-        inverse = [_radical_inverse(k) for k in range(count)]
-        rank = np.argsort(np.argsort(inverse))
-        return [conventions.pose_at(self.poses, (r + 0.5) / count * (len(self.poses) - 1)) for r in rank]
+        return [conventions.pose_at(self.poses, x * (len(self.poses) - 1)) for x in _moments(count)]
+
+    def frames_at(self, frame: float | None, count: int) -> list[float | None]:
+        """The frames of the path at those moments; `frame` where none is known."""
+        if frame is None or self.frames is None:
+            return [frame] * count
+        opens, closes = self.frames
+        return [frame + opens + x * (closes - opens) for x in _moments(count)]
 
     def points(self, count: int) -> F64:
         """(count, 2) points of the lens to the right of its middle and above it, world units: Vogel's spiral, which
@@ -48,6 +54,13 @@ class Exposure(ArrayHolder):
         radius, angle = self.aperture_radius * np.sqrt((k + 0.5) / count), _GOLDEN * k
         found = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return np.asarray(found - found.mean(axis=0))
+
+
+def _moments(count: int) -> list[float]:
+    """The middles of `count` equal parts of 0..1, in an order (van der Corput's) that has nothing to do with that of
+    points of a lens."""
+    rank = np.argsort(np.argsort([_radical_inverse(k) for k in range(count)]))
+    return [(int(r) + 0.5) / count for r in rank]
 
 
 def _radical_inverse(k: int) -> float:

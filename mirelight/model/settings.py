@@ -15,7 +15,7 @@ from mirelight.model.arrays import F32
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.dressing import Dress, Mask
-from mirelight.model.inserted import Inserted
+from mirelight.model.inserted import Inserted, moves, standing
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, rules_of
@@ -243,9 +243,16 @@ class Job:
         """How a lighting meets the splats."""
         return self.relight if lighting is None or lighting.relight is None else lighting.relight
 
-    def objects_of(self, lighting: Lighting) -> tuple[Inserted, ...]:
-        """What stands in the capture when a lighting is seen."""
-        return self.objects if lighting.objects is None else lighting.objects
+    def objects_of(self, lighting: Lighting, camera: Camera | None = None) -> tuple[Inserted, ...]:
+        """What stands in the capture when a lighting is seen: of things that move, where a camera's frame has them;
+        None: without their motion."""
+        objects = self.objects if lighting.objects is None else lighting.objects
+        return objects if camera is None else standing(objects, camera.frame)
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether something that is put into the capture moves."""
+        return any(moves(self.objects_of(x)) for x in self.lightings)
 
     @property
     def bare(self) -> Job:

@@ -27,6 +27,10 @@ def check(job: Job) -> None:
         )
     if job.objects:
         _check_objects(job)
+    if kept_apart and job.has_motion:
+        found = "objects that move, and frames that are mixed from layers"
+        remedy = 'leave dataset.layouts and output.store = "layers" out'
+        raise InputError(job.source, found, remedy, field="objects")
     if kept_apart and any(x.exposure is not None for x in job.cameras):
         found = "a lens or a shutter, and frames that are mixed from the layers of one pinhole"
         remedy = 'leave dataset.layouts and output.store = "layers" out'

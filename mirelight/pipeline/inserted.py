@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.base.progress import CountProgress
-from mirelight.model import Camera, Inserted, Lighting, ProxyMesh, SurfaceCache
+from mirelight.model import F64, Camera, Inserted, Lighting, ProxyMesh, SurfaceCache
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import ARRAY
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mirelight.lighting import Tracer
     from mirelight.lighting.lattices import Detail
     from mirelight.lighting.objects import Placed
+
+_PLACES = 16  # of a mirror that moves: those that it shows the capture from
 
 
 class SceneWithObjects(Prepared):
@@ -68,7 +70,8 @@ class SceneWithObjects(Prepared):
         from mirelight.proxy.capture_views import are_discs
 
         job, proxy = self.job, self._bare.proxy
-        boxes = [box for one, box in zip(self.objects, self.placed.boxes, strict=True) if _mirrors(one)]
+        placed = zip(self.objects, self.placed.boxes, strict=True)
+        boxes = [there for one, box in placed if _mirrors(one) for there in _along(one, box)]
         if not boxes or not requirements.colors_proxy(job) or proxy is None or job.captured is None:
             return None
         key = self.keys.mirrored(self.objects)
@@ -95,6 +98,14 @@ class SceneWithObjects(Prepared):
     def surface_cache(self, light_set: LightSet, *, progress: CountProgress | None = None) -> SurfaceCache | None:
         """None: light on the surface is kept without objects, so all is traced."""
         return None
+
+
+def _along(one: Inserted, box: F64) -> list[F64]:
+    """(4, 4) box of an object, and where it is at other times."""
+    if one.resting is None or one.resting.motion is None:
+        return [box]
+    rest = np.linalg.inv(one.world_from_object) @ box  # in the object itself
+    return [pose @ one.resting.world_from_object @ rest for pose in one.resting.motion.along(_PLACES)]
 
 
 def _mirrors(one: Inserted) -> bool:

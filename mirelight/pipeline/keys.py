@@ -14,6 +14,7 @@ from functools import cached_property
 
 from mirelight import relighting
 from mirelight.model import Camera, Environment, EstimatedSky, Job, Lighting, RelightSettings, SkyModel, digest
+from mirelight.model.inserted import standing
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
 from mirelight.pipeline import provenance, reads, requirements
 from mirelight.pipeline.requirements import Arrangement
@@ -182,7 +183,7 @@ class Keys:
 
     def mirrored(self, objects: Arrangement) -> str:
         """What mirrors among objects show of the capture."""
-        return digest("mirrored", self.proxy, self._objects(objects), self._device)
+        return digest("mirrored", self.proxy, self._objects(tuple(x.resting or x for x in objects)), self._device)
 
     def object_boxes(self, objects: Arrangement) -> str:
         """Where objects stand."""
@@ -192,6 +193,8 @@ class Keys:
         """What is put into the scene; empty where nothing is."""
         if not objects:
             return ""
+        if any(x.resting is not None or x.motion is not None for x in objects):  # new ones for every frame
+            return digest("objects", [(x.mesh.digest, x.drop, x.scatter, x.motion) for x in objects])
         found = self._arranged.get(id(objects))
         if found is None:
             made = digest("objects", [(x.mesh.digest, x.drop, x.scatter) for x in objects])
@@ -248,7 +251,8 @@ class Keys:
             if any(relighting.adds_lobes(job.relight_of(x)) for x in job.lightings):
                 yield from (self.light_of_lobes(s, seen) for s in (*every.values(), GLOW))
             yield from (*needs.lights, *needs.veiled, self.light(GLOW, seen))
-            yield from (self.light_with_objects(GLOW, seen, x) for x in requirements.arrangements(job))
+            there = (standing(x, camera.frame) for x in requirements.arrangements(job))
+            yield from (self.light_with_objects(GLOW, seen, x) for x in there)
         if requirements.reads_surface(job):
             yield from self._on_surface((*every.values(), GLOW))
 
@@ -258,7 +262,9 @@ class Keys:
         seen = relighting.lighting_camera(camera, job.relight)
         own = [x for x in lightings if x is not None]
         compared = requirements.with_compared(job, own)[len(own) :]
-        lights = {self.light_with_objects(s, seen, job.objects_of(x)): s for x in own for s in self.mixture(x).sets}
+        there = [job.objects_of(x, camera) for x in own]
+        both = zip(own, there, strict=True)
+        lights = {self.light_with_objects(s, seen, objects): s for x, objects in both for s in self.mixture(x).sets}
         alone = own if requirements.wants_shadow(job) else []
         lights |= {self.light(s, seen): s for x in (*alone, *compared) for s in self.mixture(x).sets}
         shiny = requirements.with_compared(job, [x for x in own if relighting.adds_lobes(job.relight_of(x))])
@@ -266,7 +272,7 @@ class Keys:
             lights |= {self.light_of_lobes(s, seen): s for x in shiny for s in self.mixture(x).sets}
         composite = None if job.splats is None else self.composite(camera)
         veiled: list[str] = []
-        for objects in {id(x): x for x in map(job.objects_of, own)}.values() if job.objects else ():
+        for objects in {id(x): x for x in there}.values() if job.objects else ():
             veiled += [self.object_matte(camera, objects)]
             veiled += [] if composite is None else [self.in_front(camera, objects)]
         return requirements.FrameNeeds(composite, tuple(lights.values()), tuple(lights), tuple(veiled))
@@ -282,8 +288,10 @@ class Keys:
         if lighting is None:
             return _joined("unlit", composite)
         seen = self._eye(camera)[1]
-        objects = self._objects(job.objects_of(lighting))
+        objects = self._objects(job.objects_of(lighting, camera))
         parts = [composite, *self._lit(lighting, seen, objects), self._relit(job.relight_of(lighting))]
+        if camera.exposure is not None and camera.exposure.frames is not None:
+            parts.append(digest("moving", camera.frame, [x.motion for x in job.objects_of(lighting)]))
         if requirements.wants_shadow(job):
             parts += ["shadow", *self._lit(lighting, seen)]
         if relighting.adds_lobes(job.relight_of(lighting)):

@@ -30,8 +30,8 @@ def display_reads(settings: DisplaySettings) -> tuple[object, ...]:
 
 
 def view(camera: Camera) -> str:
-    """Digest of what a camera sees: all of it but its name and time."""
-    return digest("view", read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time"))))
+    """Digest of what a camera sees: all of it but its name and when that is."""
+    return digest("view", read(camera, (x.name for x in fields(camera) if x.name not in ("name", "time", "frame"))))
 
 
 def light(lighting: Lighting) -> str:

@@ -97,7 +97,7 @@ def light(
     camera, job = camera.pinhole, scene.job
     seen = relighting.lighting_camera(camera, job.relight)
     compared = requirements.compared_in(job, lighting)
-    view, new = scene.view_light(seen), scene.new_light(seen, job.objects_of(lighting))
+    view, new = scene.view_light(seen), scene.new_light(seen, job.objects_of(lighting, camera))
     if new is view:
         view.expect([lighting] if compared is None else [compared, lighting], progress)
     else:  # objects are in the new light alone
@@ -171,8 +171,10 @@ def trace(
             view.trace(every, progress)
             return
         view.trace(every if requirements.wants_shadow(job) else every[len(new) :], progress)
-        for objects in {id(x): x for x in map(job.objects_of, new)}.values():  # which are in the new light alone
-            scene.new_light(seen, objects).trace([x for x in new if job.objects_of(x) is objects], progress)
+        there = [job.objects_of(x, camera) for x in new]
+        for objects in {id(x): x for x in there}.values():  # which are in the new light alone
+            own = [x for x, one in zip(new, there, strict=True) if one is objects]
+            scene.new_light(seen, objects).trace(own, progress)
             scene.keep_objects(camera, objects)
     except ViewStopped:
         raise Stopped(None) from None
@@ -229,7 +231,7 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     if lit is not None and lit.lobes is not None:
         made = relighting.with_lobes(made, lit.lobes, settings, lit.captured_lobes)
     front: SplatLayer | None = None
-    objects = job.objects if lit is None else job.objects_of(lit.lighting)
+    objects = job.objects if lit is None else job.objects_of(lit.lighting, camera)
     if objects and lit is not None:
         if splats is not None and lit.new.objects is not None:
             front = scene.in_front(camera, objects, lit.new.objects)

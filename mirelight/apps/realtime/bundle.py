@@ -100,7 +100,7 @@ def export(
             f"camera {camera.name} is orthographic",
             "the engine's relighting follows perspective cameras only",
         )
-    objects = job.objects_of(lighting)
+    objects = job.objects_of(lighting, camera)
     lighting = Scene(job, NullCache()).resolved(lighting)  # unchecked: the engine shows what no frame is rendered of
     clustered = job.engine.clustered
     proxy = scene.proxy or _NO_PROXY

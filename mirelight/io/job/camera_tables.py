@@ -100,7 +100,7 @@ class LensTable(CameraTable, ApertureTable):
         return height / (2 * math.tan(math.radians(self.yfov or yfov) / 2))
 
 
-class PerspectiveTable(PosedCamera, LensTable):
+class PerspectiveTable(PosedCamera, LensTable, ShutterTable):
     """A pinhole camera."""
 
     type: Literal["perspective"] = Field(default="perspective", description="Kind of camera.")
@@ -111,6 +111,9 @@ class PerspectiveTable(PosedCamera, LensTable):
     )
     cy: Number | None = Field(
         default=None, description="Principal point, pixels from the top edge. Default: height / 2."
+    )
+    frames: int = Field(
+        default=1, ge=1, le=MOST_CAMERAS, description="Number of pictures from there, of objects that move."
     )
 
     @model_validator(mode="after")

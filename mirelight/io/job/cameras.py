@@ -12,7 +12,7 @@ import numpy as np
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.job import sampling
-from mirelight.io.job.camera_file_tables import SENSOR_WIDTH
+from mirelight.io.job.camera_file_tables import SENSOR_WIDTH, ShutterTable
 from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name
 from mirelight.io.job.camera_tables import (
     YFOV,
@@ -35,7 +35,7 @@ from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand
 from mirelight.io.job.scene_tables import SplatsTable
-from mirelight.io.job.shutters import MOMENTS, opened
+from mirelight.io.job.shutters import MOMENTS, on_path, opened
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import SCENES
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
@@ -122,18 +122,35 @@ def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mista
     resolution = table.resolution[0], table.resolution[1]
     splats = table.splats or []
     captured: list[Camera] = []
+    moves = any(x.keys for x in table.objects)
     for i, one in enumerate(table.cameras_from):
-        captured += cameras_from(one, ("cameras_from", i), resolution, splats, files, wrong)
+        own = cameras_from(one, ("cameras_from", i), resolution, splats, files, wrong)
+        captured += on_path(own, one.shutter, one.every) if moves else own
     around = _Around(captured, resolution, splats, files, wrong)
-    found = _inline(table.cameras, resolution, scene, around) + captured
+    found = _inline(table.cameras, resolution, scene, around, moves=moves) + captured
     if not table.cameras and not table.cameras_from:
         if table.proxy is not None and table.proxy.path.lower().endswith(SCENES):
             placed, m = files.scene_cameras(PROXY)
             found = [camera.to_camera(*resolution, m @ camera.world) for camera in placed]
         found = found or [_seeing_all(scene, resolution)]
+    _check_frames(table, found, wrong)
     names = FreeNames()
     found = [camera.scaled(table.resolution_scale) for camera in found]
     return tuple(x if (name := names.take(x.name)) == x.name else replace(x, name=name) for x in found)
+
+
+def _check_frames(table: JobTable, cameras: list[Camera], wrong: list[Mistake]) -> None:
+    """What frames of things that move need, and cameras that stand still do not."""
+    moving = next((i for i, x in enumerate(table.objects) if x.keys), None)
+    if moving is not None and cameras and not any((x.frame or 0) > 1 for x in cameras):
+        remedy = "give one frames = 48, or take an orbit or an animated file"
+        wrong.append(Mistake(("objects", moving, "keys"), "keys, and cameras of one picture each", remedy))
+    for i, one in enumerate(table.cameras):
+        if isinstance(one, PerspectiveTable) and moving is None:
+            for name in ("frames", "shutter"):
+                if name in one.model_fields_set:
+                    found = f"{name} of a camera that stands still, and nothing moves"
+                    wrong.append(Mistake(("cameras", i, name), found, "leave it out, or give an object keys"))
 
 
 def _seeing_all(scene: Extent, resolution: tuple[int, int]) -> Camera:
@@ -142,8 +159,10 @@ def _seeing_all(scene: Extent, resolution: tuple[int, int]) -> Camera:
     return Camera.look_at(position, scene.center, *resolution, yfov=YFOV, near=distance / 1000)
 
 
-def _inline(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent, around: _Around) -> list[Camera]:
-    """The cameras that stand in the job file; an orbit gives one for each of its frames."""
+def _inline(
+    tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent, around: _Around, *, moves: bool
+) -> list[Camera]:
+    """The cameras that stand in the job file; an orbit gives one for each of its frames, by which things may move."""
     out: list[Camera] = []
     names = FreeNames(x.name for x in tables if x.name)
     for i, table in enumerate(tables):
@@ -151,16 +170,23 @@ def _inline(tables: list[AnyCamera], resolution: tuple[int, int], scene: Extent,
         size = table.width or resolution[0], table.height or resolution[1]
         match table:
             case PerspectiveTable() | OrthographicTable():
-                out.append(_camera(table, name, size))
+                own = _repeated(table, _camera(table, name, size))
             case AroundTable():
-                out += _standing(table, name, size, around.stands(table, ("cameras", i)))
+                own = _standing(table, name, size, around.stands(table, ("cameras", i)))
             case RandomTable():
-                out += _scattered(table, name, size, scene)
+                own = _scattered(table, name, size, scene)
             case TurntableTable() | OrbitTable():
-                out += _turning(table, name, size, scene)
+                own = _turning(table, name, size, scene)
             case _:
-                out += _standing(table, name, size, _stands(table, size, scene))
+                own = _standing(table, name, size, _stands(table, size, scene))
+        out += on_path(own, table.shutter if isinstance(table, ShutterTable) else None) if moves else own
     return out
+
+
+def _repeated(table: PerspectiveTable | OrthographicTable, camera: Camera) -> list[Camera]:
+    """The pictures from one place; itself where it is one."""
+    count = table.frames if isinstance(table, PerspectiveTable) else 1
+    return [camera] if count == 1 else [replace(camera, name=frame_name(camera.name, k + 1)) for k in range(count)]
 
 
 def _turning(table: TurntableTable | OrbitTable, name: str, size: tuple[int, int], scene: Extent) -> list[Camera]:

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.job import placing
-from mirelight.io.job.scene_tables import ObjectTable, ScatterTable
+from mirelight.io.job.scene_tables import KeyTable, ObjectTable, ScatterTable, Transform
 from mirelight.model import Deferred, Inserted, Material, ProxyMesh, Scatter, digest
+from mirelight.model.inserted import Motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,7 @@ class _Look:
 def of_table(table: ObjectTable, path: Path, sha256: str) -> Inserted:
     """An object in world space, before it is dropped; its file, of that digest, is read when it is needed."""
     m = placing.matrix(table.transform)
+    motion = None if table.keys is None else _motion(table.keys, m)
     base = None if table.base_color is None else tuple(table.base_color)
     look = _Look(base, table.metallic, table.roughness)
     known = digest("object", sha256, m, look)
@@ -52,7 +55,22 @@ def of_table(table: ObjectTable, path: Path, sha256: str) -> Inserted:
         source=str(path),
         category=table.category or table.name or path.stem,
         world_from_object=m,
+        motion=motion,
     )
+
+
+def _motion(keys: Sequence[KeyTable], m: Matrix) -> Motion:
+    """Of an object that its transform puts where `m` says."""
+    first = conventions.rigid_part(m)
+    back = np.linalg.inv(first)
+    poses = []
+    for one in keys:
+        turned = one.rotation_euler is not None or one.rotation_quaternion is not None
+        own = Transform(rotation_euler=one.rotation_euler, rotation_quaternion=one.rotation_quaternion)
+        turn = placing.matrix(own)[:3, :3] if turned else first[:3, :3]
+        place = first[:3, 3] if one.translation is None else np.asarray(one.translation)
+        poses.append(conventions.compose(place, turn) @ back)
+    return Motion(frames=np.array([x.frame for x in keys], np.float64), poses=np.stack(poses))
 
 
 def _scatter(table: ScatterTable) -> Scatter:

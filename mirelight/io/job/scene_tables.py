@@ -17,6 +17,7 @@ from mirelight.io.job.fields import (
     MeshPath,
     Name,
     NotNegative,
+    Number,
     Positive,
     Quaternion,
     Seed,
@@ -176,6 +177,27 @@ class ScatterTable(Table):
     turn: bool = Field(default=True, description="Whether it is turned about the vertical, too.")
 
 
+class KeyTable(Table):
+    """Where an object is at one frame; between two it goes straight on and turns evenly."""
+
+    frame: Number = Field(
+        description="Of a camera's path, whose first picture is 1. Before the first key and after the last it stands "
+        "still."
+    )
+    translation: Vec3 | None = Field(
+        default=None, description="[x, y, z] in world units, in place of the transform's. Default: the transform's."
+    )
+    rotation_euler: Annotated[list[Degrees], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="As in transform, whose rotation it takes the place of. Default: the transform's."
+    )
+    rotation_quaternion: Quaternion | None = Field(default=None, description="[w, x, y, z]; instead of rotation_euler.")
+
+    @model_validator(mode="after")
+    def _check(self) -> KeyTable:
+        one_way(self, ("rotation_euler",), ("rotation_quaternion",))
+        return self
+
+
 class ObjectTable(Table):
     """An object that is put into the capture: lit by it, mirroring it, and casting its shadows on it."""
 
@@ -192,11 +214,23 @@ class ObjectTable(Table):
         default=None,
         description="Puts it at a random place where it fits, and drops it there; its transform scales and turns it.",
     )
+    keys: list[KeyTable] | None = Field(
+        default=None, min_length=2, max_length=10_000, description="Where it is at which frame: it moves."
+    )
     base_color: Annotated[ColorOrGray, AfterValidator(_reflectance)] | None = Field(
         default=None, description="In place of the file's colours: a number or linear [r, g, b]."
     )
     metallic: Share | None = Field(default=None, description="In place of the file's: 0 no metal, 1 a metal.")
     roughness: Share | None = Field(default=None, description="In place of the file's: 0 a mirror, 1 matt.")
+
+    @model_validator(mode="after")
+    def _check(self) -> ObjectTable:
+        for i, (one, later) in enumerate(zip(self.keys or [], (self.keys or [])[1:], strict=False)):
+            if later.frame <= one.frame:
+                raise wrong(f"{later.frame:g} after {one.frame:g} at key {i + 2}", "let frames rise", at="keys")
+        if self.keys is not None and self.scatter is not None:
+            raise wrong("keys, and a random place", "keep one of them (keys or scatter)", at="scatter")
+        return self
 
 
 Splats: TypeAlias = Annotated[

@@ -24,6 +24,7 @@ SECTIONS = {
     "materials": "MaterialTable",
     "mask of materials": "MaskTable",
     "objects": "ObjectTable",
+    "keys of objects": "KeyTable",
     "scatter of objects": "ScatterTable",
     "transform": "Transform",
     "environment": "EnvironmentTable",

@@ -114,9 +114,7 @@ def build(source: Source, table: JobTable) -> Job:
         compositor=compositor,
         relight=relight_settings(table),
         display=drawing.display(source, table.display, assets.path),
-        output=_output(
-            source, table, any(x.exposure is not None for x in cameras_of()) or any(x.keys for x in table.objects)
-        ),
+        output=_output(source, table, cameras_of()),
         dataset=model.DatasetSettings(**_settings(table.dataset)),
         engine=assets.engine,
         inputs=dict(sorted(assets.digests.items())),
@@ -238,10 +236,11 @@ def relight_settings(table: JobTable, own: RelightTable | None = None) -> model.
     return model.RelightSettings(profile=table.profile, **chosen)
 
 
-def _output(source: Source, table: JobTable, unmixed: bool) -> model.OutputSettings:
+def _output(source: Source, table: JobTable, cameras: tuple[model.Camera, ...]) -> model.OutputSettings:
     """Frames of a sweep hold the picture alone by default: what else there is, they share, and the store keeps it. Of
-    cameras with a lens, or of objects that move, frames alone are kept: they are mixed from no layers (`unmixed`)."""
+    cameras with a lens, or of objects that move, frames alone are kept: they are mixed from no layers."""
     chosen = _settings(table.output)
+    unmixed = any(x.exposure is not None for x in cameras) or any(x.keys for x in table.objects)
     if unmixed and chosen["store"] == "both":
         chosen["store"] = "frames"
     whole = table.sweep is None or chosen["store"] == "frames"

@@ -54,7 +54,7 @@ def capture_views(
     compositor = Compositor(splats, variant=variant, threads=threads)
     step = -(-len(cameras) // MOST_VIEWS)
     views = [compositor.composite(x.resized(*view_size(x.width, x.height))) for x in cameras[::step]]
-    photographs, refused = dict[int, F32](), list[str]()
+    photographs, refused, strangers = dict[int, F32](), list[str](), 0
     exposures = np.full(len(views), np.nan)
     for k, (view, picture) in enumerate(zip(views, pictures[::step], strict=bool(pictures))):
         if picture is None:
@@ -67,11 +67,17 @@ def capture_views(
         except ValueError as unlike:
             refused.append(f"that of {view.camera.name!r} {unlike}")
             del photographs[k]
+            strangers += 1
     gains = _gains(exposures)
     for k, photograph in photographs.items():
         views[k] = _as_photographed(views[k], photograph, float(gains[k]))
-    if refused and report is not None:
-        count = len(photographs) + len(refused)
+    count = len(photographs) + len(refused)
+    if strangers == count > 1 and report is not None:
+        report(
+            f"none of the {count} pictures of the capture shows what its splats show from there: their cameras may be "
+            "another capture's, or in other axes; give its own, or none"
+        )
+    elif refused and report is not None:
         report(
             f"{len(refused)} of {count} pictures of the capture are not used, but what its splats show: {refused[0]}"
         )

@@ -79,7 +79,7 @@ def make(
         )
         maps = DepthMaps(capture, settings)
         views = [maps.of(camera) for camera in counted(through, part(report, 0.05, 0.3))]
-        _refuse_depth(capture, maps, views, source)
+        _refuse_depth(capture, maps, views, len(there), source)
         if not there:
             views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
         soup = _fused(capture, views, part(report, 0.4, 0.9))
@@ -112,7 +112,7 @@ def refuse_fog(splats: SplatCloud, source: str | Path) -> None:
     capture = look_at_capture(splats, source)
     if _method(capture, _DEFAULT) == "depth":
         maps = DepthMaps(capture, _DEFAULT)
-        _refuse_depth(capture, maps, [maps.of(camera) for camera in _around(capture)], source)
+        _refuse_depth(capture, maps, [maps.of(camera) for camera in _around(capture)], 0, source)
 
 
 def _method(capture: Capture, settings: ProxySettings) -> Method:
@@ -191,10 +191,14 @@ def counted(cameras: Sequence[Camera], report: ShareProgress) -> Iterator[Camera
         yield camera
 
 
-def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], source: str | Path) -> None:
+def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], cameras: int, source: str | Path) -> None:
+    """`cameras`: how many the capture has; 0: views are from around."""
     opaque = np.array([float((view.alpha > TUNING.depth_opaque).mean()) for view in views])
     remedy = "a capture of fog or of scattered splats has no proxy; give a mesh"
     if opaque.mean() < TUNING.make_least_opaque:
+        if cameras:
+            found = f"in the pictures of its {cameras:,} cameras {opaque.mean():.1%} of the pixels are opaque"
+            raise InputError(source, found, "give the cameras of this capture, in its own axes and units; or none")
         raise InputError(source, f"no surface: {opaque.mean():.1%} of the pixels around it are opaque", remedy)
     few = views[:: -(-len(views) // TUNING.make_fog_views)]
     spread = float(np.median([np.median(x) for view in few if len(x := maps.blended_over(view.camera))]))

@@ -159,7 +159,8 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
     q, theirs = (np.einsum("rki,rij->rkj", x, frame)[..., :2] for x in (step, step + found.middle[some]))
     mate = found.there[some] & (np.linalg.norm(theirs - own[:, None], axis=2) < r[:, None])
     weight = mate * nearness(step, s, CELLS.slender_wide)
-    weight /= weight.sum(axis=1, keepdims=True)
+    total = weight.sum(axis=1, keepdims=True)
+    weight /= np.maximum(total, 1e-30)
     middle = (weight[..., None] * theirs).sum(axis=1)
     m, _ = flattened(normals[some], frame)
     _, out = beside(q - middle[:, None], m)
@@ -170,9 +171,9 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
     for k in range(CELLS.rod_sides):
         facing = m @ way[k]
         share = weight * np.where(facing > CELLS.rod_faces, facing, 0.0) ** CELLS.rod_sharp
-        total = share.sum(axis=1)
-        plane = (share * out / np.maximum(facing, CELLS.rod_faces)).sum(axis=1) / np.maximum(total, 1e-30)
-        far[:, k] = np.where(total > 1e-9, plane, np.nan)
+        seen = share.sum(axis=1)
+        plane = (share * out / np.maximum(facing, CELLS.rod_faces)).sum(axis=1) / np.maximum(seen, 1e-30)
+        far[:, k] = np.where(seen > 1e-9, plane, np.nan)
     far = np.where(np.isnan(far), np.roll(far, CELLS.rod_sides // 2, axis=1), far)  # seen from one side alone
     far = np.where(np.isnan(far), mean[:, None], far)
     ahead = np.empty((len(rows), 2))
@@ -180,4 +181,5 @@ def _shaped(found: Slender, at: F64, normals: F64, near: Int, local: F64) -> Rod
         next_ = np.where(mate & (side * along > CELLS.rod_ahead * s[:, None]), side * along, np.inf).min(axis=1)
         ahead[:, k] = np.where(np.isfinite(next_), np.minimum(CELLS.rod_half_way * next_, s), 0.0)
     across = np.einsum("rij,rj->ri", frame[:, :, :2], middle)
-    return Rods(rows, frame[:, :, 2], frame[:, :, 0], frame[:, :, 1], across, far[..., None] * way, ahead)
+    made = Rods(rows, frame[:, :, 2], frame[:, :, 0], frame[:, :, 1], across, far[..., None] * way, ahead)
+    return made.where(total[:, 0] > 0)  # not where discs are far apart for their size

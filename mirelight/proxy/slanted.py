@@ -59,7 +59,8 @@ def slanted(view: DepthMap, noise: float) -> DepthMap:
         for (y, x), window, base in zip(offsets, windows, weights, strict=True):
             value = inverses[window]
             off = (value - (plane[..., 2] + plane[..., 0] * np.float32(x) + plane[..., 1] * np.float32(y))) * scale
-            w = base / (1 + off * off) ** 2
+            with np.errstate(over="ignore"):  # by 1e19 and more: it counts nothing
+                w = base / (1 + off * off) ** 2
             _add(sums[:6], w, (1, x, y, x * x, x * y, y * y))
             _add(sums[6:], w * value, (1, x, y))
         plane, found = _solved(sums, plane)

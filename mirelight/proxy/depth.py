@@ -36,12 +36,13 @@ class DepthMaps:
 
     A splat seen along rays through v = mean - eye is brightest where r t meets the plane through its mean with normal
     Σ⁻¹ v. Normals n and plane distances n·v blend; the depth is Σ n·v / Σ n·r. They are weighed by the splats' optical
-    depths alone, not by what is left of the light: a surface that an optimiser made of many faint splats is a layer,
-    and what its front hides of it is half of it, so that a blend as colours blend lies before its middle (by 0.05 to
-    0.1 of a room of 6, where this lies within 0.01). Small splats count more, by the square of their area: an optimiser
-    makes them where pictures tell the place, and leaves large ones as a fog where they do not (depths of a room are off
-    by 0.021 instead of 0.053 in the median). What stands behind the layer has no say: splats whose middle lies
-    farther behind the surface at their pixel than they reach, which is told again as the surface is known better.
+    depths alone at first, not by what is left of the light: so the layer that an optimiser makes of many faint splats
+    is found, whatever hangs before it. The surface is what is seen of that layer: in captures that were trained well it
+    is opaque, and splats that lie in it unseen, up to a spacing deep, would draw a thing's sides inwards. Small splats
+    count more, by the square of their area: an optimiser makes them where pictures tell the place, and leaves large
+    ones as a fog where they do not (depths of a room are off by 0.021 instead of 0.053 in the median). What stands
+    behind the layer has no say: splats whose middle lies farther behind the surface at their pixel than they reach,
+    which is told again as the surface is known better.
     """
 
     def __init__(self, capture: Capture, settings: ProxySettings) -> None:
@@ -75,17 +76,14 @@ class DepthMaps:
         layer = self._shown.composite(camera)
         values = self._planes(camera)
         z, pixel = self._places(camera)
-        origins, directions = rays(camera)
         surface = layer.median_depth
         for _ in range(TUNING.depth_rounds):
             there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
-            behind = (there > 0) & (z > there + self._reach)
-            _, sums = self._thinned.composite_with(camera, np.where(behind[:, None], 0, values), depth=False)
-            slope = np.einsum("hwi,hwi->hw", sums[..., :3], directions.astype(np.float32))
-            across = np.einsum(
-                "hwi,hwi->hw", sums[..., :3], (origins - camera.position).astype(np.float32) + 0 * sums[..., :3]
-            )
-            surface = (sums[..., 3] - across) / np.where(slope > TUNING.depth_behind * sums[..., 4], slope, np.inf)
+            surface, sums = self._blended(self._thinned, camera, values, (there == 0) | (z <= there + self._reach))
+        # All of the layer tells where it is, what is seen of it where the surface is; what hangs before it has no say.
+        there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
+        front, seen = self._blended(self._shown, camera, values, (there == 0) | (np.abs(z - there) <= self._reach))
+        surface = np.where((front > 0) & (seen[..., 4] > TUNING.depth_least), front, surface)
         weight = np.maximum(sums[..., 4], 1e-30)
         mean = sums[..., 5] / weight
         spread = np.sqrt(np.maximum(sums[..., 6] / weight - mean * mean, 0))
@@ -107,6 +105,18 @@ class DepthMaps:
             spread.astype(np.float32),
             (1 / (1 + (spread / self._noise) ** 2)).astype(np.float32),
         )
+
+    def _blended(self, compositor: Compositor, camera: Camera, values: F32, part: NDArray[np.bool_]) -> tuple[F32, F32]:
+        """(H, W) depths at which rays meet the planes blended of a part (N,) of the splats, and (H, W, 7) what is
+        blended of their :meth:`_planes`."""
+        origins, directions = rays(camera)
+        _, sums = compositor.composite_with(camera, np.where(part[:, None], values, 0), depth=False)
+        slope = np.einsum("hwi,hwi->hw", sums[..., :3], directions.astype(np.float32))
+        across = np.einsum(
+            "hwi,hwi->hw", sums[..., :3], (origins - camera.position).astype(np.float32) + 0 * sums[..., :3]
+        )
+        sees = slope > TUNING.depth_behind * sums[..., 4]
+        return (sums[..., 3] - across) / np.where(sees, slope, np.inf), sums
 
     def blended_over(self, camera: Camera) -> F32:
         """(P,) standard deviations of the distances that opaque pixels blend, world units: of a fog they are large.

@@ -23,6 +23,8 @@ from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
 from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSettings, SplatCloud, SunLight
 
+from .toy_estimate import of_toys
+
 SETTINGS = RenderSettings(seed=3)
 TO_SUN = unit([0.5, 0.8, 0.3])
 SKY = (0.3, 0.4, 0.6)
@@ -33,10 +35,9 @@ LIGHT = Lighting(
 
 
 @pytest.fixture(autouse=True, scope="module")
-def few_rays() -> Iterator[None]:
-    """Toys are plain: a quarter of the rays tells as much."""
+def cut_down() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))
+        of_toys(patch)
         yield
 
 
@@ -508,7 +509,8 @@ def test_light_from_a_wide_patch_is_sky_and_no_sun() -> None:
     assert best.light.sky[patch_of(TO_SUN)].mean() > 3 * np.median(best.light.sky)
 
 
-def test_exposure_multiplies_all_of_the_light() -> None:
+def test_exposure_multiplies_all_of_the_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_toys(monkeypatch, rough=True)
     splats = painted(yard(), LIGHT, 700)
     plain, brighter = (estimate(splats, yard(), SETTINGS, *stops) for stops in ((), (1.0,)))
     np.testing.assert_array_equal(brighter.sun, 2 * plain.sun)

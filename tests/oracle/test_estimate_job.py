@@ -15,9 +15,8 @@ from mirelight.apps.inspect.inspect import of_job
 from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
-from mirelight.estimate import Estimate, estimate, transport
+from mirelight.estimate import Estimate, estimate
 from mirelight.estimate.even import or_even
-from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
 from mirelight.io.environment import read_environment, write_environment
@@ -31,6 +30,7 @@ from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
 
 from .test_estimate import LIGHT, painted, yard
+from .toy_estimate import of_toys
 
 JOB = """
 splats = "yard.ply"
@@ -151,7 +151,7 @@ def test_a_doubted_estimate_of_a_room_stays(folder: Path) -> None:
 
 def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same to the bit whoever asks for it."""
-    monkeypatch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))  # a toy is plain
+    of_toys(monkeypatch, rough=True)
     work, shelf = loaded(folder), Shelf()
     assert work.captured is not None and isinstance(work.captured.sky, EstimatedSky)
     assert work.relight.mode == "ratio"

@@ -19,6 +19,7 @@ from mirelight.io.job.captured_text import captured_text
 from mirelight.model import F64, AreaLight, Environment, EstimatedSky, Lighting, PointLight, digest
 
 from .test_estimate import SETTINGS, painted, yard
+from .toy_estimate import of_toys
 
 LAMP_JOB = """
 lights = [{ type = "sun", direction = [0, -1, 0], intensity = 1 }]
@@ -40,9 +41,9 @@ def facing_down(position: F64) -> F64:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def few_rays() -> Iterator[None]:
+def cut_down() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(transport, "TUNING", replace(TUNING, place_rays=96))
+        of_toys(patch)
         yield
 
 

@@ -13,6 +13,7 @@ from mirelight.io.gltf.scene import read_cameras
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.mesh import read_mesh
 from mirelight.model import ProxyMesh, SplatCloud
+from tests.proxy.clouds import ball as discs
 
 from .conftest import Run
 
@@ -43,7 +44,7 @@ def test_a_proxy_is_made_and_its_fit_is_said(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_mesh_that_misfits_is_fitted(run: Run, tmp_path: Path) -> None:
-    splats.write(ball(1000), tmp_path / "ball.ply")
+    splats.write(discs(600, thin=0.05), tmp_path / "ball.ply")  # of which a proxy is made soonest
     made = json.loads(run("proxy", "ball.ply", "-o", "own.glb", "-q", "--json").stdout)
     assert made["files"] == ["own.glb", "own.heat.png"] and 0 <= made["fit"]["uncovered"] < 0.2
     assert made["triangles"] == len(read_mesh(tmp_path / "own.glb").faces)

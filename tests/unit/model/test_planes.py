@@ -7,13 +7,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import get_args, get_type_hints
 
-import numpy as np
 import pytest
 
 from mirelight.base.errors import MirelightError
 from mirelight.io.job import load
 from mirelight.model import F32, Frame, LightingBuffer, LightLayer, OutputSettings, SplatLayer
-from mirelight.model.planes import AOVS, EXACT, LIGHT_PLANES, MATTES, PLANES, SURFACE, Owner, planes_of
+from mirelight.model.planes import AOVS, EXACT, LIGHT_PLANES, MATTES, PLANES, Owner, planes_of
 
 TYPES: dict[Owner, type] = {"frame": Frame, "splats": SplatLayer, "lighting": LightingBuffer, "layer": LightLayer}
 ELSEWHERE = {("frame", "rgba"), ("lighting", "coverage")}  # the picture itself, and the alpha of `lighting`
@@ -37,15 +36,6 @@ def test_names_are_unique_and_plain() -> None:
     assert all(name.replace("_", "").isalnum() and name.isascii() for name in AOVS)
     assert not any(name.startswith("light_") for name in AOVS)
     assert all(plane.name.startswith("light_NAME_") for plane in LIGHT_PLANES)
-
-
-def test_the_films_surface_is_that_of_the_kernel() -> None:
-    """`Film.add_surface` and `add_openness` write the floats in this order."""
-    order = ["depth", "position", "normal", "geometric_normal", "albedo", "sun_visibility", "ambient_occlusion"]
-    assert [plane.name for plane in SURFACE] == order
-    from mirelight.lighting.develop import SURFACE as FLOATS
-
-    assert FLOATS == 16 == 1 + int(np.sum([plane.width for plane in SURFACE]))
 
 
 def test_the_page_on_outputs_shows_the_table() -> None:

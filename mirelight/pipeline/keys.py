@@ -13,20 +13,21 @@ from dataclasses import replace
 from functools import cached_property
 
 from mirelight import relighting
-from mirelight.model import Camera, Environment, EstimatedSky, Job, Lighting, RelightSettings, SkyModel, digest
+from mirelight.model import Camera, Job, Lighting, RelightSettings, digest
 from mirelight.model.inserted import standing
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSet, LightSets, Mixture, terms
-from mirelight.pipeline import provenance, reads, requirements
+from mirelight.pipeline import reads, requirements
 from mirelight.pipeline.requirements import Arrangement
+from mirelight.pipeline.scene_keys import SceneKeys
 
 FILE_SUFFIXES = (".exr", ".png")
 
 
-class Keys:
+class Keys(SceneKeys):
     """The keys of one job. What frames share is taken once, so that a plan of ten thousand costs little."""
 
     def __init__(self, job: Job) -> None:
-        self.job = job
+        super().__init__(job)
         self._eyes: dict[int, tuple[Camera, str, str]] = {}
         self._seen: dict[tuple[str, ...], str] = {}
         self._arranged: dict[int, tuple[Arrangement, str]] = {}  # digests of objects in their places
@@ -36,73 +37,7 @@ class Keys:
         self._moments: dict[int, Mixture] = {}  # of lightings for single cameras
         self._named: dict[int, tuple[Lighting, str]] = {}
 
-    # --- made once a scene ---
-
-    @cached_property
-    def made_proxy(self) -> str:
-        """The bare mesh that is made from the splats."""
-        job = self.job
-        assert job.made_proxy is not None
-        return digest("mesh", job.made_proxy.digest, self._device)
-
-    @cached_property
-    def proxy(self) -> str:
-        """The proxy as light falls on it: with the splats' colours where they are wanted."""
-        job = self.job
-        assert job.proxy is not None
-        if not requirements.colors_proxy(job):
-            return self._mesh
-        assert job.splats is not None and job.captured is not None
-        parts = self._mesh, *self._shown, reads.light(job.captured), job.render.seed, job.render.max_depth
-        return digest("colours", *parts, self._device)
-
-    @cached_property
-    def _mesh(self) -> str:
-        """The proxy with what glows of it."""
-        job, glow = self.job, requirements.painted_glow(self.job)
-        assert job.proxy is not None
-        return digest("painted", job.proxy.digest, glow, self._device) if glow else job.proxy.digest
-
-    @cached_property
-    def captured_level(self) -> str:
-        """How bright the captured light is over the scene, one number."""
-        job = self.job
-        assert job.captured is not None
-        parts = *self._shown, self.proxy, reads.light(job.captured), job.render.seed
-        return digest("level", *parts, job.render.max_depth, job.render.profile, self._device)
-
-    def estimate(self, sky: EstimatedSky) -> str:
-        """The light that the splats were captured under, found from splats and proxy."""
-        glow = [self._mesh] if requirements.painted_glow(self.job) else []
-        return digest("estimate", replace(sky, intensity=1.0), *self._looked_at, *glow, self._device)
-
-    @property
-    def _shown(self) -> tuple[object, ...]:
-        """What tells the captured colours: splats, the cameras that they are looked at from, their pictures."""
-        job = self.job
-        return job.splats and job.splats.digest, *self._looked_at
-
-    @property
-    def _looked_at(self) -> tuple[object, ...]:
-        """The cameras of the capture, and what they took."""
-        job = self.job
-        return job.capture_cameras, *([job.capture_pictures] if job.capture_pictures else [])
-
-    def map_of(self, environment: Environment) -> str:
-        """An environment's picture, made as small as data sets keep it; its turn and strength are no part of it."""
-        return digest("map", environment.radiance, self._versions("numpy"))
-
-    def sky_of(self, sky: SkyModel | EstimatedSky, part: str) -> str:
-        """The sun or the sky of a model, kept with data sets."""
-        return digest("sky", self.estimate(sky) if isinstance(sky, EstimatedSky) else "", sky, part, self._device)
-
-    @cached_property
-    def splat_places(self) -> str:
-        """Where each splat lies on the proxy, and on which side."""
-        job = self.job
-        assert job.splats is not None
-        parts = job.splats.digest, self.proxy, job.captured and reads.light(job.captured), job.render.seed
-        return digest("places", *parts, job.render.max_depth, self._device)
+    # --- light, whoever looks at it ---
 
     @cached_property
     def splat_sets(self) -> LightSets:
@@ -211,16 +146,6 @@ class Keys:
         )
         surface = digest(self.surface_cells, self._of_noise_target) if requirements.reads_surface(job) else ""
         return digest("light", self.proxy, settings, surface, self._device)
-
-    @cached_property
-    def surface_cells(self) -> str:
-        """The pieces of the proxy that light is kept on, whatever looks at it."""
-        return digest("cells", self.proxy, self._device)
-
-    @cached_property
-    def surface_transport(self) -> str:
-        """How light goes between those pieces, whatever the light."""
-        return digest("surface transport", self.surface_cells, self.job.render.seed)
 
     def surface_light(self, part: LightSet) -> str:
         """Light on the surface: of a unit light, of what glows, or of a lighting that is traced as it is."""
@@ -404,20 +329,6 @@ class Keys:
         frames = output.store != "layers" or not self.job.lightings  # nothing to mix
         wanted = {".exr": frames and output.exr, ".png": frames and output.png}
         return tuple(suffix for suffix in FILE_SUFFIXES if wanted[suffix])
-
-    @cached_property
-    def _device(self) -> str:
-        """What decides the bits of all that is traced or searched, whatever is traced: the variant, and the versions of
-        what computes it."""
-        versions = self._versions("mitsuba", "drjit", "llvm", "numpy", "scipy")
-        return digest("device", self.job.render.variant, versions)
-
-    def _versions(self, *packages: str) -> dict[str, str]:
-        return {k: v for k, v in self._all_versions.items() if k in ("mirelight", *packages)}
-
-    @cached_property
-    def _all_versions(self) -> dict[str, str]:
-        return provenance.versions()
 
 
 def _joined(*parts: str) -> str:

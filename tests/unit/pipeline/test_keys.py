@@ -392,7 +392,7 @@ def test_what_stands_behind_unlit_frames_is_in_their_files_keys() -> None:
 
 def test_every_artefact_has_its_place_in_the_table() -> None:
     """Who adds one says here what decides it."""
-    public = {name for name in vars(keys.Keys) if not name.startswith("_")} | {"job"}
+    public = {name for name in dir(keys.Keys) if not name.startswith("_")} | {"job"}
     assert public == KEYED | HELPING
     assert set(DECIDES) == set(NAMES)
 

@@ -10,11 +10,11 @@ import pytest
 
 from mirelight.proxy.tuning import TUNING
 
-OF_TOYS = replace(TUNING, judge_views=4, judge_waves=2, judge_pixels=128)
+OF_TOYS = replace(TUNING, judge_views=4, judge_waves=1)
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _judged_by_few_pixels(request: pytest.FixtureRequest) -> Iterator[None]:
+def _judged_by_few_views(request: pytest.FixtureRequest) -> Iterator[None]:
     """In all modules but that which tests the judge."""
     with pytest.MonkeyPatch.context() as patch:
         if not request.module.__name__.endswith("test_judge"):

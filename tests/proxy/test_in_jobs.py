@@ -31,6 +31,7 @@ environment = { radiance = 1.0 }
 
 [render]
 spp = 4
+indirect = "traced"
 """
 
 

@@ -13,6 +13,7 @@ from mirelight.base.errors import InputError
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import Camera, Job
 from mirelight.pipeline.frames import effort, frame
+from mirelight.pipeline.inserted import _along
 from tests.analytic.lighting_scenes import join, quad
 
 SIDE = 0.3  # of the tile, world units
@@ -107,6 +108,19 @@ def test_a_frame_knows_the_motion_of_what_it_shows(folder: Path) -> None:
     assert middle[0] != middle[1]  # it is at one place in both
     sharp = [k.frame(x.cameras[1].pinhole, x.lightings[0]) for k, x in zip(keys, (slow, fast), strict=True)]
     assert sharp[0] == sharp[1]
+
+
+def test_a_mirror_that_moves_has_one_look_at_the_capture_for_all_of_its_way(folder: Path) -> None:
+    made = job(folder)
+    (one,) = made.objects
+    moved = [one.at(x) for x in (1.0, 2.5)]
+    for there in moved:
+        box = there.world_from_object @ np.diag([2.0, 2.0, 2.0, 1.0])
+        ways = [x[:3, 3] for x in _along(there, box)]
+        np.testing.assert_allclose(ways, [[-0.8, 0, 0], [0, 0, 0], [0.8, 0, 0]], atol=1e-9)
+    keys = mirelight.prepare(made).keys
+    assert keys.mirrored((moved[0],)) == keys.mirrored((moved[1],))
+    assert keys.object_boxes((moved[0],)) != keys.object_boxes((moved[1],))
 
 
 def test_still_objects_are_themselves_at_every_frame(folder: Path) -> None:

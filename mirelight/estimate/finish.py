@@ -144,20 +144,20 @@ def _finish(name: str, told: _Evidence) -> Finish:
     strengths = [strength for strength, _ in fits[best]]
     strength = float(np.mean(strengths))
     is_metal = min(strengths) > TUNING.gloss_metal
-    if shares[best] < TUNING.gloss_explained or not (
-        is_metal or TUNING.gloss_strength[0] < strength < TUNING.gloss_strength[1]
-    ):
+    as_matt = best == len(shares) - 1 or shares[best] < TUNING.gloss_explained
+    if as_matt or not (is_metal or TUNING.gloss_strength[0] < strength < TUNING.gloss_strength[1]):
         return replace(matt, explained=max(shares[best], 0.0))
     return Finish(name, len(told.color), _between(shares, best), float(is_metal), shares[best])
 
 
 def _between(shares: Sequence[float], best: int) -> float:
-    """The roughness at the top of a parabola through the best share and those beside it."""
+    """The roughness at the top of a parabola through the best share and those beside it, over its logarithm: there what
+    lobes explain of each other falls off alike both ways."""
     if not 0 < best < len(shares) - 1:
         return TUNING.gloss_roughnesses[best]
-    x, y = np.array(TUNING.gloss_roughnesses[best - 1 : best + 2]), np.array(shares[best - 1 : best + 2])
+    x, y = np.log(TUNING.gloss_roughnesses[best - 1 : best + 2]), np.array(shares[best - 1 : best + 2])
     a, b, _ = np.polyfit(x, y, 2)
-    return round(float(np.clip(-b / (2 * a), x[0], x[2])), 3) if a < 0 else TUNING.gloss_roughnesses[best]
+    return round(float(np.exp(np.clip(-b / (2 * a), x[0], x[2]))), 3) if a < 0 else TUNING.gloss_roughnesses[best]
 
 
 def regions_of(mesh: ProxyMesh, seed: int = 0) -> tuple[I32, tuple[str, ...]]:

@@ -153,8 +153,8 @@ class Tuning:
     doubt_open: float = 0.25
 
     # gloss (`finish`)
-    # that are tried; smoother gloss than this shows in few pixels
-    gloss_roughnesses: tuple[float, ...] = (0.2, 0.35, 0.5, 0.7)
+    # that are tried; smoother gloss than this shows in few pixels; what the last one explains best is as good as matt
+    gloss_roughnesses: tuple[float, ...] = (0.2, 0.35, 0.5, 0.7, 0.95)
     gloss_most_views: int = 12  # cameras that are compared
     gloss_spp: int = 16  # samples of a lobe
     # share of the changes in the other half, from which a gloss is taken; matt surfaces have 0.02

@@ -64,6 +64,8 @@ def doubts(found: Estimate) -> Iterator[str]:
         yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"
     if not found.sun.any() and c.held_out < TUNING.doubt_little:  # one with a sun is judged by its shadows' edges
         yield "whether this is the light at all: it explains hardly more than even light from everywhere"
+    if len(found.lamps) and not found.sun.any() and c.blocked < TUNING.doubt_alone:
+        yield "whether there were lamps: nothing in it shadows anything else, and brighter paint looks the same"
 
 
 def doubted(found: Estimate) -> bool:

@@ -149,6 +149,8 @@ class Tuning:
     doubt_apart: float = 20.0
     # of the differences explained elsewhere: hardly any; asked where no shadow has an edge
     doubt_little: float = 0.03
+    # of the view that other surfaces take: with less, as beside one wall alone, lamps may be its paint
+    doubt_alone: float = 0.01
     # of light from all around, that reaches the captured surface in the mean; less is a room, seen from inside
     doubt_open: float = 0.25
 

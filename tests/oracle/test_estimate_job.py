@@ -16,6 +16,7 @@ from mirelight.base.errors import InputError
 from mirelight.cli import main
 from mirelight.cli.report import lines
 from mirelight.estimate import Estimate, estimate
+from mirelight.estimate.describe import doubted
 from mirelight.estimate.even import or_even
 from mirelight.estimate.types import Confidence
 from mirelight.io import job, splats
@@ -113,8 +114,8 @@ def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_even_light_takes_the_place_of_a_doubted_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As strong, said each time, and never where lamps were named; `mirelight estimate` writes what was found."""
     sure = told(2.0)
-    doubted = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
-    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: doubted)
+    wrong = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: wrong)
     work, shelf = loaded(folder), Shelf()
     assert work.captured is not None and work.splats is not None and work.proxy is not None
     for _ in range(2):
@@ -124,19 +125,27 @@ def test_even_light_takes_the_place_of_a_doubted_one(folder: Path, monkeypatch: 
         assert light.environment is not None and light.lights[0].intensity == 0
         assert np.ptp(light.environment.pixels.reshape(-1, 3), axis=0).max() == 0
         assert light.layer_names == work.captured.layer_names
-    levels = [captured_level(work.splats.value, work.proxy.value, x, work.render) for x in (light, doubted.lighting)]
+    levels = [captured_level(work.splats.value, work.proxy.value, x, work.render) for x in (light, wrong.lighting)]
     assert levels[0] == pytest.approx(levels[1], rel=1e-3)
     assert main(["estimate", str(folder / "job.toml"), "-o", str(folder / "found.toml"), "-q"]) == 0
-    np.testing.assert_array_equal(read_environment(folder / "found.exr"), doubted.radiance.astype(np.float32))
+    np.testing.assert_array_equal(read_environment(folder / "found.exr"), wrong.radiance.astype(np.float32))
     lamp = PointLight(name="lamp", position=np.array([0.0, 3, 0]), intensity=2.0)
-    named = replace(doubted, named=(lamp,))
+    named = replace(wrong, named=(lamp,))
     assert or_even(named, work.splats.value, work.proxy.value, work.render) is named
+
+
+def test_lamps_beside_one_wall_alone_are_doubted() -> None:
+    """Nothing there tells their light from paint; a sun is judged by its edges."""
+    sure = replace(told(0.0), lamps=np.array([[0.0, 1, 0, 5, 5, 5]]))
+    alone = replace(sure.confidence, blocked=0.002)
+    assert not doubted(sure) and not doubted(replace(told(2.0), confidence=alone))
+    assert doubted(replace(sure, confidence=alone))
 
 
 def test_a_doubted_estimate_of_a_room_stays(folder: Path) -> None:
     """Even light would come through its windows alone."""
     sure = told(2.0)
-    doubted = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
+    wrong = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
     work = loaded(folder)
     assert work.splats is not None and work.proxy is not None
     around = work.proxy.value
@@ -145,8 +154,8 @@ def test_a_doubted_estimate_of_a_room_stays(folder: Path) -> None:
     box = np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))], np.int32)
     vertices = np.concatenate([around.vertices, corners])
     closed = ProxyMesh(vertices=vertices, faces=np.concatenate([around.faces, box + len(around.vertices)]))
-    assert or_even(doubted, work.splats.value, closed, work.render) is doubted
-    assert or_even(doubted, work.splats.value, around, work.render) is not doubted
+    assert or_even(wrong, work.splats.value, closed, work.render) is wrong
+    assert or_even(wrong, work.splats.value, around, work.render) is not wrong
 
 
 def test_it_is_the_estimate_and_is_made_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

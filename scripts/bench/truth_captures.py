@@ -102,7 +102,7 @@ PLANS = (
         "courtyard, trained",
         "hard sun",
         ("evening", "night", "day"),
-        shooting=Shooting(pose_noise=0.5, most=25_000),
+        shooting=Shooting(pose_noise=0.5),
     ),
     _Plan(
         "stage",
@@ -118,7 +118,7 @@ PLANS = (
         "interior, trained",
         "sunny, longer exposed",
         ("overcast", "lamps", "low sun"),
-        shooting=Shooting(sky=True, most=25_000),
+        shooting=Shooting(sky=True),
     ),
     _Plan(
         "plinth", "plinth", "plinth, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)

@@ -35,14 +35,14 @@ F64 = NDArray[np.float64]
 class Shooting:
     """How pictures are taken, and what is trained on them."""
 
-    size: tuple[int, int] = (240, 160)  # px
+    size: tuple[int, int] = (360, 240)  # px
     spp: int = 16  # then denoised
     sky: bool = False  # it is in the pictures; else they are on black
     pose_noise: float = 0.0  # px by which what a camera looks at is off, as bundle adjustment leaves it
     exposure_noise: float = 0.0  # stops, deviation from picture to picture
-    iterations: int = 1500
-    most: int = 20_000  # splats
-    points: int = 10_000  # that training starts from
+    iterations: int = 1100
+    most: int = 45_000  # splats
+    points: int = 30_000  # that training starts from
 
 
 def exposed(lighting: Lighting, stops: float) -> Lighting:

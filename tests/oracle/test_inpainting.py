@@ -57,7 +57,7 @@ def buffer(light: F32, albedo: float = 0.5) -> LightingBuffer:
         coverage=one,
         layers=(LightLayer(name="all", direct=shown, indirect=0 * shown),),
         depth=3 * one,
-        position=np.stack([columns, -rows, 0 * rows], axis=-1) / np.float32(HEIGHT),
+        position=(np.stack([columns, -rows, 0 * rows], axis=-1) / HEIGHT).astype(np.float32),
         normal=front,
         geometric_normal=front,
         albedo=np.full_like(shown, albedo),

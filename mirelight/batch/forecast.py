@@ -138,6 +138,7 @@ def _measured(job: Job, task: FrameTask) -> _Cost:
             _ = scene.compositor
         if task.lighting is not None:
             _ = scene.tracer, scene.captured_level
+            scene.make_ready(job.objects_of(task.lighting, small))  # once for all frames: what mirrors show takes long
         cost = _once(scene, small, task, Path(folder))
     there = task.lighting is not None and prepare(job, like=scene).surface_light is not None
     return replace(cost, on_surface=there)

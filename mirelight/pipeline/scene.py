@@ -173,6 +173,11 @@ class Scene(Prepared):
             self._view_with_objects = self._object_rays = None
         return self._arranged
 
+    def make_ready(self, objects: Arrangement) -> None:
+        """Find now what light on objects needs beside a view; it is found by itself otherwise."""
+        if objects:
+            _ = self._with(objects).tracer
+
     @cached_property
     def splat_light(self) -> SplatLight:
         """Light on the splats, for all of the job's cameras."""

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import mirelight
+from mirelight.batch.forecast import forecast
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
+from mirelight.lighting import detail
 from mirelight.model import Camera, Frame, Material, ProxyMesh, SplatCloud
+from mirelight.pipeline import stages
+from mirelight.pipeline.plan import plan
 
 JOB = """splats = "splats.ply"
 proxy = "proxy.glb"
@@ -122,3 +127,28 @@ def test_light_of_four_times_the_pixels_shows_the_same_objects(folder: Path) -> 
 def test_the_same_object_and_seed_are_the_same_bits(folder: Path) -> None:
     first, again = frame(folder, JOB + BALL), frame(folder, JOB + BALL)
     np.testing.assert_array_equal(first.rgba, again.rgba)
+
+
+def test_a_forecast_does_not_take_what_mirrors_show_for_light(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is found once for all frames, and takes longer than a small one."""
+    (folder / "forecast.toml").write_text(
+        JOB.replace('"proxy.glb"', '{ path = "proxy.glb", albedo = "splats" }') + BALL
+    )
+    made = mirelight.load(folder / "forecast.toml")
+    told, own, light = [0], detail.told, stages.light
+    inside: list[int] = []
+
+    def counted(*given: Any, **named: Any) -> Any:
+        told[0] += 1
+        return own(*given, **named)
+
+    def lit(*given: Any, **named: Any) -> Any:
+        before = told[0]
+        found = light(*given, **named)
+        inside.append(told[0] - before)
+        return found
+
+    monkeypatch.setattr(detail, "told", counted)
+    monkeypatch.setattr(stages, "light", lit)
+    assert forecast(plan(made)).traces > 0
+    assert inside == [1, 0]  # what compiles, and what is timed

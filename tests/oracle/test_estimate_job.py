@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,11 +25,10 @@ from mirelight.io.gltf.write import write_glb
 from mirelight.io.job.captured_text import captured_text
 from mirelight.lighting import captured_level
 from mirelight.model import EstimatedSky, Job, PointLight, ProxyMesh
-from mirelight.pipeline.artefact_cache import NullCache
-from mirelight.pipeline.codecs import Codec, Packed
 from mirelight.pipeline.plan import plan
 from mirelight.pipeline.scene import prepare
 
+from .shelf import Shelf
 from .test_estimate import LIGHT, painted, yard
 from .toy_estimate import of_toys
 
@@ -51,22 +50,6 @@ def folder(tmp_path: Path) -> Path:
     write_glb(tmp_path / "yard.glb", replace(yard(), vertex_colors=None))
     (tmp_path / "job.toml").write_text(JOB)
     return tmp_path
-
-
-T = TypeVar("T")
-
-
-class Shelf(NullCache):
-    """Keeps everything in memory."""
-
-    def __init__(self) -> None:
-        self.packed: dict[str, Packed] = {}
-
-    def get(self, key: str, codec: Codec[T]) -> T | None:
-        return codec.unpack(self.packed[key]) if key in self.packed else None
-
-    def put(self, key: str, value: T, codec: Codec[T]) -> None:
-        self.packed[key] = codec.pack(value)
 
 
 def loaded(folder: Path, *changes: str) -> Job:

@@ -33,6 +33,8 @@ from mirelight.model import (
 from mirelight.pipeline.scene import prepare
 from mirelight.relighting import apply
 
+from .shelf import SHIPPED
+
 SCENES = Path(__file__).parents[2] / "scenes"
 GAINS = {  # dB by which the ratio must beat the tint; measured: 20.7, 13.8, 13.2, 14.9, 20.7
     ("courtyard", "evening"): 18.5,
@@ -102,7 +104,7 @@ def tracer(name: str, proxy: Proxy) -> Tracer:
         gray = scene(name).proxy
         mesh = None if gray is None else gray.value
     else:
-        mesh = prepare(scene(name)).proxy
+        mesh = prepare(scene(name), SHIPPED).proxy
     assert mesh is not None
     return Tracer(mesh, SETTINGS)
 

@@ -116,8 +116,8 @@ def test_a_mirror_that_moves_has_one_look_at_the_capture_for_all_of_its_way(fold
     moved = [one.at(x) for x in (1.0, 2.5)]
     for there in moved:
         box = there.world_from_object @ np.diag([2.0, 2.0, 2.0, 1.0])
-        ways = [x[:3, 3] for x in _along(there, box)]
-        np.testing.assert_allclose(ways, [[-0.8, 0, 0], [0, 0, 0], [0.8, 0, 0]], atol=1e-9)
+        ways = np.array([x[:3, 3] for x in _along(there, box)])
+        np.testing.assert_allclose(ways, np.array([[-0.8, 0, 0], [0, 0, 0], [0.8, 0, 0]]), atol=1e-9)
     keys = mirelight.prepare(made).keys
     assert keys.mirrored((moved[0],)) == keys.mirrored((moved[1],))
     assert keys.object_boxes((moved[0],)) != keys.object_boxes((moved[1],))

@@ -75,7 +75,7 @@ def seen(camera: Camera, around: Surroundings, how: Backdrop) -> F32:
     pixel = 1 / camera.fx if camera.projection == "perspective" else 0.0
     for sun in around.suns:
         share = _disc(sun, way, pixel)
-        out += (share if is_ground is None else share * ~is_ground)[..., None] * _radiance(sun)
+        out += (share if is_ground is None else share * ~is_ground)[..., None] * radiance_of(sun)
     return np.asarray(out * 2.0**how.exposure, dtype=np.float32)
 
 
@@ -156,7 +156,7 @@ def _disc(sun: Sun, way: F64, pixel: float) -> F64:
     return np.asarray(np.clip(0.5 + (max(radius, pixel / 2) - angle) / pixel, 0, 1) * largest)
 
 
-def _radiance(sun: Sun) -> F64:
+def radiance_of(sun: Sun) -> F64:
     """(3,) of the disc: its illuminance over its projected solid angle."""
     return np.asarray(sun.lux / (np.pi * np.sin(np.radians(sun.diameter / 2)) ** 2))
 

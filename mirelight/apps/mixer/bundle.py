@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.apps.mixer import rgb9e5
+from mirelight.apps.mixer import behind, rgb9e5
 from mirelight.apps.mixer.layers import Mixed, MixLayers, make
 from mirelight.apps.realtime import engine
 from mirelight.base.errors import InputError
@@ -26,7 +26,7 @@ from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene
 from mirelight.relighting.modes import mode_of
 
-_MODULES = ("mixer", "view", "panel", "files", "colors", "handles", "live", "served")
+_MODULES = ("mixer", "view", "behind", "panel", "files", "colors", "handles", "live", "served")
 PAGE = ("index.html", "style.css", *(f"{name}.mjs" for name in _MODULES))
 SPLATS = ("splats.ply", "splats.compressed.ply")  # without and with colours that change with the view
 LAYERS, DESCRIPTION = "layers.bin", "layers.json"
@@ -81,8 +81,12 @@ def export(
     packed, scales = rgb9e5.pack(layers.values[:, order])
     with atomic_path(folder / LAYERS) as temporary:
         packed.astype("<u4").tofile(temporary)
+    around = behind.write(scene, layers.units, folder)
     with atomic_path(folder / DESCRIPTION) as temporary:
-        text = json.dumps(_described(job, scene.splats, layers, scales, file), indent=1, ensure_ascii=False)
+        described = _described(job, scene.splats, layers, scales, file)
+        if around is not None:
+            described["behind"] = {**_file(folder / behind.BEHIND), **around}
+        text = json.dumps(described, indent=1, ensure_ascii=False)
         temporary.write_text(text + "\n", encoding="utf-8")
     return Exported(folder, layers, order, tuple(_warnings(job, layers)))
 
@@ -193,8 +197,6 @@ def _warnings(job: Job, layers: MixLayers) -> list[str]:
         out.append("splats that hold linear light: stills are right, the page itself shows them too dark")
     if job.display.view is not None:
         out.append(f"view {job.display.view.view!r}: stills have it, the page itself has the plain curve")
-    if job.display.backdrop is not None:
-        out.append("a background of light: stills have it, the page itself is black there")
     if job.display.tone == "agx":
         out.append("tone agx: the engine has no such curve; the page uses none")
     if any(x.projection != "perspective" for x in job.cameras):

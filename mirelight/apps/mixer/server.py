@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mirelight.apps.mixer.asked import camera_of, numbers, table, whole
+from mirelight.apps.mixer.behind import BEHIND
 from mirelight.apps.mixer.bundle import DESCRIPTION, LAYERS, PAGE, SPLATS
 from mirelight.apps.mixer.saved import MOST_BYTES, NAME, Saved
 from mirelight.apps.mixer.session import Session, State
@@ -25,7 +26,7 @@ from mirelight.model import LayerFactor
 from mirelight.store.claims import Claims
 
 _LIMITS = {"live/light": 1 << 12, "live/still": 1 << 18, NAME: MOST_BYTES}
-_FILES = {*PAGE, *SPLATS, LAYERS, DESCRIPTION, *(f"engine/{name}" for name in engine.FILES.values())}
+_FILES = {*PAGE, *SPLATS, LAYERS, BEHIND, DESCRIPTION, *(f"engine/{name}" for name in engine.FILES.values())}
 _LAYER = re.compile(r"live/layer/([0-9]{1,4})/([0-9]{1,15})")
 _STILL = re.compile(r"live/still/([0-9]{1,15})")
 _CLAIM = "mixer"

@@ -66,8 +66,8 @@ export async function loadFiles() {
     const description = await (await get('layers.json')).json().catch(() => {
         throw new Error('layers.json is damaged: run mirelight mix again');
     });
-    const files = [description.splats, description.light];
-    const [splats, layers] = await Promise.all(files.map(async ({ file }) => (await get(file)).arrayBuffer()));
+    const files = [description.splats, description.light, ...(description.behind ? [description.behind] : [])];
+    const [splats, layers, behind] = await Promise.all(files.map(async ({ file }) => (await get(file)).arrayBuffer()));
     const is = async (data, { bytes, sha256: wanted }) => data.byteLength === bytes && await sha256(data) === wanted;
     if (!await is(splats, description.splats)) {
         throw new Error(`${description.splats.file} is not the file that the layers were made for: run mirelight mix again`);
@@ -75,5 +75,8 @@ export async function loadFiles() {
     if (!await is(layers, description.light)) {
         throw new Error(`${description.light.file} is not the file that layers.json describes: run mirelight mix again`);
     }
-    return { description, layers: new Uint32Array(layers) };
+    if (behind && !await is(behind, description.behind)) {
+        throw new Error(`${description.behind.file} is not the file that layers.json describes: run mirelight mix again`);
+    }
+    return { description, layers: new Uint32Array(layers), behind };
 }

@@ -192,9 +192,10 @@ function start(view, description) {
 export async function open() {
     const message = find('message');
     try {
-        const { description, layers } = await loadFiles();
-        const { createView } = await import('./view.mjs');
-        const view = await createView(find('view'), description, layers);
+        const { description, layers, behind } = await loadFiles();
+        const [{ createView }, { createBehind }] = await Promise.all([import('./view.mjs'), import('./behind.mjs')]);
+        const view = await createView(find('view'), description, layers,
+            behind && ((device) => createBehind(device, description.behind, behind, description.tone)));
         const page = start(view, description);
         message.hidden = true;
         return { view, description, ...page };

@@ -87,7 +87,8 @@ function upload(app, component, resource, count, layers, layerCount) {
 }
 
 // layers: Uint32Array of the layers' packed values, one after another; null: none yet
-export async function createView(canvas, description, layers) {
+// backed: makes what draws light behind the splats, of a device; none: the description's colour is there
+export async function createView(canvas, description, layers, backed) {
     const app = await createApp(canvas);
     app.setCanvasFillMode(pc.FILLMODE_NONE);
     app.setCanvasResolution(pc.RESOLUTION_AUTO);
@@ -96,7 +97,7 @@ export async function createView(canvas, description, layers) {
 
     const camera = new pc.Entity('camera');
     camera.addComponent('camera', {
-        clearColor: new pc.Color(...description.background, 1), toneMapping: CURVES[description.tone],
+        clearColor: backed ? new pc.Color(0, 0, 0, 0) : new pc.Color(...description.background, 1), toneMapping: CURVES[description.tone],
         layers: [pc.LAYERID_WORLD, pc.LAYERID_UI, pc.LAYERID_IMMEDIATE]
     });
     camera.addComponent('script');
@@ -144,6 +145,9 @@ export async function createView(canvas, description, layers) {
         world: [0, 1, 0], fov: camera.camera.fov * Math.PI / 180, width, height, near: camera.camera.nearClip
     });
 
+    const behind = backed?.(app.graphicsDevice);
+    if (behind) app.scene.on('postrender', (seenBy) => { if (seenBy === camera.camera) behind.draw(eye()); });
+
     return {
         app, camera, eye,
         wake,  // to be called where something is changed past this view
@@ -179,6 +183,7 @@ export async function createView(canvas, description, layers) {
             weights.forEach((rgb, i) => rgb.forEach((x, c) => { values[3 * i + c] = x * description.layers[i].scale; }));
             entity.gsplat.setParameter('uMix[0]', values);
             entity.gsplat.setParameter('uShown', [share, description.limit ?? 1e30, 2 ** exposure]);
+            behind?.show(weights, description.blend > 0 ? share / description.blend : 1, exposure);
             wake();
         },
         resize(...size) {

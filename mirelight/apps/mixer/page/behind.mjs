@@ -103,7 +103,9 @@ void main(void) {
     gl_FragColor = vec4(front.rgb, 1.0);
     float through = 1.0 - front.a;
     if (uLit == 0.0 || through <= 0.0) return;
-    vec3 own = front.a > 0.0 ? uncurved(decoded(min(front.rgb / front.a, 1.0))) * front.a : vec3(0.0);
+    // eight bits of next to nothing are no colour, of which a curve's inverse would make a glare
+    float most = ${['aces', 'neutral'].includes(tone) ? 'mix(0.9, 1.0, front.a)' : '1.0'};
+    vec3 own = front.a > 0.0 ? uncurved(decoded(min(front.rgb / front.a, most))) * front.a : vec3(0.0);
     float open = smoothstep(0.0, 0.1, through);
     vec3 light = behind(2.0 * gl_FragCoord.xy / uPicture.xy - 1.0) * uGain;
     gl_FragColor = vec4(encoded(curve(min(own + through * open * light, vec3(1e4)))), 1.0);

@@ -20,6 +20,7 @@ from mirelight import estimate, proxy, relighting
 from mirelight.base.colour import srgb_decode, srgb_encode
 from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
+from mirelight.io.cameras.pictures import view_size
 from mirelight.lighting import Tracer, captured_level, colored_by, splat_light
 from mirelight.lighting.denoise import denoise
 from mirelight.model import (
@@ -124,11 +125,7 @@ class Bench:
     def _views(self) -> tuple[SplatLayer, ...]:
         """What the capture's cameras took, where splats were trained on it."""
         capture = self.capture
-        counts = (np.ones((*x.shape[:2], 1), np.float32) for x in capture.pictures)
-        pictures = [
-            Deferred.of(np.concatenate([srgb_decode(x), more], axis=2))
-            for x, more in zip(capture.pictures, counts, strict=True)
-        ]
+        pictures = [Deferred.of(_as_read(x)) for x in capture.pictures]
         return capture_views(capture.splats, capture.orbit, pictures, report=self._say) if pictures else ()
 
     @cached_property
@@ -363,6 +360,14 @@ class Bench:
         nan = math.nan
         own = tuple((x.name, y.light) for x, y in zip(capture.lightings, scores, strict=True))
         return Row(capture.name, mode, surface, known, way, denoised, made, own, nan, 0.0, 0.0, triangles)
+
+
+def _as_read(picture: F32) -> F32:
+    """(h, w, 4) linear, on the smaller grid that a job reads a picture (H, W, 3) on; all of it counts."""
+    size = view_size(picture.shape[1], picture.shape[0])
+    linear = np.moveaxis(srgb_decode(picture), 2, 0).astype(np.float32)
+    small = [np.asarray(Image.fromarray(x).resize(size, Image.Resampling.BOX)) for x in linear]
+    return np.stack([*small, np.ones_like(small[0])], axis=2)
 
 
 def _soup(mesh: ProxyMesh, faces: slice = slice(None)) -> Soup:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +32,7 @@ from mirelight.compositor.project import EXACT, Projected, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Blended, decoded, empty_frame, layer_of, new_frame, values_of
 from mirelight.compositor.source import MOST_COLOR, factors_of
+from mirelight.compositor.supersample import finer, mean, mean_color, reduced
 from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
 _DEFAULT = CompositorSettings()
@@ -77,6 +80,10 @@ class Compositor:
         Raises:
             RenderError: not even one row of tiles fits into memory.
         """
+        count = self.settings.samples
+        if count > 1:
+            fine = self._one_sample.composite(finer(camera, count), depth=depth, diffuse=diffuse)
+            return reduced(fine, camera, count)
         if diffuse:
             layer, values = self.composite_with(camera, self.plain_colors, depth=depth)
             return replace(layer, diffuse=decoded(values, layer.transmittance, self.settings))
@@ -97,6 +104,10 @@ class Compositor:
         Raises:
             ValueError: `values` is not (N, C) with C >= 1, or not finite.
         """
+        count = self.settings.samples
+        if count > 1:
+            layer, sums = self._one_sample.composite_with(finer(camera, count), values, depth=depth)
+            return reduced(layer, camera, count), mean(sums, count)
         values = frozen_array(values, (len(self.splats), None), np.float32, "values")
         if values.shape[1] == 0 or not np.isfinite(values).all():
             raise ValueError(f"values {values.shape}: at least one channel is needed, and finite numbers")
@@ -109,8 +120,10 @@ class Compositor:
 
     def composite_colors(self, camera: Camera, colors: F32) -> F32:
         """(H, W, 3) the composite of other colours (N, 3) of the splats, in their space; see :meth:`composite_with`."""
-        layer, values = self.composite_with(camera, colors, depth=False)
-        return decoded(values, layer.transmittance, self.settings)
+        count = self.settings.samples
+        layer, values = self._one_sample.composite_with(finer(camera, count), colors, depth=False)
+        made = decoded(values, layer.transmittance, self.settings)
+        return made if count == 1 else mean_color(made, layer, count)
 
     def in_front(self, camera: Camera, depth: F32) -> SplatLayer:
         """The splats whose far sides, one standard deviation behind their centres, lie in front of something.
@@ -122,11 +135,22 @@ class Compositor:
             RenderError: as :meth:`composite`.
         """
         depth = frozen_array(depth, (camera.height, camera.width), np.float32, "depth")
+        count = self.settings.samples
+        if count > 1:
+            fine = np.repeat(np.repeat(depth, count, axis=0), count, axis=1)
+            return reduced(self._one_sample.in_front(finer(camera, count), fine), camera, count)
         back = camera.world_from_camera[:3, 2]
         extent = np.linalg.norm(back @ factors_of(self.splats.quats, self.splats.scales), axis=1)
         behind = (camera.world_from_camera[:3, 3] - self.splats.means) @ back + extent
         far = np.nan_to_num(behind[:, None]).astype(np.float32)
         return layer_of(self._blend(camera, far, depth=False, limit=depth), camera, self.settings)
+
+    @cached_property
+    def _one_sample(self) -> Compositor:
+        """The same with a sample a pixel."""
+        made = copy(self)
+        made.settings = replace(self.settings, supersampling=1)
+        return made
 
     @property
     def plain_colors(self) -> F32:

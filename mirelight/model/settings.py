@@ -63,7 +63,13 @@ class CompositorSettings:
     exposure: float = 1.0  # playcanvas: linear factor before that curve
     linear: bool = False  # playcanvas: 'linear' pipeline (colours decoded by a 2.2 power before blending)
     eight_bit: bool = False  # playcanvas: round after every blended splat, as its RGBA8 target does
+    supersampling: int = 1  # physical: along each axis; a pixel is the mean of so many by so many
     max_memory: int | None = None  # bytes; None: what the machine has free
+
+    @property
+    def samples(self) -> int:
+        """Along each axis of a pixel."""
+        return 1 if rules_of(self.profile).splats.pipelines else self.supersampling
 
     @property
     def blends_linear(self) -> bool:

@@ -47,7 +47,9 @@ def compositor_reads(settings: CompositorSettings) -> set[str]:
         names.add("min_pixel_size")
     if rules.packed:
         names.add("work_buffer")
-    names |= {"linear", "eight_bit", "tone", "exposure"} if rules.pipelines else {"color_space", "cutoff"}
+    names |= (
+        {"linear", "eight_bit", "tone", "exposure"} if rules.pipelines else {"color_space", "cutoff", "supersampling"}
+    )
     return names
 
 

@@ -110,6 +110,13 @@ class CompositorTable(Table):
     eight_bit: bool = Field(
         default=_COMPOSITOR.eight_bit, description="playcanvas: round after every splat as 8-bit targets do."
     )
+    supersampling: int = Field(
+        default=_COMPOSITOR.supersampling,
+        ge=1,
+        le=8,
+        description="Each pixel is the mean of so many by so many. In frames smaller than the pictures that splats "
+        "were trained on 2 keeps them from coming out too wide; takes about its square of the time. playcanvas: 1.",
+    )
     max_memory: int | None = Field(
         default=_COMPOSITOR.max_memory,
         ge=2**20,

@@ -316,6 +316,7 @@ DECIDES: dict[str, set[str]] = {
     "compositor.exposure": set(),
     "compositor.linear": set(),
     "compositor.eight_bit": set(),
+    "compositor.supersampling": UNLIT | FILES,
     "compositor.max_memory": set(),
     "relight.mode": {"colours", *ON_PROXY},
     "relight.profile": FILES,

@@ -119,6 +119,7 @@ BOUNDS: list[tuple[str, str, str, tuple[float | None, float | None]]] = [
     ("compositor", "min_pixel_size", "{}", NOT_NEGATIVE),
     ("compositor", "alpha_clip", "{}", (0, 1)),
     ("compositor", "exposure", "{}", NOT_NEGATIVE),
+    ("compositor", "supersampling", "{}", (1, 8)),
     ("compositor", "max_memory", "{}", (2**20, 2**50)),
     ("relight", "blend", "{}", (0, 1)),
     ("relight", "brightness", "{}", NOT_NEGATIVE),

@@ -46,6 +46,7 @@ def test_all_that_a_frame_is_made_of_has_the_same_samples() -> None:
     same = made.composite_colors(CAMERA, made.plain_colors)
     with_values, sums = made.composite_with(CAMERA, np.ones((1, 1), np.float32))
     front = made.in_front(CAMERA, np.full((SIDE, SIDE), 2 * DISTANCE, np.float32))
+    assert layer.diffuse is not None
     for other in (same, with_values.color, front.color, layer.diffuse):
         np.testing.assert_allclose(other, layer.color, atol=1e-6)
     np.testing.assert_allclose(sums[..., 0], 1 - layer.transmittance, atol=1e-6)

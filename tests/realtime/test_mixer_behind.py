@@ -107,7 +107,7 @@ def driven(job: Job, out: Path, steps: str = STEPS) -> dict[str, NDArray[np.floa
     made = export(prepare(job), out, spp=4)
     assert made.warnings == ()
     sent = mixer_page.drive(made.folder, steps, SIZE, SENT, 600)
-    return {name: 255.0 * mixer_page.picture(sent[name], SIZE) for name in SENT if name in sent}
+    return {name: (255 * mixer_page.picture(sent[name], SIZE)).astype(np.float64) for name in SENT if name in sent}
 
 
 def offline(job: Job, lighting: Lighting | None) -> tuple[NDArray[np.float64], F32]:

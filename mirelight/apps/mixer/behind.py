@@ -17,7 +17,8 @@ from mirelight.apps.mixer import rgb9e5
 from mirelight.io.atomic import atomic_path
 from mirelight.io.environment import read_environment
 from mirelight.model import F32, F64, Backdrop, Camera, Lighting, SkyModel
-from mirelight.model.unit_lights import SUN, Unit, terms
+from mirelight.model.lights import SUN
+from mirelight.model.unit_lights import Unit, terms
 from mirelight.pipeline.scene import Scene
 from mirelight.relighting import backdrop
 from mirelight.relighting.surroundings import MOST_ROWS, Map, Sun, Surroundings, surroundings_of

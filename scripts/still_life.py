@@ -1,7 +1,8 @@
 """Things for the gallery's picture of objects in the capture: a chair, a chrome ball, a bottle, a lacquered pebble, and
 a brass ball behind the shrubs.
 
-python scripts/still_life.py docs/gallery/still-life.glb
+    python scripts/still_life.py docs/gallery/still-life.glb
+    python scripts/still_life.py FOLDER  # each a file, its foot in the origin: chair.glb and so on
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from mirelight.io.atomic import atomic_path
 
 F64 = NDArray[np.float64]
 Shape = tuple[F64, F64, NDArray[np.int64]]  # vertices, normals (N, 3), triangles (F, 3)
+Thing = tuple[str, Shape, dict[str, Any]]  # its name and its glTF material with it
 
 
 def turned(profile: list[tuple[float, float]], at: tuple[float, float, float], around: int = 48) -> Shape:
@@ -63,7 +65,7 @@ def chair(x: float, z: float, degrees: float) -> Shape:
     return boxes([*legs, *back, *slats, ((0.0, 0.455, 0.0), (0.46, 0.03, 0.46))], m)
 
 
-def things() -> list[tuple[str, Shape, dict[str, Any]]]:
+def things() -> list[Thing]:
     """Name, shape and glTF material of each."""
     half = np.linspace(-np.pi / 2, np.pi / 2, 25)
     ball = [(0.3 * np.cos(t), 0.3 + 0.3 * np.sin(t)) for t in half]
@@ -108,12 +110,12 @@ def extension(name: str, values: dict[str, float]) -> dict[str, Any]:
     return {"extensions": {f"KHR_materials_{name}": values}}
 
 
-def glb() -> bytes:
-    """The file."""
+def glb(chosen: list[Thing]) -> bytes:
+    """The file of some of them."""
     top: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "extensionsUsed": []}
     top |= {name: [] for name in ("nodes", "meshes", "materials", "accessors", "bufferViews")}
     data = b""
-    for name, (vertices, normals, faces), material in things():
+    for name, (vertices, normals, faces), material in chosen:
         at: list[int] = []
         for values, kind, number in (
             (vertices.astype("<f4"), "VEC3", 5126),
@@ -147,6 +149,22 @@ def glb() -> bytes:
     return head + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
 
 
+def main() -> None:
+    path = Path(sys.argv[1])
+    files = {path: things()}
+    if path.suffix != ".glb":
+        path.mkdir(parents=True, exist_ok=True)
+        files = {path / f"{name}.glb": [(name, centred(shape), look)] for name, shape, look in things()}
+    for name, chosen in files.items():
+        with atomic_path(name) as fresh:
+            fresh.write_bytes(glb(chosen))
+
+
+def centred(shape: Shape) -> Shape:
+    """A shape, moved along X and Z alone."""
+    low, high = shape[0].min(0), shape[0].max(0)
+    return shape[0] - (low + high) / 2 * (1, 0, 1), *shape[1:]
+
+
 if __name__ == "__main__":
-    with atomic_path(Path(sys.argv[1])) as fresh:
-        fresh.write_bytes(glb())
+    main()

@@ -45,9 +45,10 @@ class DepthMaps:
     which is told again as the surface is known better.
     """
 
-    def __init__(self, capture: Capture, settings: ProxySettings) -> None:
+    def __init__(self, capture: Capture, settings: ProxySettings, *, middle: bool = False) -> None:
+        """`middle`: depths are those of the layers' middles, which vary less from view to view."""
         splats = capture.splats
-        self._splats, self._settings = splats, settings
+        self._splats, self._settings, self._middle = splats, settings, middle
         self._shown = Compositor(splats, variant=settings.variant, threads=settings.threads)
         thinned = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** TUNING.depth_thinner
         self._thinned = Compositor(
@@ -80,10 +81,12 @@ class DepthMaps:
         for _ in range(TUNING.depth_rounds):
             there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
             surface, sums = self._blended(self._thinned, camera, values, (there == 0) | (z <= there + self._reach))
-        # All of the layer tells where it is, what is seen of it where the surface is; what hangs before it has no say.
-        there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
-        front, seen = self._blended(self._shown, camera, values, (there == 0) | (np.abs(z - there) <= self._reach))
-        surface = np.where((front > 0) & (seen[..., 4] > TUNING.depth_least), front, surface)
+        if not self._middle:
+            # all of the layer tells where it is, what is seen of it where the surface is; what hangs before it counts
+            # for nothing
+            there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
+            front, seen = self._blended(self._shown, camera, values, (there == 0) | (np.abs(z - there) <= self._reach))
+            surface = np.where((front > 0) & (seen[..., 4] > TUNING.depth_least), front, surface)
         weight = np.maximum(sums[..., 4], 1e-30)
         mean = sums[..., 5] / weight
         spread = np.sqrt(np.maximum(sums[..., 6] / weight - mean * mean, 0))

@@ -79,7 +79,7 @@ def register(
 
 def _views(capture: Capture, cameras: Sequence[Camera], report: ShareProgress) -> list[DepthMap]:
     """Depth maps, smooth, of the capture's cameras or of some around it, and inside where much is hidden from those."""
-    maps = DepthMaps(capture, _SETTINGS)
+    maps = DepthMaps(capture, _SETTINGS, middle=True)
     if cameras:
         there = [moved(camera, -capture.middle) for camera in cameras]
         refuse_strangers(capture, there, "splats")

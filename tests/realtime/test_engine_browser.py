@@ -33,6 +33,7 @@ from mirelight.io.splats import ply
 from mirelight.lighting import trace
 from mirelight.lighting.objects import inserted
 from mirelight.model import (
+    F32,
     Camera,
     CompositorSettings,
     Deferred,
@@ -211,6 +212,85 @@ def test_objects_are_seen_and_cast_shadows_on_the_proxy(tmp_path: Path) -> None:
     assert (dark & shadow).sum() > 0.9 * (dark | shadow).sum()
     lit = made.frame_f32[alone.beauty[..., 0] > 0.5 * alone.beauty.max()]
     assert len(lit) > 100 and (lit[:, 0] > 2 * lit[:, 1]).all()
+
+
+def card(at: tuple[float, float], material: Material) -> ProxyMesh:
+    """A sheet of 1.6 by 1.6 at a height of 1 that looks up, with v = 0 at its far edge."""
+    x, z = at
+    corners = np.array([(x - 0.8, 1, z - 0.8), (x - 0.8, 1, z + 0.8), (x + 0.8, 1, z + 0.8), (x + 0.8, 1, z - 0.8)])
+    return ProxyMesh(
+        vertices=corners.astype(np.float32),
+        faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        normals=np.tile(np.array([0, 1, 0], np.float32), (4, 1)),
+        uvs=np.array([(0, 0), (0, 1), (1, 1), (1, 0)], np.float32),
+        materials=(replace(material, base_color=np.array([0.8, 0.1, 0.1])),),
+        albedo=None,
+    )
+
+
+def halves(left: tuple[float, ...], right: tuple[float, ...]) -> F32:
+    """A texture (8, 16, 3) whose left and right half are these."""
+    out = np.empty((8, 16, 3), np.float32)
+    out[:, :8], out[:, 8:] = left, right
+    return out
+
+
+def test_objects_keep_their_maps_and_their_alpha(tmp_path: Path) -> None:
+    """Four cards above a floor: one cut in half, one half clear, one with two slopes, one half of metal."""
+    slope = np.array([np.sin(np.radians(40)), 0, np.cos(np.radians(40))])
+    stored = np.array([1.0, 0.5, 1.0]) * (slope + 1) / 2 + np.array([0, 0.25, 0])
+    away = np.array([1 - stored[0], 0.5, stored[2]])
+    looks = (
+        Material(name="cut", alpha_texture=halves((0, 0, 0), (1, 1, 1)), cutoff=0.5),
+        Material(name="gauze", alpha=0.5),
+        Material(name="slopes", normal_texture=halves(tuple(stored), tuple(away))),
+        Material(name="half metal", metallic=1.0, roughness=0.2, finish_texture=halves((0, 1, 1), (0, 1, 0))),
+    )
+    places = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
+    objects = tuple(
+        Inserted(name=x.name, mesh=Deferred(x.name, functools.partial(card, at, x)))
+        for x, at in zip(looks, places, strict=True)
+    )
+    floor = np.array([(-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)], np.float32)
+    ground = ProxyMesh(vertices=floor, faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    job = Job(source=Path("test.toml"), proxy=Deferred.of(ground), objects=objects)
+    camera = Camera.look_at((0, 9, 0), (0, 1, 0), 120, 120, yfov=28, near=0.1, far=50)
+    to_sun = np.array([np.sin(np.radians(40)), np.cos(np.radians(40)), 0.0])
+    sun = Lighting(lights=(DirectionalLight(name="sun", direction=-to_sun, intensity=3.0),))
+    made = realtime.render(job, camera, sun, tmp_path)
+    written = read_scene(tmp_path / "objects.glb", finish=True).mesh
+    assert written is not None and [x.name for x in written.materials] == [x.name for x in looks]
+    assert (written.materials[0].cutoff, written.materials[1].alpha) == (0.5, 0.5)
+    for name, k in (("alpha_texture", 0), ("normal_texture", 2), ("finish_texture", 3)):
+        np.testing.assert_allclose(getattr(written.materials[k], name), getattr(looks[k], name), atol=0.51 / 255)
+
+    shown = made.frame_f32[..., 0]  # on black, as there are no splats: only objects are seen
+
+    def half(card_at: tuple[float, float], side: int) -> F32:
+        """Pixels well within the left (-1) or right half of a card."""
+        pixel = camera.fy / 8.0
+        x, y = 60 + pixel * (card_at[0] + 0.4 * side), 60 + pixel * card_at[1]
+        return shown[round(y) - 8 : round(y) + 8, round(x) - 4 : round(x) + 4]
+
+    plain = float(half(places[0], 1).mean())
+    assert plain > 0.1 and half(places[0], -1).max() == 0
+    gauze = shown[round(60 - camera.fy / 8) - 8 :, :][:16, round(60 + camera.fy / 8) - 8 :][:, :16]
+    assert np.count_nonzero(gauze) == pytest.approx(33 / 64 * gauze.size)  # of a pattern of 64 levels
+    np.testing.assert_allclose(gauze[gauze > 0], plain, rtol=0.02)
+    linear = [float(half(places[2], side).mean()) ** 2.2 for side in (-1, 1)]
+    assert linear[0] * np.cos(np.radians(40)) == pytest.approx(plain**2.2, rel=0.05)  # it faces the sun
+    assert linear[1] == pytest.approx(plain**2.2 * np.cos(np.radians(80)) / np.cos(np.radians(40)), rel=0.1)
+    assert half(places[3], -1).mean() < 0.3 * plain  # a metal has no colour of its own beside the sun's mirror image
+    assert half(places[3], 1).mean() == pytest.approx(plain, rel=0.05)
+
+    def floor_under(x: float, z: float) -> float:
+        """What is left of the sun's light where the floor lies in a point's shadow."""
+        pixel, lit = camera.fy / 9.0, made.relight[..., 0]
+        column, row = round(60 + pixel * (x - to_sun[0] / to_sun[1])), round(60 + pixel * z)
+        return float(lit[row - 3 : row + 3, column - 3 : column + 3].mean() / lit.max())
+
+    assert floor_under(-1.2, -1) > 0.99 and floor_under(-0.6, -1) < 0.01  # cut out of the shadow, too
+    assert 0.4 < floor_under(1, -1) < 0.6
 
 
 def test_a_constant_environment_is_the_engines_ambient_colour(data: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import struct
@@ -14,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.base import colour, conventions
+from mirelight.base import conventions
 from mirelight.base.errors import OutputError
 from mirelight.base.version import __version__
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.beyond import punctual
-from mirelight.io.gltf.textures import WRAP_NUMBERS
+from mirelight.io.gltf.material_entries import material_entry, wrap_numbers
 from mirelight.model import (
-    F32,
     AreaLight,
     Camera,
     DirectionalLight,
@@ -34,7 +32,6 @@ from mirelight.model import (
 )
 
 _LIGHTS = "KHR_lights_punctual"
-_STRENGTH = "KHR_materials_emissive_strength"
 ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963
 
 
@@ -44,8 +41,9 @@ def write_glb(
     """Write a GLB file that `read_scene` and any glTF viewer reads.
 
     Vertices, normals, texture coordinates, colours and faces come back bit for bit; faces are grouped by material.
-    Textures are stored as 8-bit sRGB PNG. A mesh's `albedo`, if it has one, is not stored: the file keeps the surface's
-    own colours. What KHR_lights_punctual has no words for stands in a light's extras (`gltf.beyond`).
+    Materials keep all that is followed of them; textures are PNG of 8 bits. A mesh's `albedo`, if it has one, is not
+    stored: the file keeps the surface's own colours. What KHR_lights_punctual has no words for stands in a light's
+    extras (`gltf.beyond`).
 
     Args:
         path: the file to write.
@@ -159,33 +157,17 @@ class GlbBuilder:
         self.add("nodes", {"name": "proxy", "mesh": self.add("meshes", {"name": "proxy", "primitives": primitives})})
 
     def add_material(self, material: Material) -> int:
-        shape: dict[str, Any] = {
-            "baseColorFactor": [*material.base_color.tolist(), 1.0],
-            "metallicFactor": material.metallic,
-            "roughnessFactor": material.roughness,
-        }
-        if material.base_color_texture is not None:
-            shape["baseColorTexture"] = self.add_texture(material.base_color_texture, material.base_color_wrap)
-        entry: dict[str, Any] = {"name": material.name, "pbrMetallicRoughness": shape, "doubleSided": True}
-        brightest = float(material.emissive.max())
-        if brightest > 0:
-            # A power of two, so that factor * strength gives the same bits back.
-            strength = 2.0 ** math.ceil(math.log2(brightest)) if brightest > 1 else 1.0
-            entry["emissiveFactor"] = (material.emissive / strength).tolist()
-            if strength != 1:
-                entry["extensions"] = {_STRENGTH: {"emissiveStrength": strength}}
-                self.used.add(_STRENGTH)
-            if material.emissive_texture is not None:
-                entry["emissiveTexture"] = self.add_texture(material.emissive_texture, material.emissive_wrap)
+        entry = material_entry(material, self.add_texture)
+        self.used.update(entry.get("extensions", {}))
         return self.add("materials", entry)
 
-    def add_texture(self, image: F32, wraps: Wraps) -> dict[str, int]:
-        """Add a picture (H, W, 3) as PNG and return what a material says of it."""
-        view = self.add_view(_png(image))
+    def add_texture(self, png: bytes, wraps: Wraps) -> dict[str, Any]:
+        """Add a picture's file and return what a material says of it."""
+        view = self.add_view(png)
         texture = {"source": self.add("images", {"bufferView": view, "mimeType": "image/png"})}
-        if wraps != ("repeat", "repeat"):
-            s, t = (WRAP_NUMBERS[wrap] for wrap in wraps)
-            texture["sampler"] = self.add("samplers", {"wrapS": s, "wrapT": t})
+        sampler = wrap_numbers(wraps)
+        if sampler:
+            texture["sampler"] = self.add("samplers", sampler)
         return {"index": self.add("textures", texture)}
 
     def add_light(self, light: Light) -> None:
@@ -274,13 +256,3 @@ def _rotation_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _column_major(matrix: NDArray[np.float64]) -> list[float]:
     return [float(x) for x in matrix.T.reshape(-1)]
-
-
-def _png(linear: F32) -> bytes:
-    """8-bit sRGB PNG of a linear texture."""
-    from PIL import Image
-
-    stored = np.rint(np.clip(colour.srgb_encode(linear), 0, 1) * 255).astype(np.uint8)
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(stored)).save(stream, "PNG")
-    return stream.getvalue()

@@ -15,6 +15,7 @@ const LIGHT_NAMES = [
     'shadowSamples', 'shadowBlockerSamples'
 ];
 
+const GLASS_CLEAR = 0.9;  // share of clear glass's pixels that show what is behind it
 const constant = (value) => (typeof value === 'string' && value in pc ? pc[value] : value);
 const vector = (value) => new pc.Vec3(value ?? [0, 0, 0]);
 
@@ -151,16 +152,41 @@ async function addObjects(app, objects) {
     const asset = await load(app, 'objects', 'container', objects.file);
     const entity = asset.resource.instantiateRenderEntity({ castShadows: false, receiveShadows: true });
     const world = app.scene.layers.getLayerById(pc.LAYERID_WORLD);
-    for (const component of entity.findComponents('render')) world.addShadowCasters(component.meshInstances.map(twoSided));
+    ditherEvenly(app.graphicsDevice);
+    for (const component of entity.findComponents('render')) {
+        for (const { material } of component.meshInstances) ditherClear(material);
+        world.addShadowCasters(component.meshInstances.map(twoSided));
+    }
     place(entity, objects);
     app.root.addChild(entity);
+}
+
+// What is half there hides so many pixels in a pattern: were it blended, it would lie before or behind all splats. Glass
+// without a map of it does so, too; what it mirrors needs some pixels left.
+function ditherClear(material) {
+    if (material.blendType !== pc.BLEND_NORMAL) return;
+    if (!material.refractionMap) material.opacity *= 1 - GLASS_CLEAR * material.refraction;
+    material.refraction = 0;
+    material.useDynamicRefraction = false;
+    material.blendType = pc.BLEND_NONE;
+    material.depthWrite = true;
+    material.opacityDither = pc.DITHER_BAYER8;
+    material.update();
+}
+
+// The engine's pattern has alpha^(1 / 2.2) of the pixels; this one alpha of them.
+function ditherEvenly(device) {
+    const chunks = pc.ShaderChunks.get(device, pc.SHADERLANGUAGE_GLSL);
+    chunks.set('opacityDitherPS', chunks.get('opacityDitherPS').replace('noise = pow(noise, 2.2);', ''));
 }
 
 // The engine culls back faces in shadow maps too, so that a wall which turns its back to a light casts no shadow. This
 // copy is drawn into shadow maps alone, from both sides.
 function twoSided(instance) {
     const material = new pc.StandardMaterial();
+    const { opacity, opacityMap, opacityMapChannel, alphaTest, opacityDither } = instance.material;
     material.cull = pc.CULLFACE_NONE;
+    Object.assign(material, { opacity, opacityMap, opacityMapChannel, alphaTest, opacityShadowDither: opacityDither });
     material.update();
     const caster = new pc.MeshInstance(instance.mesh, material, instance.node);
     caster.castShadow = true;

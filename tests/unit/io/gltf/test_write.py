@@ -18,6 +18,7 @@ from mirelight.base.errors import InputError, OutputError
 from mirelight.io.gltf.scene import read_lights, read_scene
 from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.model import (
+    F32,
     F64,
     AreaLight,
     Camera,
@@ -127,6 +128,73 @@ def test_everything_comes_back(tmp_path: Path) -> None:
             assert getattr(back, name) == pytest.approx(getattr(camera, name), rel=1e-12), name
         assert (back.name, back.projection) == (camera.name, camera.projection)
         assert read.aspect == pytest.approx(camera.width / camera.height)
+
+
+def test_all_that_objects_have_of_materials_comes_back(tmp_path: Path) -> None:
+    """Finish, normals, cut-outs, half clear parts, reflectances, lacquer and glass, with their maps."""
+
+    def numbers(channels: int = 3, size: tuple[int, int] = (6, 5)) -> F32:
+        return RNG.integers(0, 256, (*size, channels)).astype(np.float32) / np.float32(255)
+
+    once, twice = numbers(1), numbers(1, (12, 10))
+    layers = numbers()
+    before = (
+        Material(
+            name="brushed", metallic=0.7, roughness=0.3, finish_texture=numbers(), finish_wrap=("clamp", "mirror")
+        ),
+        Material(name="stitched", normal_texture=numbers(), normal_wrap=("mirror", "repeat"), normal_scale=0.6),
+        Material(
+            name="leaf",
+            base_color_texture=colour.srgb_decode(numbers()),
+            base_color_wrap=("clamp", "clamp"),
+            alpha=0.9,
+            alpha_texture=np.repeat(once, 3, axis=2),
+            cutoff=0.35,
+        ),
+        Material(name="gauze", base_color=np.array([0.2, 0.3, 0.4]), alpha_texture=np.repeat(twice, 3, axis=2)),
+        Material(name="veil", alpha=0.25),
+        Material(name="diamond", specular=np.full(3, 0.17)),
+        Material(name="dull", specular=np.full(3, 0.04 * 0.3), specular_weight=0.3),
+        Material(
+            name="silk",
+            specular=np.array([0.02, 0.3, 0.04]) * 0.5,
+            specular_weight=0.5,
+            specular_texture=np.concatenate([colour.srgb_decode(numbers()), numbers(1)], axis=2),
+            specular_wrap=("mirror", "mirror"),
+        ),
+        Material(name="mirror", specular=np.ones(3)),
+        Material(
+            name="lens",
+            roughness=0.05,
+            clearcoat=0.8,
+            clearcoat_roughness=0.2,
+            transmission=0.9,
+            layer_texture=layers,
+            layer_wrap=("clamp", "clamp"),
+        ),
+    )
+    count = len(before)
+    corners = RNG.random((3 * count, 3), dtype=np.float32)
+    flat = ProxyMesh(
+        vertices=corners,
+        faces=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        uvs=np.ascontiguousarray(corners[:, :2]),
+        face_materials=np.arange(count, dtype=np.int32),
+        materials=before,
+    )
+    write_glb(tmp_path / "a.glb", flat)
+    after = read_scene(tmp_path / "a.glb", finish=True).mesh
+    assert after is not None and trimesh.load_scene(tmp_path / "a.glb", process=False).geometry
+    for old, new in zip(before, after.materials, strict=True):
+        for field in fields(Material):
+            name = (old.name, field.name)
+            was, now = getattr(old, field.name), getattr(new, field.name)
+            if name == ("gauze", "base_color_texture"):  # alpha alone: white
+                assert (now == 1).all()
+            elif isinstance(was, np.ndarray | float):
+                np.testing.assert_allclose(now, was, atol=1e-6, err_msg=str(name))
+            else:
+                assert now == was, name
 
 
 def test_a_second_writing_gives_the_same_bytes(tmp_path: Path) -> None:

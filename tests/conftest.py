@@ -12,16 +12,28 @@ from uuid import uuid4
 
 import pytest
 
+from tests.threads import BESIDE, share_cores
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_configure() -> None:
     """Ctrl-C as Python has it: a shell that runs the tests in the background has it ignored. And bytecode is kept: else
     each of the hundreds of processes that tests start compiles the package."""
+    if BESIDE > 1:  # for what each process starts, too
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", str(max((os.cpu_count() or 1) // BESIDE, 1)))
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _share_of_the_cores() -> Iterator[None]:
+    """Of several processes that run tests, each begins with its own cores' worth of threads."""
+    with pytest.MonkeyPatch.context() as patch:
+        share_cores(patch)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

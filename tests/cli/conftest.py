@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from mirelight.cli import main
+from tests.threads import share_cores
 
 from .ball import write_ball
 
@@ -102,6 +103,7 @@ def _main(arguments: tuple[str, ...], folder: Path, variables: dict[str, str], o
     ):
         os.dup2(os.open(path, flags), number)
     sys.path.insert(0, str(folder))
+    share_cores(pytest.MonkeyPatch())
     sys.exit(main(arguments))
 
 

@@ -25,6 +25,7 @@ _BALL = 32  # rays all around, where rays decide
 _ENCLOSED = 0.75  # share of all directions that end on a back face, above which a camera is inside
 _SUSPECT = 0.05  # share of the picture below which rays decide
 _LITTLE = 0.02  # share of the picture that is hardly a picture
+_PAIRS = 100_000  # of a ray and a triangle, at a time
 _NEAREST = 64  # points whose triangles are measured
 _SEVERAL = 4  # places that tell a room from a solid
 _MOST = 50  # cameras, and places of lamps, that are looked at before a render
@@ -293,18 +294,28 @@ def _ball() -> F64:
 
 def _hits(surface: _Surface, origins: F64, directions: F64, near: float, far: float) -> Iterator[float]:
     """What each ray meets first: 1 a front, -1 a back, 0 nothing. Möller and Trumbore (1997), on the triangles whose
-    sphere it meets."""
+    sphere it meets; as many rays at a time as fit."""
+    many = max(1, _PAIRS // len(surface.middles))
     last: F64 | None = None
-    for o, d in zip(origins, directions, strict=True):
+    for i in range(0, len(origins), many):
+        o, d = origins[i : i + many], directions[i : i + many]
+        if (o == o[0]).all():
+            o = o[:1]
         if last is None or not np.array_equal(o, last):
-            away = surface.middles - o
-            outside = np.einsum("ni,ni->n", away, away) - surface.reach * (1 + 1e-9)
+            away = surface.middles - o[:, None]
+            outside = np.einsum("rfi,rfi->rf", away, away) - surface.reach * (1 + 1e-9)
             last = o
-        met = np.flatnonzero((away @ (d / np.linalg.norm(d))) ** 2 >= outside)
-        yield _first(surface.triangles[met], o, d, near, far)
+        along = (away @ (d / np.linalg.norm(d, axis=1, keepdims=True))[:, :, None])[..., 0]
+        ray, face = np.divmod(np.flatnonzero(along**2 >= outside), len(surface.middles))
+        side, t = _met(surface.triangles[face], np.broadcast_to(o, d.shape)[ray], d[ray], near, far)
+        out = np.zeros(len(d))
+        order = np.argsort(t, kind="stable")[::-1]
+        out[ray[order]] = side[order]  # the nearest, written last, stays
+        yield from out
 
 
-def _first(triangles: F64, o: F64, d: F64, near: float, far: float) -> float:
+def _met(triangles: F64, o: F64, d: F64, near: float, far: float) -> tuple[F64, F64]:
+    """Of N triangles with a ray each: the side (N,) that it meets, 0 for none, and how far along it, inf for none."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     e1, e2 = b - a, c - a
     p = np.cross(d, e2)
@@ -313,10 +324,7 @@ def _first(triangles: F64, o: F64, d: F64, near: float, far: float) -> float:
     q = np.cross(s, e1)
     with np.errstate(divide="ignore", invalid="ignore"):
         u = np.einsum("ni,ni->n", s, p) / det
-        v = q @ d / det
+        v = np.einsum("ni,ni->n", q, d) / det
         t = np.einsum("ni,ni->n", e2, q) / det
         there = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > near) & (t < far)
-    if not there.any():
-        return 0.0
-    nearest = int(np.argmin(np.where(there, t, np.inf)))
-    return 1.0 if np.cross(e1[nearest], e2[nearest]) @ d < 0 else -1.0
+    return np.where(there, np.sign(det), 0.0), np.where(there, t, np.inf)

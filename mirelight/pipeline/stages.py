@@ -209,10 +209,10 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
     settings = job.relight_of(lit.lighting if lit else None)
     made_by = provenance.of_frame(replace(job, relight=settings), lit.lighting.name if lit else "", key)
     made_by = replace(made_by, partial=unfinished)
+    captured = lit.captured if lit else None
     if splats is not None and lit is not None and lit.factor is not None:
         made = relighting.frame_of_splats(splats, _blended(scene, splats, lit.factor, settings), lit.new, made_by)
     else:
-        captured = lit.captured if lit else None
         if splats is not None and lit is not None and captured is not None and relighting.repairs(settings):
             captured = scene.repaired(captured, lit.sun, splats)
         new = lit.new if lit else None
@@ -229,7 +229,7 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
             noise=requirements.wants_noise(job),
         )
     if lit is not None and lit.lobes is not None:
-        made = relighting.with_lobes(made, lit.lobes, settings, lit.captured_lobes)
+        made = relighting.with_lobes(made, lit.lobes, settings, lit.captured_lobes, captured)
     front: SplatLayer | None = None
     objects = job.objects if lit is None else job.objects_of(lit.lighting, camera)
     if objects and lit is not None:

@@ -124,7 +124,8 @@ def relighter(
 
     def finished(rgba: F32, factor: F32 | None, objects: F32 | None, mirrored: F32 | None) -> F32:
         if lobes is not None and mirrored is not None:
-            rest = matt_share(*lobes, rgba[..., 3:], None if splats is None else unlit_rgba(splats), settings)
+            shown = None if splats is None else unlit_rgba(splats)
+            rest = matt_share(*lobes, rgba[..., 3:], shown, settings, captured)
             rgba = glossed(rgba, rest, replace(lobes[0], beauty=mirrored), settings)
         if objects is None:
             return rgba

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import mirelight
+from mirelight.base import colour
 from mirelight.base.errors import InputError
-from mirelight.model import Frame
+from mirelight.base.sh import C0
+from mirelight.io import splats
+from mirelight.lighting import Tracer
+from mirelight.model import (
+    F32,
+    Camera,
+    Deferred,
+    Frame,
+    Lighting,
+    PointLight,
+    RelightSettings,
+    RenderSettings,
+    SplatCloud,
+)
+from mirelight.model.dressing import dressed
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import prepare
 
@@ -73,3 +90,67 @@ def test_gloss_is_refused_where_it_is_not(folder: Path, change: str, said: str) 
     text = change + JOB.replace('lightings = "captured"', LAMP) + FLOOR
     with pytest.raises(InputError, match=said):
         made(folder, text.replace("[relight]", '[relight]\nmode = "tint"'))
+
+
+@pytest.mark.parametrize("shown", ["seen", "blurred", "not seen"])
+def test_a_captured_highlight_goes_as_far_as_it_is_there_and_the_new_one_comes(folder: Path, shown: str) -> None:
+    """A floor whose splats hold, in their base colour, what it mirrors of the captured lamp: under another lamp it is
+    what a tracer says of a floor that nobody captured. Where they do not hold it there is no hole either."""
+    old, new = (PointLight(name="lamp", position=np.array([x, 1.3, -0.5]), radius=0.1, intensity=4) for x in (-1, 1))
+    rough = FLOOR.replace("0.3", "0.3" if shown == "blurred" else "0.5")
+    (folder / "gloss.toml").write_text(JOB + rough, encoding="utf-8")
+    job = mirelight.load(folder / "gloss.toml")
+    assert job.proxy is not None
+    slope = np.linspace(0.45, 0.55, 4, dtype=np.float32)[:, None] * np.ones(3, np.float32)  # colours that somebody told
+    proxy = replace(job.proxy.value, vertex_colors=slope, albedo=None)
+    floor, camera = (
+        dressed(proxy, job.materials),
+        Camera.look_at((0, 2.5, 3.5), (0, 0, 0), 60, 40, yfov=45, name="above"),
+    )
+
+    def seen(lamp: PointLight) -> tuple[F32, F32]:
+        """(H, W, 3) light of a true floor, and of its lobe alone."""
+        settings, light = RenderSettings(spp=64), Lighting(lights=(lamp,))
+        matt, lobe = (Tracer(floor, settings, aovs=False, lobes=x).trace(light, camera).beauty for x in (False, True))
+        return np.asarray(matt + lobe, np.float32), lobe
+
+    (captured, before), (truth, after) = seen(old), seen(new)
+    held = captured - before if shown == "not seen" else captured
+    cloud = splats.read(folder / "splats.ply")
+    there = cloud.means[:, 1] == 0
+    eye = np.concatenate([cloud.means[there], np.ones((int(there.sum()), 1))], axis=1) @ camera.camera_from_world.T
+    column, row = (
+        camera.cx - camera.fx * eye[:, 0] / eye[:, 2] - 0.5,
+        camera.cy + camera.fy * eye[:, 1] / eye[:, 2] - 0.5,
+    )
+    light = np.stack(
+        [ndimage.map_coordinates(held[..., k], [row, column], order=1, mode="nearest") for k in range(3)], axis=1
+    )
+    baked = SplatCloud(
+        means=cloud.means[there],
+        quats=cloud.quats[there],
+        scales=cloud.scales[there],
+        opacities=np.full(int(there.sum()), 0.99, np.float32),
+        sh=((colour.srgb_encode(light.astype(np.float32)) - 0.5) / C0)[:, None, :].astype(np.float32),
+    )
+    relit = RelightSettings(mode="ratio", gloss=True)
+    scene = prepare(
+        replace(
+            job,
+            cameras=(camera,),
+            proxy=Deferred.of(proxy),
+            splats=Deferred.of(baked),
+            captured=Lighting(lights=(old,)),
+            lightings=(Lighting(name="new", lights=(new,), relight=relit),),
+            relight=relit,
+        )
+    )
+    frame = stages.frame(scene, camera, scene.job.lightings[0])
+    inside = ndimage.binary_erosion((truth[..., 1] > 0) & (frame.rgba[..., 3] > 0.9), iterations=2)
+    old_zone, new_zone = (inside & (x[..., 1] > 0.3 * x[..., 1].max()) for x in (before, after))
+    level = [float(frame.rgba[zone][:, :3].mean() / truth[zone].mean()) for zone in (old_zone, new_zone)]
+    assert float(captured[old_zone].mean()) > 1.5 * float(truth[old_zone].mean())
+    assert 0.75 < level[0] < 1.1, level  # 20 % of the matt surface's own light may be taken for gloss
+    assert level[1] == pytest.approx(1, abs=0.05)
+    darkest = np.min(frame.rgba[..., 1][old_zone] / truth[..., 1][old_zone])
+    assert darkest > 0.7

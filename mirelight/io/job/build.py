@@ -296,12 +296,13 @@ def _captured(
 def _as_captured(
     captured: Lighting | None, relight: model.RelightSettings, wrong: list[Mistake]
 ) -> tuple[tuple[Lighting, ...], list[bool]]:
-    """The captured light as the job's only lighting. It is compared with itself, so there is nothing to repair."""
+    """The captured light as the job's only lighting. It is compared with itself: there is nothing to repair, and gloss
+    that the capture has is not made anew."""
     if captured is None:
         remedy = 'add captured = "estimate", or name the light that the capture was made under'
         wrong.append(Mistake(("lightings",), "no captured light to render in", remedy))
         return (), []
-    return (replace(captured, name=CAPTURED, relight=replace(relight, repair=False)),), [False]
+    return (replace(captured, name=CAPTURED, relight=replace(relight, repair=False, gloss=False)),), [False]
 
 
 def _estimated(

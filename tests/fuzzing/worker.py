@@ -11,6 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 _opened: list[str] | None = None  # what was opened while a case ran
 
 
@@ -50,7 +52,9 @@ def _load() -> None:
     import mirelight.compositor
     import mirelight.io.job
     import mirelight.lighting
+    from tests.usd_readers import fork_readers
 
+    fork_readers(pytest.MonkeyPatch())
     assert DracoPy and OpenEXR and PIL and trimesh and mirelight
 
 

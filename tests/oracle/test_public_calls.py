@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,7 +15,12 @@ import pytest
 
 import mirelight
 from mirelight.model import Camera, Frame, Job
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.pipeline.stages import Lit
+from mirelight.store import Store
+from mirelight.store.folder import ASIDE
+
+from .shelf import SHIPPED
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ["render.spp=2", "resolution_scale=0.125"]
@@ -33,15 +40,24 @@ def test_readme_makes_the_files_of_the_command(tmp_path: Path, monkeypatch: pyte
 
     def small(path: str) -> Job:
         loaded.append(path)
-        return load(job_file, SMALL)
+        return load(job_file, [*SMALL, f"output.directory={json.dumps(str(tmp_path / 'own'))}"])
+
+    def kept(job: Job) -> Scene:
+        """The command is given the courtyard's colours, and finds those of the stage by itself."""
+        store = Store(job)
+        store.open()
+        return prepare(job, SHIPPED if name == "stage" else store.artefacts)
 
     monkeypatch.setattr(mirelight, "load", small, raising=False)
+    monkeypatch.setattr(mirelight, "prepare", kept, raising=False)
     monkeypatch.chdir(tmp_path)
     scope: dict[str, Any] = {}
     exec(compile(example(), "README.md", "exec"), scope)
     assert loaded == ["room.toml"]
     camera, lighting = scope["camera"].name, scope["lighting"].name
     chosen = ("--camera", camera, "--lighting", lighting, *(x for one in SMALL for x in ("--set", one)))
+    if name == "courtyard":
+        shutil.copytree(tmp_path / "own" / ASIDE / "scene", tmp_path / "out" / ASIDE / "scene")
     command = [sys.executable, "-m", "mirelight", "render", str(job_file), "-o", str(tmp_path / "out"), *chosen]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -57,7 +73,7 @@ def test_the_calls_are_shown() -> None:
 
 @pytest.fixture(scope="module")
 def scene() -> Any:
-    return mirelight.prepare(mirelight.load(ROOT / "scenes" / "stage" / "job.toml", SMALL))
+    return mirelight.prepare(mirelight.load(ROOT / "scenes" / "stage" / "job.toml", SMALL), SHIPPED)
 
 
 def test_wrong_arguments_get_one_clear_line(scene: Any) -> None:

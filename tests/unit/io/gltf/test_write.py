@@ -134,7 +134,7 @@ def test_all_that_objects_have_of_materials_comes_back(tmp_path: Path) -> None:
     """Finish, normals, cut-outs, half clear parts, reflectances, lacquer and glass, with their maps."""
 
     def numbers(channels: int = 3, size: tuple[int, int] = (6, 5)) -> F32:
-        return RNG.integers(0, 256, (*size, channels)).astype(np.float32) / np.float32(255)
+        return np.asarray(RNG.integers(0, 256, (*size, channels)) / np.float32(255), np.float32)
 
     once, twice = numbers(1), numbers(1, (12, 10))
     layers = numbers()

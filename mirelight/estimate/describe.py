@@ -48,7 +48,7 @@ def described(found: Estimate) -> Iterator[str]:
     yield f"told by      {c.places:,} splats on the proxy; {c.blocked:.0%} of their view is other surfaces"
     yield f"checked      halves of the splats give light that differs by {c.halves_apart:.0%}"
     if found.sun.any():
-        yield f"             edges of its shadows speak {_spoken(c.sun_beaten)} standard errors"
+        yield f"             edges of its shadows speak {_spoken(c.sun_beaten)} deviations"
     else:
         yield f"             and explains {c.held_out:.0%} of the differences in the other half"
 

@@ -75,3 +75,10 @@ def sphere(count: int) -> F64:
     phi = np.arange(count) * np.pi * (3 - np.sqrt(5.0))
     s = np.sqrt(1 - y * y)
     return np.stack([s * np.cos(phi), y, s * np.sin(phi)], axis=-1)
+
+
+def ring(way: F64, degrees: float) -> F64:
+    """(8, 3) directions around one (3,), that far from it."""
+    turn, s = np.arange(8) * np.pi / 4, np.sin(np.radians(degrees))
+    local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(degrees)))], axis=-1)
+    return np.asarray(np.einsum("dk,kj->dj", local, conventions.frame_around(way)))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import RenderError
 from mirelight.estimate import fit, lamps, sun
+from mirelight.estimate.edges import Spoken, spoken
 from mirelight.estimate.fit import Fitted, Pairs
 from mirelight.estimate.groups import groups
 from mirelight.estimate.sky import PATCHES, as_map, glow
@@ -78,9 +79,10 @@ def estimate(
     halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
     pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
-    suns = [_searched(half, p, rng) for half, p in zip(halves, pairs, strict=True)]
+    edges = spoken(places.close, np.random.default_rng(settings.seed))
+    suns = [_searched(half, p, rng, edges) for half, p in zip(halves, pairs, strict=True)]
     every = fit.pairs_of(places.points, places.color, rng)
-    best, gain = _best(places, every, suns)
+    best, gain = _best(places, every, suns, edges)
     found = [_settled(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
     if len(shining):
@@ -102,7 +104,7 @@ def estimate(
         scale_known=known,
         sun_gain=gain,
         sun_apart=_apart(suns),
-        sun_beaten=math.nan if best.sun is None else sun.beaten(Search.of(halves[0], pairs[0]), best.sun.to_sun),
+        sun_beaten=math.nan if best.sun is None else edges.beaten(best.sun.to_sun),
         sun_disc=(_diameter(radii[0]), _diameter(radii[1])),
         halves_apart=fit.differ(*both),
         held_out=float(np.mean([_explained(halves[1 - k], pairs[1 - k], found[k]) for k in (0, 1)])),
@@ -126,19 +128,22 @@ def _diameter(radius: float) -> float:
     return max(2 * radius, _LEAST_DISC)
 
 
-def _searched(half: Places, pairs: Pairs, rng: np.random.Generator) -> Sun | None:
+def _searched(half: Places, pairs: Pairs, rng: np.random.Generator, edges: Spoken) -> Sun | None:
     """Of the suns that may have shone the one with which light explains the half best where proxy and picture agree;
-    None where there is none.
+    None where there is none. Where edges of shadows surely tell which it was, it is that.
 
     The search asks with a steady sky and one albedo for all; where a proxy is bumpy the whole fit alone tells suns
     apart.
     """
     some = half.taken(_thinned(half))
-    suns = sun.search(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
+    search = Search.of(some, fit.pairs_of(some.points, some.color, rng))
+    suns = sun.voted(search, edges, 1 if edges.sure else TUNING.sun_voted)
+    if not edges.sure:
+        suns += sun.search(search)
     best = max((_agreed(half, pairs, one) for one in suns), key=lambda tried: tried.gain, default=None)
     if best is None or best.light.sun is None:
         return None
-    return sun.moved(half, best.pairs, best.light.sun, best.light.light)
+    return sun.moved(half, best.pairs, best.light.sun, best.light.light, edges)
 
 
 def _named(found: _Found, places: Places) -> F64:
@@ -268,7 +273,7 @@ def _descended(task: _Task, start: tuple[float, float] | None = None, steady: fl
     return _Found(task.sun, task.lamps, replace(light, sky=light.sky * shape[:, None]))
 
 
-def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found, float]:
+def _best(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken) -> tuple[_Found, float]:
     """The better of both halves' suns, moved to where all places like it best; and what it gains over none."""
     tried = [_agreed(places, pairs, one) for one in suns if one is not None]
     if not tried:
@@ -279,7 +284,7 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None]) -> tuple[_Found,
         gain = max(gain, best.gain)
     if gain < TUNING.least_gain or best.light.sun is None:
         return _fitted(places, pairs, None), gain
-    moved = sun.moved(places, best.pairs, best.light.sun, best.light.light)
+    moved = sun.moved(places, best.pairs, best.light.sun, best.light.light, edges)
     if moved.radius > TUNING.widest_sun:
         return _fitted(places, pairs, None), gain
     rough = _agreed(places, pairs, moved)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.base.conventions import frame_around
+from mirelight.estimate.edges import Spoken
 from mirelight.estimate.fit import Fitted, Pairs, compared, light_of, surely
-from mirelight.estimate.sky import sphere
+from mirelight.estimate.sky import ring, sphere
 from mirelight.estimate.transport import Places
 from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
@@ -75,34 +76,6 @@ class Search:
         changed = np.log1p(changed / np.maximum(changed.mean(axis=1, keepdims=True), 1e-12))
         return np.asarray(changed @ self.wanted() / np.maximum(changed.std(axis=1), 1e-12))
 
-    def votes(self, ways: F64, seen: F64, rival: F64 | float = 0.0) -> F64:
-        """(D,) how surely shadows of suns (D, 3), whose cosines are `seen` (D, N), are the picture's: by how much more
-        places in the sun show than those in its shadow, in the same plane, over what chance would give.
-
-        What a proxy gets wrong elsewhere has no part in it. Against a rival, by (V,) its :meth:`sides`, pairs vote that
-        both tell apart: to one sun's edges texture is no hindrance, as it takes no side.
-        """
-        _, _, vote, spread = self._in_plane()
-        side = self.sides(ways, seen) - rival
-        return np.asarray(side @ vote / np.sqrt(side**2 @ spread + 1e-24))
-
-    def sides(self, ways: F64, seen: F64) -> F64:
-        """(D, V) for the pairs in one plane: 1 where the first is in the sun and the second is not, -1 the other way
-        round, 0 where both are in either or do not face it; arguments as in :meth:`votes`."""
-        a, b, _, _ = self._in_plane()
-        lit, faces = seen > 0, ways @ self.places.normals.T > TUNING.sun_towards
-        return np.where(faces[:, a] & faces[:, b], lit[:, a].astype(np.float64) - lit[:, b], 0.0)
-
-    def _in_plane(self) -> tuple[NDArray[np.int64], NDArray[np.int64], F64, F64]:
-        """(V,) each, of pairs in one plane: first and second place, the vote, and the square of its weight."""
-        pairs, normals = self.pairs, self.places.normals
-        plane = np.einsum("nk,nk->n", normals[pairs.a], normals[pairs.b]) > TUNING.sun_plane
-        weight = self.weights[plane]
-        more = np.clip(
-            self.apart(self.log_color - np.log(self.even()))[plane], -TUNING.sun_most_vote, TUNING.sun_most_vote
-        )
-        return pairs.a[plane], pairs.b[plane], weight * more, weight**2
-
     def rough(self, seen: F64) -> float:
         """The least of a few losses of :meth:`losses`, of a sun of these cosines (N,)."""
         return float(self.losses(seen, TUNING.sun_albedos[1:2], TUNING.sun_shares[1:4:2]).min())
@@ -135,23 +108,28 @@ class Sun:
     start: tuple[float, float]  # mean albedo and share of the sun that it was found with
     # degrees: none of these surely explains less, as far as was asked
     radii: tuple[float, float] = (0.0, TUNING.sun_radii[-1])
+    least_said: float = -np.inf  # where it may be moved to: what shadows' edges say there at least
+
+    @property
+    def by_edges(self) -> bool:
+        """Whether shadows' edges tell where it is."""
+        return bool(np.isfinite(self.least_said))
 
 
 def search(of: Search) -> tuple[Sun, ...]:
-    """Suns that may have shone: the best of all directions, refined, and those that most shadows' edges vote for, each
-    with the disc that suits it; none where no sun reaches places.
+    """Suns that may have shone: the best of all directions, refined, each with the disc that suits it; none where no
+    sun reaches places.
 
     Through windows, and through the leaks of a proxy, a sun a few degrees off lights the wrong places, so directions
     are close; those are tried whose light lies where a little more of it would make albedos more alike.
     """
     directions = sphere(TUNING.sun_directions)
-    promise, votes = np.full(TUNING.sun_directions, -np.inf), np.full(TUNING.sun_directions, -np.inf)
+    promise = np.full(TUNING.sun_directions, -np.inf)
     for first in range(0, TUNING.sun_directions, _AT_ONCE):
         rows = slice(first, first + _AT_ONCE)
         seen = of.places.facing(directions[rows])
         enough = (seen > 0).mean(axis=1) >= TUNING.sun_least_lit
         promise[rows] = np.where(enough, of.promise(seen), -np.inf)
-        votes[rows] = np.where(enough, of.votes(directions[rows], seen), -np.inf)
     tried = np.argsort(-promise, kind="stable")[: TUNING.sun_tried]
     tried = tried[np.isfinite(promise[tried])]
     if not len(tried):
@@ -160,38 +138,18 @@ def search(of: Search) -> tuple[Sun, ...]:
     def losses(near: F64) -> F64:
         return np.array([of.losses(one).min() for one in of.places.facing(near)])
 
-    def against(near: F64) -> F64:
-        return -of.votes(near, of.places.facing(near))
-
     rough = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
-    found = [
-        _with_disc(of, _refined(losses, directions[tried[k]]))
-        for k in _apart(directions[tried], rough, TUNING.sun_starts)
-    ]
-    for k in _apart(directions, -votes, TUNING.sun_voted):
-        way = _refined(against, directions[k])
-        if all(way @ one.to_sun < np.cos(np.radians(TUNING.sun_same)) for one in found):
-            found.append(_with_disc(of, way, (TUNING.sun_voted_radius,)))
-    return tuple(found)
+    starts = _apart(directions[tried], rough, TUNING.sun_starts)
+    return tuple(_with_disc(of, _refined(losses, directions[tried[k]])) for k in starts)
 
 
-def beaten(of: Search, way: F64) -> float:
-    """Standard errors by which shadows' edges speak for the likeliest sun elsewhere rather than for one in a direction
-    (3,); below 0: they speak for this one.
-
-    How much of the colours' differences a light explains tells little of it where surfaces have texture, however right
-    the light; of two suns the right one has the edges on which they disagree.
-    """
-    rivals = sphere(TUNING.sun_rivals)
-    rivals = rivals[rivals @ way < TUNING.sun_elsewhere]
-    own = of.sides(way[None], of.places.facing(way[None]))[0]
-    most = -np.inf
-    for first in range(0, len(rivals), _AT_ONCE):
-        ways = rivals[first : first + _AT_ONCE]
-        seen = of.places.facing(ways)
-        votes = of.votes(ways, seen, own)
-        most = max(most, float(np.max(votes, where=(seen > 0).mean(axis=1) >= TUNING.sun_least_lit, initial=-np.inf)))
-    return most
+def voted(of: Search, edges: Spoken, most: int) -> tuple[Sun, ...]:
+    """The suns for which shadows' edges speak most, with a disc to start from: on a proxy that hides a sun from the
+    search its edges tell none."""
+    return tuple(
+        replace(_with_disc(of, way, (TUNING.sun_voted_radius,)), least_said=score - TUNING.sun_said)
+        for way, score in zip(edges.ways[:most], edges.scores[:most], strict=True)
+    )
 
 
 def _apart(directions: F64, losses: F64, count: int) -> list[int]:
@@ -205,24 +163,17 @@ def _apart(directions: F64, losses: F64, count: int) -> list[int]:
     return out
 
 
-def _refined(losses: Callable[[F64], F64], way: F64) -> F64:
-    """Steps to the better of eight neighbours, ever smaller."""
+def _refined(losses: Callable[[F64], F64], way: F64, steps: Sequence[float] = TUNING.sun_steps, most: int = 4) -> F64:
+    """Steps to the better of eight neighbours, ever smaller, each size `most` times at most."""
     least = float(losses(way[None])[0])
-    for step in TUNING.sun_steps:
-        for _ in range(4):
-            near = _ring(way, step)
+    for step in steps:
+        for _ in range(most):
+            near = ring(way, step)
             found = losses(near)
             if found.min() >= least:
                 break
             way, least = near[int(found.argmin())], float(found.min())
     return way
-
-
-def _ring(way: F64, degrees: float) -> F64:
-    """(8, 3) directions around one, that far from it."""
-    turn, s = np.arange(8) * np.pi / 4, np.sin(np.radians(degrees))
-    local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(degrees)))], axis=-1)
-    return np.asarray(np.einsum("dk,kj->dj", local, frame_around(way)))
 
 
 def _with_disc(of: Search, way: F64, tried: Sequence[float] = TUNING.sun_radii) -> Sun:
@@ -290,8 +241,10 @@ def firm(places: Places, found: Sun) -> NDArray[np.bool_]:
     return np.asarray(rows)
 
 
-def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
+def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted, edges: Spoken) -> Sun:
     """The sun at the direction, and with the disc, that explain the colours best with the radiances held.
+
+    One that edges tell stays where they say about as much: bumps of a proxy pull it to where they are lit more alike.
 
     The disc is the median of those tried, each as likely as by how many standard errors it explains less than the best:
     where the proxy misfits, shadows' edges tell little, and the least loss is by chance that of a far too sharp one.
@@ -303,17 +256,17 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted) -> Sun:
         shown = disc(places, way, radius, points)[:, None] * light.beams[0]
         return compared(places.color, sky + shown, pairs)
 
-    way = found.to_sun
-    least = losses(way, found.radius, TUNING.sun_few).sum()
-    for step in TUNING.sun_steps[1:]:
-        for _ in range(3):
-            near = _ring(way, step)
-            tried = [losses(one, found.radius, TUNING.sun_few).sum() for one in near]
-            if min(tried) >= least:
-                break
-            way, least = near[int(np.argmin(tried))], min(tried)
+    def all_losses(near: F64) -> F64:
+        out = np.array([losses(one, found.radius, TUNING.sun_few).sum() for one in near])
+        if found.by_edges:
+            out[edges.score(near) < found.least_said] = np.inf
+        return out
+
+    way = _refined(all_losses, found.to_sun, TUNING.sun_steps[1:], 3)
     middle = TUNING.sun_radii.index(found.radius)
     radii = np.array(TUNING.sun_radii[max(middle - TUNING.sun_near, 0) : middle + TUNING.sun_near + 1])
+    if found.by_edges:  # there is a sun
+        radii = radii[radii <= TUNING.widest_sun]
     more, error = _compared_to_best(
         np.stack([losses(way, r, TUNING.sun_disc) for r in radii]), _blocks(places.points)[pairs.a]
     )

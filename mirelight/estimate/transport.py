@@ -29,6 +29,23 @@ _CHUNK = 1 << 20  # rays at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Close:
+    """Places, N of them and as close as the capture shows them, that nothing but their colour is known of."""
+
+    color: F64  # (N, 3) linear
+    points: F64  # (N, 3) world units, just off the surface
+    normals: F64  # (N, 3) unit, towards the side that was seen
+    sight: Sight  # for shadow rays
+
+    def __len__(self) -> int:
+        return len(self.color)
+
+    def taken(self, rows: NDArray[np.int64]) -> Close:
+        """The places of some rows (M,) alone."""
+        return replace(self, color=self.color[rows], points=self.points[rows], normals=self.normals[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Places:
     """Splats where they lie on the proxy, N of them, and what light reaches them from where.
 
@@ -44,7 +61,12 @@ class Places:
     met: F64  # (N, 3) linear: what the hemisphere's other part shows
     guessed: F64  # (N,) share of that part that no splat shows, so that its colour is of what lies beside it, 0..1
     named: F64  # (N, L) irradiance / pi that comes straight from each light that is known to have been there, at 1
-    sight: Sight  # for shadow rays
+    close: Close  # more places, as a whole even where these are some of them
+
+    @property
+    def sight(self) -> Sight:
+        """For shadow rays."""
+        return self.close.sight
 
     def __len__(self) -> int:
         return len(self.color)
@@ -171,6 +193,7 @@ def places_of(
     facing = face_normals(mesh)
     shown = _Shown.of(seen.deposits(TUNING.place_shown), mesh, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
+    close = _close(seen.deposits(TUNING.edge_places), mesh, sight, lift, rng)
     spread = _along(few.spread[sound], normals, TUNING.place_most_spread / TUNING.place_lift * lift)
     # single splats are uneven; colours of pictures are medians of many pixels
     even = color if views else np.maximum(evened(seen.samples, color, points, normals, spread), TUNING.place_darkest)
@@ -179,7 +202,7 @@ def places_of(
     step = max(_CHUNK // TUNING.place_rays, 1)
     for first in range(0, len(start), step):
         rows = slice(first, first + step)
-        directions = _cosine_directions(normals[rows], TUNING.place_rays, rng)
+        directions = cosine_directions(normals[rows], TUNING.place_rays, rng)
         origins = np.repeat(start[rows], TUNING.place_rays, axis=0)
         face, distance = sight.first_hits(origins, directions.reshape(-1, 3))
         hit = (face >= 0).reshape(directions.shape[:2])
@@ -207,8 +230,17 @@ def places_of(
         met=met,
         guessed=guessed,
         named=named,
-        sight=sight,
+        close=close,
     )
+
+
+def _close(deposits: Deposits, mesh: ProxyMesh, sight: Sight, lift: float, rng: np.random.Generator) -> Close:
+    """What a capture shows of the mesh, as it is."""
+    points, normals = deposits.on(mesh)
+    sound = _sound(deposits, normals)
+    points, normals = points[sound], normals[sound]
+    normals = _seen_side(points, normals, face_normals(mesh), sight, lift, rng)
+    return Close(deposits.color[sound], points + lift * normals, normals, sight)
 
 
 def _refuse_few(splats: SplatCloud) -> None:
@@ -243,14 +275,14 @@ def _open(start: F64, normals: F64, sight: Sight, rays: int, rng: np.random.Gene
     step = max(_CHUNK // rays, 1)
     for first in range(0, len(start), step):
         rows = slice(first, first + step)
-        directions = _cosine_directions(normals[rows], rays, rng)
+        directions = cosine_directions(normals[rows], rays, rng)
         blocked = sight.blocked(np.repeat(start[rows], rays, axis=0), directions.reshape(-1, 3))
         row, ray = np.nonzero(~blocked.reshape(directions.shape[:2]))
         np.add.at(out[rows], (row, patch_of(directions[row, ray])), 1 / rays)
     return out
 
 
-def _cosine_directions(normals: F64, count: int, rng: np.random.Generator) -> F64:
+def cosine_directions(normals: F64, count: int, rng: np.random.Generator) -> F64:
     """(N, count, 3) directions over each hemisphere by cosine: one spiral, turned and shifted anew for each place."""
     shift, turn = rng.random((2, len(normals), 1))
     k = np.arange(count)
@@ -266,7 +298,7 @@ def _seen_side(points: F64, normals: F64, facing: F64, sight: Sight, lift: float
     backs = []
     for side in (1.0, -1.0):
         n = side * normals
-        directions = _cosine_directions(n, 16, rng)
+        directions = cosine_directions(n, 16, rng)
         face, _ = sight.first_hits(np.repeat(points + lift * n, 16, axis=0), directions.reshape(-1, 3))
         back = (face >= 0) & (np.einsum("nk,nk->n", facing[face], directions.reshape(-1, 3)) > 0)
         backs.append(back.reshape(-1, 16).mean(axis=1))

@@ -75,12 +75,13 @@ class Tuning:
 
     # the sun's search (`sun`)
     sun_directions: int = 5000  # over the whole sphere: 3 degrees apart
-    sun_rivals: int = 1250  # over the whole sphere, that a sun which was found is compared with
     sun_tried: int = 1000  # of these, those of most promise
     sun_starts: int = 3  # of these, that are refined
-    # more of all, by votes of pairs across shadows' edges: what a proxy gets wrong hides a sun from the search
-    sun_voted: int = 3
-    sun_voted_radius: float = 0.5  # degrees, that these start with: such a proxy's edges tell no disc
+    # suns that edges speak for most, where they tell none surely: what a proxy gets wrong hides one from the search
+    sun_voted: int = 6
+    sun_voted_radius: float = 0.5  # degrees, that a sun told by edges starts with
+    # standard deviations of what edges say, by which they may say less where a sun that they tell is moved to
+    sun_said: float = 1.0
     sun_albedos: tuple[float, ...] = (0.2, 0.35, 0.6)  # mean ones that are tried
     # of the sun in the direct light that are tried
     sun_shares: tuple[float, ...] = (0.1, 0.25, 0.45, 0.65, 0.85, 0.95)
@@ -102,9 +103,27 @@ class Tuning:
     sun_changed: float = 0.02  # of the sun: more of it than that counts as a change
     sun_same: float = 1.0  # degrees between two suns that are one
     sun_elsewhere: float = cos(radians(16.0))  # from a sun: nearer ones share most of its shadows
-    sun_plane: float = 0.9  # least cosine between the planes of two places that a shadow's edge is looked for between
-    sun_towards: float = 0.1  # least cosine of both towards the sun
-    sun_most_vote: float = 1.5  # of the logarithm of albedo: what one pair counts at most
+
+    # edges of shadows (`edges`)
+    # places that edges are looked for between: with a third of them texture hid a sun that all tell
+    edge_places: int = 150000
+    edge_share: int = 4  # every such one of these is asked about all directions
+    edge_bands: tuple[int, ...] = (1, 4, 12, 48)  # first neighbours by nearness of each band, and the end of the last
+    edge_each: int = 2  # places of each band that a place is paired with
+    edge_plane: float = 0.9  # least cosine between the planes of both
+    edge_off: float = 0.3  # of the distance: how far off the other's plane one may lie
+    edge_most: float = 0.7  # of the logarithm of luminance: what one pair counts at most
+    edge_rays: int = 32  # from each place, that tell how much sky it sees
+    # of the sky: how bright surfaces are that hide it; shade that grows towards corners is no shadow's edge
+    edge_hidden: float = 0.7
+    edge_towards: float = 0.1  # least cosine of both towards the sun
+    edge_least_cosine: float = 0.02  # below which a place is not lit
+    edge_directions: int = 2500  # over the whole sphere: 4 degrees apart
+    edge_every: int = 25  # every such one of them is asked about all places, for what directions at random have
+    edge_tried: int = 12  # directions that are asked about all places
+    edge_refined: int = 4  # of these, that are moved to where edges say most
+    edge_steps: tuple[float, ...] = (2.0, 1.0, 0.5)  # degrees, of that
+    edge_apart: float = cos(radians(12.0))  # between two directions that are asked about
 
     # lamps (`lamps`)
     lamp_candidates: int = 2000  # points in the open space that are looked at

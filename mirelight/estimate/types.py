@@ -22,7 +22,7 @@ class Confidence:
     scale_known: bool  # from light between surfaces; otherwise albedos were made 0.35 in the mean
     sun_gain: float  # how much less alike surfaces come out without a sun; 0.1 hard, 0.02 soft, less: hardly one
     sun_apart: float  # degrees between the suns that two halves of the splats give; NaN where one gives none
-    sun_beaten: float  # standard errors by which shadows' edges speak for a sun elsewhere; below 0: for this one
+    sun_beaten: float  # deviations by which shadows' edges speak for a sun elsewhere; below 0: for this one
     sun_disc: tuple[float, float]  # degrees, the narrowest and the widest disc that may be its own by these splats
     halves_apart: float  # median factor, less 1, between the irradiances that both halves give
     held_out: float  # 0..1: of the colours' differences, the share that light from the other half explains

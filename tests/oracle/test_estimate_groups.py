@@ -13,7 +13,7 @@ from mirelight.estimate.transport import Places
 from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
 
-NO_RAYS: Any = None
+UNASKED: Any = None
 EVERY = np.ones(1200, bool)
 NONE = np.zeros(1200, bool)
 
@@ -34,7 +34,7 @@ def floor(view: F64, met: F64, seed: int) -> Places:
         met=met,
         guessed=np.zeros(len(view)),
         named=np.zeros((len(view), 0)),
-        sight=NO_RAYS,
+        close=UNASKED,
     )
 
 

@@ -7,13 +7,18 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 from mirelight.model import Camera, Job, camera_checks
 from mirelight.pipeline import keys, peak, requirements, stages
+from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
+from mirelight.pipeline.codecs import Codec, Packed
 from mirelight.pipeline.frames import effort
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store, write
+
+T = TypeVar("T")
 
 _SIDE = 96  # pixels of the measured frame's longer side
 _SPP = 4
@@ -58,7 +63,8 @@ def forecast(plan: Plan) -> Forecast:
     made, index = plan.keys, store.index()
     left = [g for g in plan.groups if not all(index.has(t) for t in g.tasks) or not store.has_layers(g.layers)]
     missing = {g.name: [t for t in g.tasks if g.layers or not index.has(t)] for g in left}
-    cost = _measured(job, missing[left[0].name][0]) if left else _Cost(composite=0, trace=0, finish=0, bytes=0)
+    nothing = _Cost(composite=0, trace=0, finish=0, bytes=0)
+    cost = _measured(job, missing[left[0].name][0], _SceneCache(store.artefacts)) if left else nothing
     seconds, size, traces = 0.0, 0.0, 0
     for group in left:
         pixels = group.camera.width * group.camera.height
@@ -125,15 +131,34 @@ def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> requi
     return made.needs(group.camera, wanted) if wanted else None
 
 
-def _measured(job: Job, task: FrameTask) -> _Cost:
+class _SceneCache(NullCache):
+    """What scenes need, found where a job keeps it and else kept in memory: it is made once, and nothing is written."""
+
+    def __init__(self, beneath: ArtefactCache) -> None:
+        self._beneath = beneath
+        self._made: dict[str, Packed] = {}
+
+    def get(self, key: str, codec: Codec[T]) -> T | None:
+        """Nothing of views: what they take is measured."""
+        if key in self._made:
+            return codec.unpack(self._made[key])
+        return self._beneath.get(key, codec) if codec.place == "scene" else None
+
+    def put(self, key: str, value: T, codec: Codec[T]) -> None:
+        """Keeps what is of a scene."""
+        if codec.place == "scene":
+            self._made[key] = codec.pack(value)
+
+
+def _measured(job: Job, task: FrameTask, kept: ArtefactCache) -> _Cost:
     small = task.camera.scaled(min(1.0, _SIDE / max(task.camera.width, task.camera.height)))
     spp = min(_SPP, job.render.spp)
     with tempfile.TemporaryDirectory() as folder:
         output = replace(job.output, store="frames" if job.output.store == "frames" else "both")
         # light on the surface is counted, not timed: gathering it takes longer than all the rest here
         quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp, indirect="traced"), output=output)
-        _once(prepare(quick), small, task, Path(folder))
-        scene = prepare(quick)
+        _once(prepare(quick, kept), small, task, Path(folder))
+        scene = prepare(quick, kept)
         if quick.splats is not None:
             _ = scene.compositor
         if task.lighting is not None:

@@ -12,7 +12,7 @@ import mirelight
 from mirelight.batch.forecast import forecast
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
-from mirelight.lighting import detail
+from mirelight.lighting import albedo, detail
 from mirelight.model import Camera, Frame, Material, ProxyMesh, SplatCloud
 from mirelight.pipeline import stages
 from mirelight.pipeline.plan import plan
@@ -148,7 +148,16 @@ def test_a_forecast_does_not_take_what_mirrors_show_for_light(folder: Path, monk
         inside.append(told[0] - before)
         return found
 
+    colored, colors = [0], albedo.vertex_colors
+
+    def found_colors(*given: Any, **named: Any) -> Any:
+        colored[0] += 1
+        return colors(*given, **named)
+
     monkeypatch.setattr(detail, "told", counted)
     monkeypatch.setattr(stages, "light", lit)
+    monkeypatch.setattr(albedo, "vertex_colors", found_colors)
     assert forecast(plan(made)).traces > 0
     assert inside == [1, 0]  # what compiles, and what is timed
+    assert (told, colored) == ([1], [1])
+    assert not (folder / "out").exists()

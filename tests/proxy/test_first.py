@@ -204,6 +204,7 @@ def test_cameras_beside_a_capture_are_rendered_too(
     assert work.cameras[0].name == "first" and len(work.cameras) == 1 + min(count, 3)
     assert np.linalg.norm(work.cameras[0].position) == pytest.approx(np.sqrt(40), rel=0.01)  # where one of them stood
     assert all(x.width == min(width, 960) for x in work.cameras[1:])
+    assert work.compositor.supersampling == (2 if width > 960 else 1)  # pictures are finer than frames
     if lens:
         assert all(x.position[1] == pytest.approx(2.0, abs=0.1) for x in work.cameras[1:])
         assert 'every = 17, resolution_scale = 0.25, distortion = "ignore"' in text

@@ -18,6 +18,7 @@ from mirelight.model import SplatCloud
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
+_SMALLER = 1.4  # times as many pixels to an angle, from which pictures are finer than frames: half way to twice
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
             else lighting.lightings(world, seen, wish.light, lit, dark, 1.0 if known is None else known.level, named)
         ),
         *objects.objects(wish.objects, seen, named),
-        *_rest(),
+        *_rest(finer=cameras is not None and _finer(cameras, seen, wish)),
     ]
     not_taken = tuple(str(x) for x in (misfit, unread, *dark) if x is not None)
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, not_taken)
@@ -266,7 +267,18 @@ def _captured(
     yield "environment = { radiance = 1.0 }"
 
 
-def _rest() -> Iterator[str]:
+def _finer(found: beside.Cameras, seen: view.FirstView, wish: Wish) -> bool:
+    """Whether the capture's pictures, as wide as its cameras say, have more pixels to an angle than frames."""
+    frames = seen.camera.fy * wish.resolution[1] / seen.camera.height
+    cameras = [x.to_camera(x.size(wish.resolution)) for x in found.cameras]
+    return float(np.median([x.fy for x in cameras])) > _SMALLER * frames
+
+
+def _rest(*, finer: bool) -> Iterator[str]:
+    if finer:
+        yield ""
+        yield "[compositor]"
+        yield "supersampling = 2 # frames are smaller than the pictures that the splats were made of"
     yield ""
     yield "[render]"
     yield "spp = 64 # samples a pixel; more is cleaner and slower"

@@ -18,7 +18,8 @@ def share_cores(patch: pytest.MonkeyPatch) -> None:
     from mirelight.base import backend
     from mirelight.batch.processes import threads_of
 
-    load, begun = backend._import_drjit, []
+    load = backend._import_drjit
+    begun: list[bool] = []
 
     def loaded() -> ModuleType:
         drjit = load()

@@ -57,11 +57,29 @@ def advice_on(capture: Capture, mesh: ProxyMesh, figures: Figures) -> tuple[str,
             f"({figures.pictures.splats_apart / size:.1%} off the splats' own surface)"
         )
     if not wrong:
-        return ()
-    better = _explained(capture, mesh)
-    if better:
-        return (*wrong, better)
-    return (*wrong, UNEXPLAINED)
+        return tuple(_on_floaters(capture, mesh))
+    return (*wrong, _explained(capture, mesh) or UNEXPLAINED)
+
+
+def _on_floaters(capture: Capture, mesh: ProxyMesh) -> Iterator[str]:
+    """A sentence where most splats lie far off a mesh that looks right."""
+    floating = _floating(capture, mesh)
+    if floating > TUNING.advice_floating:
+        many = f"{floating:.0%} of the splats float more than {TUNING.advice_float:.0%} of the size off it"
+        yield f"{many}; take them out in an editor of splats, as they are lit like what lies behind them"
+
+
+def _floating(capture: Capture, mesh: ProxyMesh) -> float:
+    """The share of the splats that lie far off a mesh, 0..1."""
+    from scipy.spatial import cKDTree
+
+    if not len(mesh.faces):
+        return 0.0
+    means = capture.splats.means
+    own = means[:: max(len(means) // TUNING.advice_points, 1)].astype(np.float64)
+    surface = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), TUNING.advice_surface)
+    far = cKDTree(surface).query(own, distance_upper_bound=2 * TUNING.advice_float * capture.radius)[0]
+    return float(np.isinf(far).mean())
 
 
 def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:

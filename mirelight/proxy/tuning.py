@@ -221,6 +221,11 @@ class Tuning:
     advice_waves: float = 5.0  # degrees, median (exact proxies 0.3 to 0.6, with noise of 0.2 % of the size 11)
     advice_apart: float = 1.5  # of how far the splats' own surface is from where pictures agree,
     advice_least_apart: float = 1e-3  # and of the capture's size
+    # share of the splats, more of which float if they lie so far off the mesh, in sizes of the capture: 1 to 4 % of
+    # those of trained captures do, and 79 % of a room's in a cloud of four times as many
+    advice_floating: float = 0.5
+    advice_float: float = 0.02
+    advice_surface: int = 100_000  # points of the mesh that tell it
     advice_points: int = 6_000  # on each side of a comparison
     advice_better: float = 0.5  # a guess must lower the distance to this share to be worth saying
 

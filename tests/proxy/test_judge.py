@@ -168,3 +168,21 @@ def test_the_heat_map_shows_every_view() -> None:
     for row in range(3):
         assert red[row * height // 3 : (row + 1) * height // 3].any()
     assert red[:, : width // 4].any()
+
+
+def test_splats_that_float_are_told_though_the_mesh_fits() -> None:
+    cloud = splats()
+    rng = np.random.default_rng(0)
+    low, high = cloud.means.min(axis=0) - 0.5, cloud.means.max(axis=0) + 0.5
+    rows = rng.integers(0, len(cloud), 2 * len(cloud))
+    opaque = (1.0, 0.06)  # fog that hides nothing
+    parts = [(cloud.means, np.arange(len(cloud))), (rng.uniform(low, high, (len(rows), 3)).astype(np.float32), rows)]
+    fog = replace(
+        cloud,
+        means=np.concatenate([means for means, _ in parts]),
+        opacities=np.concatenate([cloud.opacities[r] * k for k, (_, r) in zip(opaque, parts, strict=True)]),
+        **{name: np.concatenate([getattr(cloud, name)[r] for _, r in parts]) for name in ("quats", "scales", "sh")},
+    )
+    assert judge(cloud, mesh()).fits
+    quality = judge(fog, mesh())
+    assert "of the splats float" in quality.advice[-1]

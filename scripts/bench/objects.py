@@ -4,7 +4,8 @@
 
 Truth is Mitsuba's `path` on the textured scene with the objects in it, their look by glTF's formulas written anew. What
 is multiplied is the true captured picture, so that the splats' own error is not in it; colours of the proxy are told
-by true pictures from the capture's cameras. PSNR is of display values, with the truth's noise taken out.
+by true pictures from the capture's cameras. PSNR is of display values, with the truth's noise taken out. One way has
+nothing but splats and those pictures: its proxy is made of them, and its captured light found.
 """
 
 from __future__ import annotations
@@ -28,13 +29,25 @@ from bench.common import Table, table, truth_options
 from bench.objects_truth import Thing, bsdf, surface, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
-from mirelight import prepare
+from mirelight import estimate, prepare, proxy
 from mirelight.base.backend import mitsuba
 from mirelight.io import job as jobs
-from mirelight.model import F32, Camera, Deferred, Inserted, Job, Lighting, LightingBuffer, Material, ProxyMesh
+from mirelight.model import (
+    F32,
+    Camera,
+    Deferred,
+    Inserted,
+    Job,
+    Lighting,
+    LightingBuffer,
+    Material,
+    ProxyMesh,
+    RenderSettings,
+)
 from mirelight.pipeline import stages
 from mirelight.pipeline.artefact_cache import NullCache
 from mirelight.pipeline.codecs import Codec
+from mirelight.proxy.capture_views import capture_views
 
 T = TypeVar("T")
 Bool = NDArray[np.bool_]
@@ -85,7 +98,12 @@ class Yard:
         name = f"objects.taken.{width}x{height}.{spp}"
         taken = self._store.array(name, "true pictures", make, "scenes", where)
         whole = [np.concatenate([x, np.ones_like(x[..., :1])], axis=-1).astype(np.float32) for x in taken]
-        return replace(self._bare_job, capture_cameras=cameras, capture_pictures=tuple(Deferred.of(x) for x in whole))
+        return replace(
+            self._bare_job,
+            captured=self.recipe.captured,
+            capture_cameras=cameras,
+            capture_pictures=tuple(Deferred.of(x) for x in whole),
+        )
 
     @cached_property
     def _looks(self) -> Looks:
@@ -115,14 +133,36 @@ class Yard:
         """The job on the true surface with its textures, which no capture knows: what its proxy costs is not in it."""
         return replace(self._job, proxy=Deferred.of(surface(self._looks)), albedo_from_splats=False)
 
-    def made(self, lighting: Lighting, *, whole: bool, true: bool = False) -> tuple[F32, LightingBuffer]:
-        """(factor (H, W, 3), new light) of a lighting, with objects or without, on the proxy or the true surface."""
-        as_it_was = replace(self._job.relight, repair=False) if lighting is self.recipe.captured else None
-        job: Job = replace(
-            self._true_job if true else self._job,
+    @cached_property
+    def _found_job(self) -> Job:
+        """The job of who has splats and pictures alone: the proxy is made of them, and the captured light found."""
+        job, cameras, pictures = self._job, self._job.capture_cameras, self._job.capture_pictures
+        assert job.splats is not None
+        splats, of = job.splats.value, f"{self.camera.width > 64}"  # pictures of one size, or the quick run's
+
+        def mesh() -> ProxyMesh:
+            return proxy.make(splats, cameras=cameras).mesh
+
+        own = self._store.mesh(f"objects.own.{of}", "own proxies", mesh)
+        views = capture_views(splats, cameras, pictures)
+
+        def pack() -> F32:
+            return estimate.estimate(splats, own, RenderSettings(), views=views).packed().astype(np.float32)
+
+        packed = self._store.array(f"objects.light.{of}", "light estimated", pack, "light", (splats, own, views))
+        light = replace(estimate.lighting_of(packed.astype(np.float64)), name=self.recipe.captured.name)
+        return replace(job, proxy=Deferred.of(own), captured=light)
+
+    def made(self, lighting: Lighting, *, whole: bool, job: Job | None = None) -> tuple[F32, LightingBuffer]:
+        """(factor (H, W, 3), new light) of a lighting, with objects or without; `job`: the shipped proxy's, or
+        another's, whose captured light is the one that stays."""
+        job = job or self._job
+        stays = lighting is self.recipe.captured
+        new = job.captured if stays and job.captured is not None else lighting
+        job = replace(
+            job,
             objects=tuple(_inserted(x, s) for x, s in self._soups) if whole else (),
-            lightings=(replace(lighting, relight=as_it_was),),
-            captured=self.recipe.captured,
+            lightings=(replace(new, relight=replace(job.relight, repair=False) if stays else None),),
         )
         scene = prepare(job, self._kept)
         lit = stages.light(scene, self.camera, job.lightings[0])
@@ -137,12 +177,14 @@ class Yard:
         (plain, bare), (whole, new) = self.made(lighting, whole=False), self.made(lighting, whole=True)
         assert new.objects is not None
         zones = self._zones(truth, new.objects)
-        on_true, of_true = self.made(lighting, whole=True, true=True)
+        on_true, of_true = self.made(lighting, whole=True, job=self._true_job)
+        found, of_found = self.made(lighting, whole=True, job=self._found_job)
         ways = {
             "pasted": (plain, new),
             "with the sun's shadow": (plain * _sun_left(bare, new), new),
             "mirelight": (whole, new),
             "on the true surface": (on_true, of_true),
+            "own proxy, light estimated": (found, of_found),
         }
         for way, (factor, light) in ways.items():
             assert light.objects is not None

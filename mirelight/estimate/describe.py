@@ -58,7 +58,7 @@ def doubts(found: Estimate) -> Iterator[str]:
     c = found.confidence
     if found.sun.any() and not c.sun_beaten <= TUNING.doubt_beaten:
         yield "where the sun stood: edges of its shadows speak for another one, so its direction is a guess"
-    elif found.sun.any() and not c.sun_apart <= TUNING.doubt_apart and c.sun_beaten > -TUNING.doubt_beaten:
+    elif found.sun.any() and not c.sun_apart <= TUNING.doubt_apart and c.sun_beaten > -TUNING.edge_sure:
         yield "where the sun stood: halves of the splats disagree on it and no edges of shadows speak for it"
     if not c.halves_apart <= TUNING.doubt_halves_agree:
         yield "the light at places few splats see: the two halves of the splats disagree by more than 15 %"

@@ -100,7 +100,7 @@ class Spoken:
     @property
     def sure(self) -> bool:
         """Whether the first stands out so far that edges alone tell where the sun was."""
-        return len(self.ways) > 0 and -self.beaten(self.ways[0]) > TUNING.doubt_beaten
+        return len(self.ways) > 0 and -self.beaten(self.ways[0]) > TUNING.edge_sure
 
     def score(self, ways: F64) -> F64:
         """(D,) of suns in directions (D, 3)."""

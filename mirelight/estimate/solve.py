@@ -80,7 +80,7 @@ def estimate(
     rng = np.random.default_rng(settings.seed)
     pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
     edges = spoken(places.close, np.random.default_rng(settings.seed))
-    suns = [_searched(half, p, rng, edges) for half, p in zip(halves, pairs, strict=True)]
+    suns = _suns(halves, pairs, rng, edges)
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = _best(places, every, suns, edges)
     found = [_settled(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
@@ -128,19 +128,38 @@ def _diameter(radius: float) -> float:
     return max(2 * radius, _LEAST_DISC)
 
 
-def _searched(half: Places, pairs: Pairs, rng: np.random.Generator, edges: Spoken) -> Sun | None:
-    """Of the suns that may have shone the one with which light explains the half best where proxy and picture agree;
-    None where there is none. Where edges of shadows surely tell which it was, it is that.
+def _suns(halves: list[Places], pairs: list[Pairs], rng: np.random.Generator, edges: Spoken) -> list[Sun | None]:
+    """The sun by each half of the places; None where there is none.
 
-    The search asks with a steady sky and one albedo for all; where a proxy is bumpy the whole fit alone tells suns
-    apart.
+    Of those for which edges of shadows speak it is the one with which light explains both halves best: the one that
+    edges surely tell, and else that or one of the half's own search.
     """
-    some = half.taken(_thinned(half))
-    search = Search.of(some, fit.pairs_of(some.points, some.color, rng))
-    suns = sun.voted(search, edges, 1 if edges.sure else TUNING.sun_voted)
-    if not edges.sure:
-        suns += sun.search(search)
-    best = max((_agreed(half, pairs, one) for one in suns), key=lambda tried: tried.gain, default=None)
+    searches = []
+    for half in halves:
+        some = half.taken(_thinned(half))
+        searches.append(Search.of(some, fit.pairs_of(some.points, some.color, rng)))
+    most = 1 if edges.sure else TUNING.sun_voted
+    by_edges = [
+        [_agreed(half, p, one) for one in sun.voted(search, edges, most)]
+        for half, p, search in zip(halves, pairs, searches, strict=True)
+    ]
+    together = [sum(one.gain for one in both) for both in zip(*by_edges, strict=True)]
+    chosen = [[x[int(np.argmax(together))]] if together else [] for x in by_edges]
+    return [
+        _likeliest(half, p, [*own, *([] if edges.sure else _searched(half, p, search))], edges)
+        for half, p, search, own in zip(halves, pairs, searches, chosen, strict=True)
+    ]
+
+
+def _searched(half: Places, pairs: Pairs, search: Search) -> list[_Agreed]:
+    """Suns of the search. It asks with a steady sky and one albedo for all; where a proxy is bumpy the whole fit alone
+    tells suns apart."""
+    return [_agreed(half, pairs, one) for one in sun.search(search)]
+
+
+def _likeliest(half: Places, pairs: Pairs, tried: list[_Agreed], edges: Spoken) -> Sun | None:
+    """The sun with which light explains most where proxy and picture agree, moved to where the half likes it best."""
+    best = max(tried, key=lambda one: one.gain, default=None)
     if best is None or best.light.sun is None:
         return None
     return sun.moved(half, best.pairs, best.light.sun, best.light.light, edges)

@@ -78,7 +78,7 @@ class Tuning:
     sun_tried: int = 1000  # of these, those of most promise
     sun_starts: int = 3  # of these, that are refined
     # suns that edges speak for most, where they tell none surely: what a proxy gets wrong hides one from the search
-    sun_voted: int = 6
+    sun_voted: int = 8
     sun_voted_radius: float = 0.5  # degrees, that a sun told by edges starts with
     # standard deviations of what edges say, by which they may say less where a sun that they tell is moved to
     sun_said: float = 1.0
@@ -116,14 +116,15 @@ class Tuning:
     edge_rays: int = 32  # from each place, that tell how much sky it sees
     # of the sky: how bright surfaces are that hide it; shade that grows towards corners is no shadow's edge
     edge_hidden: float = 0.7
+    edge_sure: float = 2.0  # standard deviations by which one sun stands out where edges alone tell it
     edge_towards: float = 0.1  # least cosine of both towards the sun
     edge_least_cosine: float = 0.02  # below which a place is not lit
     edge_directions: int = 2500  # over the whole sphere: 4 degrees apart
     edge_every: int = 25  # every such one of them is asked about all places, for what directions at random have
-    edge_tried: int = 12  # directions that are asked about all places
+    edge_tried: int = 24  # directions that are asked about all places
     edge_refined: int = 4  # of these, that are moved to where edges say most
     edge_steps: tuple[float, ...] = (2.0, 1.0, 0.5)  # degrees, of that
-    edge_apart: float = cos(radians(12.0))  # between two directions that are asked about
+    edge_apart: float = cos(radians(6.0))  # between two of these
 
     # lamps (`lamps`)
     lamp_candidates: int = 2000  # points in the open space that are looked at
@@ -161,8 +162,9 @@ class Tuning:
     doubt_disc_known: float = 3.0
     # of the differences: a lamp that explains less may stand for what the proxy gets wrong
     doubt_sure_lamp: float = 0.01
-    # standard errors by which shadows' edges speak for another sun, above which a direction is a guess
-    doubt_beaten: float = 2.0
+    # standard deviations by which shadows' edges speak for another sun, above which a direction is a guess: below 3
+    # where the light as a whole rightly spoke against them
+    doubt_beaten: float = 4.0
     # degrees between the suns of both halves, above which it is one, too, unless edges speak for it by as much: 0.5 to
     # 7 of right ones on proxies made of trained splats, 63 of a wrong one
     doubt_apart: float = 20.0

@@ -231,7 +231,7 @@ def test_a_proxy_that_lets_light_in_where_there_was_a_wall_does_not_hide_the_sun
     places = transport.places_of(splats, leaky, SETTINGS)
     places = places.taken(np.arange(0, len(places), 3))
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
-    found = solve._searched(places, pairs, np.random.default_rng(1), NOTHING_SAID)
+    (found, _) = solve._suns([places, places], [pairs, pairs], np.random.default_rng(1), NOTHING_SAID)
     assert found is not None
     assert apart(found.to_sun, -ROOMS_SUN.direction) < 2
 
@@ -242,10 +242,10 @@ def test_the_whole_fit_chooses_between_suns(monkeypatch: pytest.MonkeyPatch) -> 
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
     wrong, right = (sun.Sun(way, 0.0, np.zeros(0), loss, (0.35, 0.45)) for way, loss in ((-TO_SUN, 0.0), (TO_SUN, 0.1)))
     monkeypatch.setattr(sun, "search", lambda of: (wrong, right))
-    found = solve._searched(places, pairs, np.random.default_rng(0), NOTHING_SAID)
+    (found, _) = solve._suns([places, places], [pairs, pairs], np.random.default_rng(0), NOTHING_SAID)
     assert found is not None and apart(found.to_sun, TO_SUN) < 3  # moved to where the places like it best
     monkeypatch.setattr(sun, "search", lambda of: ())
-    assert solve._searched(places, pairs, np.random.default_rng(0), NOTHING_SAID) is None
+    assert solve._suns([places, places], [pairs, pairs], np.random.default_rng(0), NOTHING_SAID) == [None, None]
 
 
 def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

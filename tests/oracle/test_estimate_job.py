@@ -84,7 +84,7 @@ def told(sun: float, *named: PointLight) -> Estimate:
 
 def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sure = told(2.0)
-    cases = ((-3.0, 1.0, 0), (4.0, 1.0, 1), (-3.0, 60.0, 0), (0.0, 60.0, 1))
+    cases = ((-3.0, 1.0, 0), (6.0, 1.0, 1), (-3.0, 60.0, 0), (0.0, 60.0, 1))
     for case, (beaten, apart, times) in enumerate(cases):
         found = replace(sure, confidence=replace(sure.confidence, sun_beaten=beaten, sun_apart=apart))
         monkeypatch.setattr("mirelight.estimate.estimate", lambda *_, found=found: found)
@@ -97,7 +97,7 @@ def test_a_doubted_one_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_even_light_takes_the_place_of_a_doubted_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As strong, said each time, and never where lamps were named; `mirelight estimate` writes what was found."""
     sure = told(2.0)
-    wrong = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
+    wrong = replace(sure, confidence=replace(sure.confidence, sun_beaten=6.0))
     monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: wrong)
     work, shelf = loaded(folder), Shelf()
     assert work.captured is not None and work.splats is not None and work.proxy is not None
@@ -128,7 +128,7 @@ def test_lamps_beside_one_wall_alone_are_doubted() -> None:
 def test_a_doubted_estimate_of_a_room_stays(folder: Path) -> None:
     """Even light would come through its windows alone."""
     sure = told(2.0)
-    wrong = replace(sure, confidence=replace(sure.confidence, sun_beaten=4.0))
+    wrong = replace(sure, confidence=replace(sure.confidence, sun_beaten=6.0))
     work = loaded(folder)
     assert work.splats is not None and work.proxy is not None
     around = work.proxy.value

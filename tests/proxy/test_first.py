@@ -260,7 +260,7 @@ def test_what_lies_beside_it_is_taken(tmp_path: Path, monkeypatch: pytest.Monkey
         scale_known=True,
         sun_gain=0.1,
         sun_apart=1.0,
-        sun_beaten=4.0 if doubted else -3.0,
+        sun_beaten=6.0 if doubted else -3.0,
         sun_disc=(0.53, 0.53),
         halves_apart=0.05,
         held_out=0.1,

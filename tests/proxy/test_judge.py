@@ -175,13 +175,16 @@ def test_splats_that_float_are_told_though_the_mesh_fits() -> None:
     rng = np.random.default_rng(0)
     low, high = cloud.means.min(axis=0) - 0.5, cloud.means.max(axis=0) + 0.5
     rows = rng.integers(0, len(cloud), 2 * len(cloud))
-    opaque = (1.0, 0.06)  # fog that hides nothing
-    parts = [(cloud.means, np.arange(len(cloud))), (rng.uniform(low, high, (len(rows), 3)).astype(np.float32), rows)]
+    every = np.concatenate([np.arange(len(cloud)), rows])
+    veil = np.concatenate([np.ones(len(cloud)), np.full(len(rows), 0.06)])  # fog that hides nothing
+    means = np.concatenate([cloud.means, rng.uniform(low, high, (len(rows), 3)).astype(np.float32)])
     fog = replace(
         cloud,
-        means=np.concatenate([means for means, _ in parts]),
-        opacities=np.concatenate([cloud.opacities[r] * k for k, (_, r) in zip(opaque, parts, strict=True)]),
-        **{name: np.concatenate([getattr(cloud, name)[r] for _, r in parts]) for name in ("quats", "scales", "sh")},
+        means=means,
+        opacities=(cloud.opacities[every] * veil).astype(np.float32),
+        quats=cloud.quats[every],
+        scales=cloud.scales[every],
+        sh=cloud.sh[every],
     )
     assert judge(cloud, mesh()).fits
     quality = judge(fog, mesh())

@@ -124,7 +124,7 @@ def _base_png(material: Material) -> bytes:
 def _spread(texels: NDArray[np.uint8], size: NDArray[np.intp]) -> NDArray[np.uint8]:
     """Texels at so many rows and columns, each the nearest."""
     rows, columns = (np.arange(n) * m // n for n, m in zip(size, texels.shape[:2], strict=True))
-    return texels[rows[:, None], columns]
+    return np.asarray(texels[rows[:, None], columns])
 
 
 def _encoded(linear: F32) -> NDArray[np.uint8]:

@@ -125,7 +125,7 @@ def _as_photographed(view: SplatLayer, picture: F32, gain: float) -> SplatLayer:
     counts = picture[..., 3] > TUNING.picture_counts
     if gain < 1:
         counts &= ~clipped  # white, of which no more is known than that it is above the gain
-    rgb = np.where(clipped[..., None], picture[..., :3], np.minimum(picture[..., :3] * gain, 1))
+    rgb = np.minimum(picture[..., :3] * np.where(clipped, 1, gain)[..., None], 1)
     there = np.where(counts, 1 - view.transmittance, 0)
     return replace(
         view,

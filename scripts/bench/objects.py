@@ -97,7 +97,8 @@ class Yard:
         where = [(x.world_from_camera, x.fx) for x in cameras]
         name = f"objects.taken.{width}x{height}.{spp}"
         taken = self._store.array(name, "true pictures", make, "scenes", where)
-        whole = [np.concatenate([x, np.ones_like(x[..., :1])], axis=-1).astype(np.float32) for x in taken]
+        seen = np.clip(taken, 0, 1)  # a camera's white is 1, the sun's disc included
+        whole = [np.concatenate([x, np.ones_like(x[..., :1])], axis=-1).astype(np.float32) for x in seen]
         return replace(
             self._bare_job,
             captured=self.recipe.captured,

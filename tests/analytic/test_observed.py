@@ -120,6 +120,18 @@ def test_pictures_stand_for_composites() -> None:
         np.testing.assert_array_equal(views[k].color, plain[k].color)
 
 
+def test_white_of_a_picture_is_white_however_bright_it_was() -> None:
+    """A picture of floats may hold the sun's disc; a capture's splats tell no more of it than that it was white."""
+    cloud = fuzzy()
+    plain = capture_views(cloud, VIEWS)
+    light = srgb_decode(plain[0].color / np.maximum(1 - plain[0].transmittance, 1e-6)[..., None])
+    seen = np.dstack([light, np.ones(light.shape[:2])]).astype(np.float32)
+    seen[18:20, 28:30, :3] = 4e4
+    view = capture_views(cloud, VIEWS[:1], [Deferred.of(seen)])[0]
+    assert view.color.max() <= 1
+    assert (view.color[18:20, 28:30] > 0.99 * (1 - view.transmittance[18:20, 28:30])[..., None]).all()
+
+
 def refused() -> F32:
     raise InputError("a.png", "an image that cannot be decoded")
 

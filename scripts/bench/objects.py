@@ -163,7 +163,8 @@ class Yard:
         job = replace(
             job,
             objects=tuple(_inserted(x, s) for x, s in self._soups) if whole else (),
-            lightings=(replace(new, relight=replace(job.relight, repair=False) if stays else None),),
+            # it follows the splats' own blur, which the true captured picture that is multiplied has none of
+            lightings=(replace(new, relight=replace(job.relight, repair=False)),),
         )
         scene = prepare(job, self._kept)
         lit = stages.light(scene, self.camera, job.lightings[0])

@@ -4,5 +4,5 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias, get_args
 
-Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "coco"]
+Layout: TypeAlias = Literal["nerf", "colmap", "tensoir", "olat", "hub", "coco", "tum"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)

@@ -129,7 +129,7 @@ COMMANDS = (
         ("kept",),
         "set",
         {
-            "--layout": ("nerf", "colmap", "olat", "x\x1b[2J"),
+            "--layout": ("nerf", "colmap", "olat", "tum", "x\x1b[2J"),
             "--lighting": NAMES,
             "--split": ("camera", "lighting", "both"),
             "--held-out": NUMBERS,

@@ -9,12 +9,14 @@ import math
 import re
 import shutil
 import tarfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pycolmap
 import pytest
+import trimesh
 from PIL import Image
 
 from mirelight import cli, dataset
@@ -265,6 +267,47 @@ def test_no_linear_pictures_where_none_are_wanted(folder: Path, tmp_path: Path) 
     assert not list(out.glob("*/hdr")) and not (out / "lamp" / "transforms_hdr.json").exists()
 
 
+def tum_list(path: Path) -> list[list[str]]:
+    """Rows of a list, as the benchmark's own tools split them."""
+    lines = path.read_text().replace(",", " ").replace("\t", " ").split("\n")
+    return [line.split(" ") for line in lines if line and not line.startswith("#")]
+
+
+@pytest.mark.parametrize("more", [(), ("--normalize",)])
+def test_a_sequence_of_the_tum_benchmark(folder: Path, tmp_path: Path, more: tuple[str, ...]) -> None:
+    """Poses, pictures and depth are those of the source, and points of the proxy lie where they say together."""
+    data, out = dataset.open(folder), export(folder, tmp_path, "tum", *more, "--lighting", "room", "lamp")
+    rig = load(out / "lights.json")
+    world = np.array(rig["world_from_job"])
+    room = out / "room"
+    poses, pictures, depths = (tum_list(room / f"{name}.txt") for name in ("groundtruth", "rgb", "depth"))
+    (lens,) = tum_list(room / "calibration.txt")
+    fx, fy, cx, cy = map(float, lens)
+    assert len(poses) == len(pictures) == len(depths) == 3
+    for i, (pose, picture, depth) in enumerate(zip(poses, pictures, depths, strict=True)):
+        assert pose[0] == picture[0] == depth[0] and float(pose[0]) == pytest.approx(i / 30, abs=1e-6)
+        camera, geometry = data.cameras[i], data.geometry(i)
+        x, y, z, w = map(float, pose[4:])
+        assert math.hypot(x, y, z, w) == pytest.approx(1, abs=1e-8)
+        turn = trimesh.transformations.quaternion_matrix([w, x, y, z])[:3, :3]
+        place = np.array([float(v) for v in pose[1:4]])
+        axes = world[:3, :3] / rig["scale"] @ camera.world_from_camera[:3, :3]
+        np.testing.assert_allclose(turn, axes * [1, -1, -1], atol=1e-7)  # x right, y down, z forward
+        np.testing.assert_allclose(place, (world @ camera.world_from_camera)[:3, 3], atol=1e-8)
+        shown = Image.open(room / picture[1])
+        assert shown.mode == "RGB"
+        expected = Pixels(partial(data.frame, i, "room"), display=data.index.display).rgb
+        np.testing.assert_array_equal(np.asarray(shown), expected)
+        there = np.asarray(Image.open(room / depth[1]))
+        assert there.dtype == np.uint16 and (there[geometry.depth == 0] == 0).all() and (there == 0).any()
+        np.testing.assert_allclose(there / 5000, geometry.depth * rig["scale"], atol=1.01e-4)
+        pixels, points = seen_points(data, i, rig)
+        own = (points - place) @ turn
+        on = np.stack([cx + fx * own[:, 0] / own[:, 2], cy + fy * own[:, 1] / own[:, 2]], axis=-1)
+        assert_shown(pixels, on + 0.5)  # its pixel centres are at whole numbers
+        np.testing.assert_allclose(there[pixels[:, 1], pixels[:, 0]] / 5000, own[:, 2], atol=2e-3)
+
+
 # --- light -----------------------------------------------------------------------------------------------------------
 
 
@@ -456,6 +499,7 @@ def test_the_page_s_code_loads_the_set(
     exec(code, {})
     printed = capsys.readouterr().out.strip()
     expected = {"nerf": "3", "colmap": "3", "tensoir": "(4, 4) RGBA", "hub": "RGBA orbit_0001"}
+    expected["tum"] = "(3, 8) (24, 24)"
     if layout == "olat":
         assert np.allclose(json.loads(printed), [-1, -0.2, 1])  # [-1, 1, 0.2] with Y up
     else:
@@ -495,6 +539,14 @@ def test_what_cannot_be_exported(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert cli.main([*wide, "--set", "output.store=layers"]) == 0
     assert cli.main(["export", str(tmp_path / "wide"), "--layout", "tensoir", "-o", str(tmp_path / "x")]) == 2
     assert "camera 'orbit.0001' is 24 x 16 pixels" in capsys.readouterr().err
+    (folder.parent / "far.toml").write_text(
+        JOB.replace("radius = 4", "radius = 40").replace("frames = 3", "frames = 1")
+    )
+    far = ["render", str(folder.parent / "far.toml"), "-q", "-o", str(tmp_path / "far"), "--set", "render.spp=1"]
+    assert cli.main([*far, "--set", "output.store=layers"]) == 0
+    assert cli.main(["export", str(tmp_path / "far"), "--layout", "tum", "-o", str(tmp_path / "x")]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1 and "nothing nearer than 13.1" in said[0]
     assert not (tmp_path / "x").exists()
 
 
@@ -563,6 +615,7 @@ def test_a_job_writes_its_data_sets_once_all_frames_are_there(
         (AT_END.replace("cc0-1.0", "a: b"), "cannot be a licence's name"),
         (AT_END + '[output]\nstore = "frames"\n', "'frames', but data sets are mixed from layers"),
         (AT_END.replace('"colmap"', '"tensoir"'), "camera 'wide' has another field of view"),
+        (AT_END.replace('"olat", "colmap"', '"tum"'), "camera 'wide' has another lens than 'orbit.0001'"),
         (AT_END.replace('"olat", ', "").replace('"colmap"', '"nerf"'), "camera 'wide' has another field of view"),
     ],
 )

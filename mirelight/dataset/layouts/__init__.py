@@ -19,6 +19,7 @@ from mirelight.dataset.layouts.olat import check_olat, write_olat
 from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture, Pixels, Shared
 from mirelight.dataset.layouts.points import points_of
 from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
+from mirelight.dataset.layouts.tum import check_tum, write_tum
 from mirelight.dataset.layouts.world import world_of
 from mirelight.model import Camera
 
@@ -39,6 +40,7 @@ __all__ = [
     "write_nerf",
     "write_olat",
     "write_tensoir",
+    "write_tum",
 ]
 
 
@@ -70,6 +72,13 @@ def _built_in(shared: Shared, lighting: str) -> str:
 
 def _webdataset(shared: Shared, lighting: str) -> str:
     return '- `webdataset.WebDataset("shards/train-000000.tar").decode("pilrgba")` reads the same shards.\n'
+
+
+def _sequence(shared: Shared, lighting: str) -> str:
+    return (
+        "- A folder a lighting is a sequence of 30 frames a second; depth is 5000 to the unit, and 0 beyond 13.1.\n"
+        "- `calibration.txt` has fx fy cx cy for pixel centres at whole numbers; there is no distortion.\n"
+    )
 
 
 WRITERS: Mapping[Layout, Writer] = {
@@ -113,5 +122,15 @@ WRITERS: Mapping[Layout, Writer] = {
         'sample = next(iter(data))\nprint(sample["png"].mode, sample["json"]["camera"])',
         configs,
         _webdataset,
+    ),
+    "tum": Writer(
+        check_tum,
+        write_tum,
+        "import numpy as np\nfrom PIL import Image\n\n"
+        'poses = np.loadtxt("{lighting}/groundtruth.txt", ndmin=2)  # time, tx ty tz, qx qy qz qw\n'
+        'time, name = open("{lighting}/depth.txt").readlines()[-1].split()\n'
+        'depth = np.asarray(Image.open("{lighting}/" + name)) / 5000\n'
+        "print(poses.shape, depth.shape)",
+        notes=_sequence,
     ),
 }

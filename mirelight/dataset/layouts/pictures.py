@@ -31,7 +31,7 @@ U8: TypeAlias = NDArray[np.uint8]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
 PARTS: tuple[Part, ...] = ("seen", "novel_view", "novel_light", "novel_both")
 _MILLIMETRES = 1000.0  # in a world unit, which is a metre
-_FARTHEST = 65535  # mm in a 16-bit depth
+_MOST = 65535  # steps of a 16-bit depth
 _SAME = 1e-6  # relative, of lenses
 
 
@@ -224,8 +224,13 @@ class Shared:
 
 def millimetres(depth: F32) -> NDArray[np.uint16]:
     """(H, W) depth in millimetres; 0, which loaders take as unknown, where there is none and beyond 65.5 m."""
-    mm = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64) * _MILLIMETRES)
-    return np.where((mm > 0) & (mm <= _FARTHEST), mm, 0).astype(np.uint16)
+    return depth_steps(depth, _MILLIMETRES)
+
+
+def depth_steps(depth: F32, per_unit: float) -> NDArray[np.uint16]:
+    """(H, W) depth in steps, so many to a unit of the world; 0 where there is none and beyond 65535 steps."""
+    steps = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64) * per_unit)
+    return np.where((steps > 0) & (steps <= _MOST), steps, 0).astype(np.uint16)
 
 
 def with_alpha(colors: F32, coverage: F32) -> U8:

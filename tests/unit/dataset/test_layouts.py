@@ -24,6 +24,7 @@ from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
 from mirelight.dataset.layouts.olat import check_olat
 from mirelight.dataset.layouts.pictures import file_names
 from mirelight.dataset.layouts.tensoir import check_tensoir
+from mirelight.dataset.layouts.tum import check_tum, write_tum
 from mirelight.io import owner
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP
@@ -206,6 +207,40 @@ def test_colmap(tmp_path: Path) -> None:
         "train": ["orbit_0001.png", "orbit_0002.png", "orbit_0001-2.png"],
         "test": ["living_room.png", "camera.png"],
     }
+
+
+def test_tum(tmp_path: Path) -> None:
+    """Depth that 16 bits do not hold is none; a picture without geometry has no line in depth.txt."""
+    seen = cameras(cx=14.5, fy=31.0)
+    check_tum(seen, Shared(near_far=(1, 20)))
+    frames = [*pictures(seen, depth=13.1, lighting="near"), *pictures(seen, depth=13.2, lighting="far")]
+    with Files(tmp_path) as files:
+        write_tum(files, [*frames, *pictures(seen)], Shared())
+    for lighting, expected in (("near", 65500), ("far", 0)):
+        rows = [x.split() for x in (tmp_path / lighting / "depth.txt").read_text().splitlines() if x[0] != "#"]
+        np.testing.assert_allclose([float(time) for time, _ in rows], np.arange(len(NAMES)) / 30, atol=1e-6)
+        for _, name in rows:
+            depth = np.asarray(Image.open(tmp_path / lighting / name))
+            assert depth.dtype == np.uint16 and (depth == expected).all()
+    assert not (tmp_path / "depth").exists() and "png" not in (tmp_path / "depth.txt").read_text()
+    assert len(np.loadtxt(tmp_path / "groundtruth.txt")) == len(NAMES)
+    assert np.loadtxt(tmp_path / "calibration.txt") == pytest.approx([seen[0].fx, 31, 14, seen[0].cy - 0.5])
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ({"projection": "orthographic"}, "is orthographic"),
+        ({"cx": 15.0}, "has another lens than 'orbit.0001'"),
+        ({"width": 33}, "is 33 x 24 pixels, and 'orbit.0001' 32 x 24"),
+    ],
+)
+def test_what_a_sequence_of_tum_cannot_hold(change: dict[str, Any], found: str) -> None:
+    seen = cameras()
+    with pytest.raises(InputError, match=re.escape(f"camera 'orbit.0002' {found}")):
+        check_tum([seen[0], replace(seen[1], **change), *seen[2:]], Shared())
+    with pytest.raises(InputError, match=r"nothing nearer than 13\.1"):
+        check_tum(seen, Shared(near_far=(14, 20)))
 
 
 def test_a_normalised_world(tmp_path: Path) -> None:

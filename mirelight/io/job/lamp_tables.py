@@ -35,8 +35,7 @@ TARGET = "[x, y, z], a point to shine at; instead of direction."
 _RADIUS = "Radius of a glowing sphere of the same candela, in world units; 0: hard shadows."
 _CANDELA = "Luminous intensity in candela, or what `unit` says."
 _LAMP_UNIT = (
-    "Of the intensity. lumen: all of its light; watt: the power of a Blender lamp. docs/explanation/lighting.md has "
-    "both."
+    "Of the intensity. lumen: all of its light; watt: the power of a Blender lamp. docs/reference/lights.md has both."
 )
 _SUN_UNIT = "Of the intensity. watt: W/m², the strength of a Blender sun; the same number."
 _TURN = "With ies, in degrees: turns it about that, counter-clockwise seen from behind the lamp."
@@ -316,7 +315,7 @@ class AreaTable(ColouredTable):
     unit: AreaUnit = Field(
         default="nit",
         description="Of the intensity. candela: on the axis; lumen: all of its light; watt: the power of a Blender "
-        "light of this size. docs/explanation/lighting.md has them.",
+        "light of this size. docs/reference/lights.md has them.",
     )
 
     @model_validator(mode="after")

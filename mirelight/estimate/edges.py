@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.fit import Pairs, surely
-from mirelight.estimate.sky import ring, sphere
+from mirelight.estimate.sky import apart, refined, sphere
 from mirelight.estimate.transport import Close, cosine_directions
 from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
@@ -31,13 +31,12 @@ class _Band:
     a: Int  # (V,)
     b: Int  # (V,)
     vote: F64  # (V,) how much more the first shows, weighed by how likely both are of one material
-    square: F64  # (V,) of the vote
 
     def said(self, lit: NDArray[np.bool_], faces: NDArray[np.bool_]) -> float:
         """Standard errors by which places in the sun show more, of places lit (N,) among those that face it (N,)."""
         known = faces[self.a] & faces[self.b] & (lit[self.a] != lit[self.b])
-        side = np.where(lit[self.a[known]], 1.0, -1.0)
-        return float(side @ self.vote[known] / np.sqrt(self.square[known].sum() + 1e-300))
+        side, vote = np.where(lit[self.a[known]], 1.0, -1.0), self.vote[known]
+        return float(side @ vote / np.sqrt((vote**2).sum() + 1e-300))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +70,7 @@ class Edges:
             alike = Pairs(a, b, np.ones(len(a), bool), white, np.ones(len(a))).weights(np.log(close.color))
             more = surely(shown[a] - shown[b], white[a].any(axis=1), white[b].any(axis=1))
             vote = alike * np.clip(more, -TUNING.edge_most, TUNING.edge_most)
-            bands.append(_Band(a, b, vote, vote**2))
+            bands.append(_Band(a, b, vote))
         return Edges(close, tuple(bands))
 
     def said(self, ways: F64) -> F64:
@@ -100,7 +99,7 @@ class Spoken:
     @property
     def sure(self) -> bool:
         """Whether the first stands out so far that edges alone tell where the sun was."""
-        return len(self.ways) > 0 and -self.beaten(self.ways[0]) > TUNING.edge_sure
+        return len(self.ways) > 0 and self._lead(self.ways[0], float(self.scores[0])) > TUNING.edge_sure
 
     def score(self, ways: F64) -> F64:
         """(D,) of suns in directions (D, 3)."""
@@ -109,18 +108,18 @@ class Spoken:
     def beaten(self, way: F64) -> float:
         """By how much edges speak rather for the likeliest sun elsewhere than for one in a direction (3,); below 0:
         they speak for this one."""
-        elsewhere = self.ways @ way < TUNING.sun_elsewhere
-        if not elsewhere.any():
-            return -float(self.score(way[None])[0])
-        return float(self.scores[elsewhere].max() - self.score(way[None])[0])
+        return -self._lead(way, float(self.score(way[None])[0]))
+
+    def _lead(self, way: F64, score: float) -> float:
+        """By how much a direction (3,) of that score leads the likeliest sun elsewhere."""
+        others = self.scores[self.ways @ way < TUNING.sun_elsewhere]
+        return score - (float(others.max()) if len(others) else 0.0)
 
 
 def _shade(close: Close, rng: np.random.Generator) -> F64:
     """(N,) logarithms of the light of an even sky, as a mean of a few places."""
     from scipy.spatial import cKDTree
 
-    if TUNING.edge_rays == 0:
-        return np.zeros(len(close))
     open_ = np.zeros(len(close))
     step = max((1 << 20) // TUNING.edge_rays, 1)
     for first in range(0, len(close), step):
@@ -144,16 +143,17 @@ def spoken(close: Close, rng: np.random.Generator) -> Spoken:
     directions = sphere(TUNING.edge_directions)
     said = few.said(directions)
     rough = _scores(said, _spread(said))
-    chosen = _apart(directions, rough, TUNING.edge_tried)
-    at_random = every.said(directions[:: TUNING.edge_every])
-    found = Spoken(directions[chosen], np.zeros(len(chosen)), every, _spread(at_random))
-    scores = found.score(found.ways)
-    order = np.argsort(-scores, kind="stable")
-    refined = [_refined(found, found.ways[k], float(scores[k])) for k in order[: TUNING.edge_refined]]
-    ways = np.array([way for way, _ in refined] + [found.ways[k] for k in order[TUNING.edge_refined :]])
-    scores = np.array([score for _, score in refined] + [scores[k] for k in order[TUNING.edge_refined :]])
-    kept = _apart(ways.reshape(-1, 3), scores, len(ways))
-    return Spoken(ways.reshape(-1, 3)[kept], scores[kept], every, found.spread)
+    chosen = apart(directions, -rough, TUNING.edge_tried, TUNING.edge_apart)
+    spread = _spread(every.said(directions[:: TUNING.edge_every]))
+
+    def losses(near: F64) -> F64:
+        return -_scores(every.said(near), spread)
+
+    ways, least = directions[chosen], losses(directions[chosen])
+    for k in np.argsort(least, kind="stable")[: TUNING.edge_refined]:
+        ways[k], least[k] = refined(losses, ways[k], TUNING.edge_steps, 3)
+    kept = apart(ways, least, len(ways), TUNING.edge_apart)
+    return Spoken(ways[kept], -least[kept], every, spread)
 
 
 def _spread(said: F64) -> F64:
@@ -166,26 +166,3 @@ def _spread(said: F64) -> F64:
 def _scores(said: F64, spread: F64) -> F64:
     """(D,) of what bands say (D, B) in their spreads (B,); never the best where it is not known."""
     return np.asarray(np.nan_to_num((said / spread).sum(axis=1), nan=-np.inf))
-
-
-def _refined(found: Spoken, way: F64, score: float) -> tuple[F64, float]:
-    """Steps to the best of eight neighbours, ever smaller."""
-    for step in TUNING.edge_steps:
-        for _ in range(3):
-            near = ring(way, step)
-            scores = found.score(near)
-            if scores.max() <= score:
-                break
-            way, score = near[int(scores.argmax())], float(scores.max())
-    return way, score
-
-
-def _apart(directions: F64, scores: F64, most: int) -> Int:
-    """Rows of the best directions (D, 3), none of them near another."""
-    out: list[int] = []
-    for k in np.argsort(-scores, kind="stable"):
-        if len(out) == most or not np.isfinite(scores[k]):
-            break
-        if all(directions[k] @ directions[j] < TUNING.edge_apart for j in out):
-            out.append(int(k))
-    return np.array(out, np.int64)

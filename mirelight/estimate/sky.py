@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -82,3 +83,29 @@ def ring(way: F64, degrees: float) -> F64:
     turn, s = np.arange(8) * np.pi / 4, np.sin(np.radians(degrees))
     local = np.stack([s * np.cos(turn), s * np.sin(turn), np.full(8, np.cos(np.radians(degrees)))], axis=-1)
     return np.asarray(np.einsum("dk,kj->dj", local, conventions.frame_around(way)))
+
+
+def apart(directions: F64, losses: F64, most: int, cosine: float) -> Int:
+    """Rows of at most so many of the best directions (D, 3), by their losses (D,), none as near to another as by that
+    cosine; those of infinite loss are none."""
+    out: list[int] = []
+    for k in np.argsort(losses, kind="stable"):
+        if len(out) == most or not np.isfinite(losses[k]):
+            break
+        if all(directions[k] @ directions[j] < cosine for j in out):
+            out.append(int(k))
+    return np.array(out, np.int64)
+
+
+def refined(losses: Callable[[F64], F64], way: F64, steps: Sequence[float], most: int) -> tuple[F64, float]:
+    """A direction (3,) in steps, in degrees, to the best of eight neighbours, each size `most` times at most; and its
+    loss. `losses` gives (D,) of directions (D, 3)."""
+    least = float(losses(way[None])[0])
+    for step in steps:
+        for _ in range(most):
+            near = ring(way, step)
+            found = losses(near)
+            if found.min() >= least:
+                break
+            way, least = near[int(found.argmin())], float(found.min())
+    return way, least

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.base.conventions import frame_around
 from mirelight.estimate.edges import Spoken
 from mirelight.estimate.fit import Fitted, Pairs, compared, light_of, surely
-from mirelight.estimate.sky import ring, sphere
+from mirelight.estimate.sky import apart, refined, sphere
 from mirelight.estimate.transport import Places
 from mirelight.estimate.tuning import TUNING
 from mirelight.model import F64
@@ -139,8 +139,8 @@ def search(of: Search) -> tuple[Sun, ...]:
         return np.array([of.losses(one).min() for one in of.places.facing(near)])
 
     rough = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
-    starts = _apart(directions[tried], rough, TUNING.sun_starts)
-    return tuple(_with_disc(of, _refined(losses, directions[tried[k]])) for k in starts)
+    starts = apart(directions[tried], rough, TUNING.sun_starts, TUNING.sun_starts_apart)
+    return tuple(_with_disc(of, refined(losses, directions[tried[k]], TUNING.sun_steps, 4)[0]) for k in starts)
 
 
 def voted(of: Search, edges: Spoken, most: int) -> tuple[Sun, ...]:
@@ -150,30 +150,6 @@ def voted(of: Search, edges: Spoken, most: int) -> tuple[Sun, ...]:
         replace(_with_disc(of, way, (TUNING.sun_voted_radius,)), least_said=score - TUNING.sun_said)
         for way, score in zip(edges.ways[:most], edges.scores[:most], strict=True)
     )
-
-
-def _apart(directions: F64, losses: F64, count: int) -> list[int]:
-    """The best directions, 12 degrees from each other."""
-    out: list[int] = []
-    for k in np.argsort(losses, kind="stable"):
-        if np.isfinite(losses[k]) and all(directions[k] @ directions[j] < np.cos(np.radians(12)) for j in out):
-            out.append(int(k))
-        if len(out) == count:
-            break
-    return out
-
-
-def _refined(losses: Callable[[F64], F64], way: F64, steps: Sequence[float] = TUNING.sun_steps, most: int = 4) -> F64:
-    """Steps to the better of eight neighbours, ever smaller, each size `most` times at most."""
-    least = float(losses(way[None])[0])
-    for step in steps:
-        for _ in range(most):
-            near = ring(way, step)
-            found = losses(near)
-            if found.min() >= least:
-                break
-            way, least = near[int(found.argmin())], float(found.min())
-    return way
 
 
 def _with_disc(of: Search, way: F64, tried: Sequence[float] = TUNING.sun_radii) -> Sun:
@@ -262,7 +238,7 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted, edges: Spoken
             out[edges.score(near) < found.least_said] = np.inf
         return out
 
-    way = _refined(all_losses, found.to_sun, TUNING.sun_steps[1:], 3)
+    way, _ = refined(all_losses, found.to_sun, TUNING.sun_steps[1:], 3)
     middle = TUNING.sun_radii.index(found.radius)
     radii = np.array(TUNING.sun_radii[max(middle - TUNING.sun_near, 0) : middle + TUNING.sun_near + 1])
     if found.by_edges:  # there is a sun

@@ -77,6 +77,7 @@ class Tuning:
     sun_directions: int = 5000  # over the whole sphere: 3 degrees apart
     sun_tried: int = 1000  # of these, those of most promise
     sun_starts: int = 3  # of these, that are refined
+    sun_starts_apart: float = cos(radians(12.0))  # between two of these
     # suns that edges speak for most, where they tell none surely: what a proxy gets wrong hides one from the search
     sun_voted: int = 8
     sun_voted_radius: float = 0.5  # degrees, that a sun told by edges starts with

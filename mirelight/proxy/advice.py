@@ -75,11 +75,16 @@ def _floating(capture: Capture, mesh: ProxyMesh) -> float:
 
     if not len(mesh.faces):
         return 0.0
-    means = capture.splats.means
-    own = means[:: max(len(means) // TUNING.advice_points, 1)].astype(np.float64)
+    own = _some(capture)
     surface = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), TUNING.advice_surface)
     far = cKDTree(surface).query(own, distance_upper_bound=2 * TUNING.advice_float * capture.radius)[0]
     return float(np.isinf(far).mean())
+
+
+def _some(capture: Capture) -> F64:
+    """(N, 3) where some of the splats are, evenly taken."""
+    means = capture.splats.means
+    return np.asarray(means[:: max(len(means) // TUNING.advice_points, 1)].astype(np.float64))
 
 
 def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:
@@ -97,8 +102,7 @@ def best_guess(capture: Capture, vertices: F64, faces: Int) -> F64:
 def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     from scipy.spatial import cKDTree
 
-    means = capture.splats.means
-    own = means[:: max(len(means) // TUNING.advice_points, 1)].astype(np.float64)
+    own = _some(capture)
     tree = cKDTree(own)
     on_mesh = spread(vertices, faces, TUNING.advice_points)
 

@@ -18,10 +18,8 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import Picture, Shared, check_pinholes
+from mirelight.dataset.layouts.pictures import Picture, Shared, check_pinholes, opencv_pose
 from mirelight.model import F32, Camera
-
-_OPENCV = np.diag([1.0, -1, -1])
 
 
 def check_coco(cameras: Sequence[Camera], shared: Shared) -> None:
@@ -98,22 +96,15 @@ def _camera(picture: Picture, shared: Shared) -> dict[str, Any]:
         "lighting": picture.lighting,
         "mask": _mask(picture),
         "K": [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]],
-        "world_from_camera": _pose(camera, shared).tolist(),
+        "world_from_camera": opencv_pose(camera, shared.world).tolist(),
     }
-
-
-def _pose(camera: Camera, shared: Shared) -> Matrix:
-    """(4, 4) in the data set's world, with the axes of `box_3d`."""
-    pose = conventions.rigid_part(shared.world @ camera.world_from_camera)
-    pose[:3, :3] = pose[:3, :3] @ _OPENCV
-    return pose
 
 
 def _seen(
     index: NDArray[np.uint16], picture: Picture, shared: Shared, kinds: Mapping[str, int]
 ) -> list[dict[str, Any]]:
     """What a view's annotations say, but for their numbers."""
-    back = np.linalg.inv(_pose(picture.camera, shared)) @ shared.world
+    back = np.linalg.inv(opencv_pose(picture.camera, shared.world)) @ shared.world
     out: list[dict[str, Any]] = []
     for place, one in enumerate(picture.objects, 1):
         mask = index == place

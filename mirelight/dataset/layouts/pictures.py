@@ -12,11 +12,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.base import colour
+from mirelight.base import colour, conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.io.cameras.colmap_write import Points
+from mirelight.io.cameras.reading import FLIP
 from mirelight.io.cameras.transforms import Z_UP
 from mirelight.io.png import encode_straight
 from mirelight.io.views import curve_of
@@ -32,7 +33,7 @@ SPLITS: tuple[Split, ...] = ("train", "val", "test")
 PARTS: tuple[Part, ...] = ("seen", "novel_view", "novel_light", "novel_both")
 _MILLIMETRES = 1000.0  # in a world unit, which is a metre
 _MOST = 65535  # steps of a 16-bit depth
-_SAME = 1e-6  # relative, of lenses
+SAME = 1e-6  # relative, of lenses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,6 +223,11 @@ class Shared:
         return np.asarray(pixels.geometry.normal @ turn, dtype=np.float32)
 
 
+def opencv_pose(camera: Camera, world: Matrix) -> Matrix:
+    """(4, 4) rigid, of a camera in a data set's world (4, 4): +Z ahead and +Y down, as OpenCV has them."""
+    return np.asarray(conventions.rigid_part(world @ camera.world_from_camera) @ FLIP)
+
+
 def millimetres(depth: F32) -> NDArray[np.uint16]:
     """(H, W) depth in millimetres; 0, which loaders take as unknown, where there is none and beyond 65.5 m."""
     return depth_steps(depth, _MILLIMETRES)
@@ -269,12 +275,12 @@ def check_lenses(source: Path, cameras: Sequence[Camera], *, shared: bool = True
         first = cameras[0]
         if camera.cx != camera.width / 2 or camera.cy != camera.height / 2:
             found = "has its principal point off the middle"
-        elif abs(camera.fx - camera.fy) > _SAME * camera.fx:
+        elif abs(camera.fx - camera.fy) > SAME * camera.fx:
             found = "has different focal lengths along x and y"
         elif square and camera.width != camera.height:
             found = f"is {camera.width} x {camera.height} pixels, and the layout's loaders take square ones alone"
         elif shared and (
-            abs(camera.fx * first.width - first.fx * camera.width) > _SAME * first.fx * camera.width
+            abs(camera.fx * first.width - first.fx * camera.width) > SAME * first.fx * camera.width
             or camera.width * first.height != camera.height * first.width
         ):
             found = f"has another field of view than {first.name!r}"

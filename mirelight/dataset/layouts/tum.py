@@ -21,14 +21,12 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import Picture, Shared, check_pinholes, depth_steps
-from mirelight.io.cameras.reading import FLIP
+from mirelight.dataset.layouts.pictures import SAME, Picture, Shared, check_pinholes, depth_steps, opencv_pose
 from mirelight.model import Camera
 
 STEPS = 5000.0  # of depth, in a world unit, which is a metre
 FARTHEST = 65535 / STEPS
 RATE = 30.0  # frames per second
-_SAME = 1e-6  # relative, of lenses
 _HEADS = {
     "rgb.txt": "# color images\n# timestamp filename\n",
     "depth.txt": "# depth maps\n# timestamp filename\n",
@@ -43,7 +41,7 @@ def check_tum(cameras: Sequence[Camera], shared: Shared) -> None:
         first = cameras[0]
         if (camera.width, camera.height) != (first.width, first.height):
             found = f"is {camera.width} x {camera.height} pixels, and {first.name!r} {first.width} x {first.height}"
-        elif any(abs(a - b) > _SAME * first.fx for a, b in zip(_lens(camera), _lens(first), strict=True)):
+        elif any(abs(a - b) > SAME * first.fx for a, b in zip(_lens(camera), _lens(first), strict=True)):
             found = f"has another lens than {first.name!r}"
         else:
             continue
@@ -89,7 +87,7 @@ def _lens(camera: Camera) -> tuple[float, float, float, float]:
 
 def _pose(camera: Camera, world: Matrix) -> list[float]:
     """tx ty tz qx qy qz qw of a camera in the data set's world."""
-    pose = conventions.rigid_part(world @ camera.world_from_camera) @ FLIP
+    pose = opencv_pose(camera, world)
     w, x, y, z = conventions.quaternion_from_rotation(pose[:3, :3]).tolist()
     return [*pose[:3, 3].tolist(), x, y, z, w]
 

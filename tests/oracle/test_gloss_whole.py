@@ -44,8 +44,22 @@ def made(folder: Path, text: str) -> Frame:
     return stages.frame(scene, job.cameras[0], job.lightings[0])
 
 
-def test_in_the_captured_light_a_glossy_floor_is_as_captured(folder: Path) -> None:
-    frame = made(folder, JOB + FLOOR)
+@pytest.mark.parametrize("listed", ["captured", "by its name"])
+def test_in_the_captured_light_a_glossy_floor_is_as_captured(folder: Path, listed: str) -> None:
+    low = JOB.replace("[-0.5, -1, -0.3]", "[0, -0.3, 1]")  # mirrored brighter than the splats show
+    text = low.replace("splats.ply", "two-coloured.ply")
+    cloud = splats.read(folder / "splats.ply")
+    splats.write(
+        replace(cloud, sh=np.where(cloud.means[:, :1, None] < 0, 0, 0.5) * np.ones_like(cloud.sh)),
+        folder / "two-coloured.ply",
+    )
+    if listed == "by its name":
+        before, after = text.split("[captured]\n")
+        light, rest = after.split("[render]")
+        light = light.replace("[[captured.lights]]", "[[lightings.lights]]")
+        before = before.replace('lightings = "captured"', 'captured = { lighting = "noon" }')
+        text = f'{before}[[lightings]]\nname = "noon"\n{light}[render]{rest}'
+    frame = made(folder, text + FLOOR)
     assert frame.unlit is not None
     lit = frame.unlit[..., 3] > 0.9
     np.testing.assert_allclose(frame.rgba[lit], frame.unlit[lit], rtol=0.02)

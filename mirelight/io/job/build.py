@@ -83,6 +83,9 @@ def build(source: Source, table: JobTable) -> Job:
     captured = _captured(table, lightings, assets, wrong) or _estimated(table, splats, proxy, assets, wrong)
     if any(isinstance(x, AsCaptured) for x in table.lightings):
         lightings, is_moment = _as_captured(captured, relight_settings(table), wrong)
+    elif captured is not None and any(x is captured for x in lightings):
+        listed, captured = captured, _unchanged(captured, relight_settings(table))
+        lightings = tuple(captured if x is listed else x for x in lightings)
 
     def objects(tables: list[ObjectTable]) -> tuple[model.Inserted, ...]:
         return inserted.named_apart([assets.inserted(x) for x in tables])
@@ -296,13 +299,18 @@ def _captured(
 def _as_captured(
     captured: Lighting | None, relight: model.RelightSettings, wrong: list[Mistake]
 ) -> tuple[tuple[Lighting, ...], list[bool]]:
-    """The captured light as the job's only lighting. It is compared with itself: there is nothing to repair, and gloss
-    that the capture has is not made anew."""
+    """The captured light as the job's only lighting."""
     if captured is None:
         remedy = 'add captured = "estimate", or name the light that the capture was made under'
         wrong.append(Mistake(("lightings",), "no captured light to render in", remedy))
         return (), []
-    return (replace(captured, name=CAPTURED, relight=replace(relight, repair=False, gloss=False)),), [False]
+    return (_unchanged(replace(captured, name=CAPTURED, relight=None), relight),), [False]
+
+
+def _unchanged(captured: Lighting, relight: model.RelightSettings) -> Lighting:
+    """The captured light as one of the job's lightings. It is compared with itself: there is nothing to repair, and
+    gloss that the capture has is not made anew."""
+    return replace(captured, relight=replace(captured.relight or relight, repair=False, gloss=False))
 
 
 def _estimated(

@@ -36,17 +36,20 @@ def opened(stream: IO[bytes], file: str | Path, most: int, each: int, field: str
     """
     from PIL import Image
 
+    smaller = f"scale it down to at most {most >> 20} million pixels"
     data = _encoded(stream, file, most, field)
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
             width, height = image.size
             if width * height > most:
-                remedy = f"scale it down to at most {most >> 20} million pixels"
-                raise InputError(file, f"an image of {width} x {height} pixels", remedy, field=field)
+                raise InputError(file, f"an image of {width} x {height} pixels", smaller, field=field)
             require_memory(Path(file), width * height * each, f"{width} x {height} pixels")
             yield image
     except (InputError, MemoryError):
         raise
+    except Image.DecompressionBombError:  # before its size can be asked
+        most_read = 2 * (Image.MAX_IMAGE_PIXELS or 0) >> 20
+        raise InputError(file, f"an image of more than {most_read} million pixels", smaller, field=field) from None
     except Exception as e:  # errors of a dozen types, zlib.error and IndexError for a broken colour profile
         found = f"an image that cannot be decoded ({type(e).__name__})"
         raise InputError(file, found, "give a sound PNG, JPEG or WebP image", field=field) from None

@@ -20,13 +20,14 @@ from mirelight.io.views import curve_of
 from mirelight.model import F32, DisplaySettings, Frame, rules_of
 from mirelight.model.profiles import BRIGHTEST
 
-Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours", "albedo"]
+Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours", "albedo", "objects"]
 
 OPAQUE = 0.5  # alpha above which a pixel shows splats
 MOST_UNCOVERED = 0.18  # share of the splats' pixels
 MOST_GAP = 0.02  # median distance along the view axis, share of what the picture shows of the proxy
 MOST_WHITE = 0.15  # share of the splats' pixels, and so much more than the capture has
 MOST_BLACK = 0.6
+MOST_HIDDEN = 0.99  # share of the picture by inserted objects
 LEAST_MET = 0.1  # share of the proxy's area
 MOST_HELD = 0.15  # share of the pixels on the proxy that are held at the brightest albedo
 _WHITE, _BLACK = 254.5 / 255, 8 / 255  # display values
@@ -73,6 +74,10 @@ def of_frame(
         what = "splats" if frame.splats is not None else "proxy"
         text = f"the camera sees nothing: {on.mean():.1%} of the picture shows the {what}"
         return (Finding("nothing", text, "turn or move the camera, or leave cameras out: one is placed that sees all"),)
+    objects = None if frame.lighting is None else frame.lighting.objects
+    if objects is not None and (hidden := float((objects.coverage > OPAQUE).mean())) > MOST_HIDDEN:
+        text = f"inserted objects hide {hidden:.0%} of the picture: the camera stands in one, or right before it"
+        return (Finding("objects", text, "move the object or the camera, or give the object another scale"),)
     if frame.splats is not None and frame.lighting is not None:
         found += _fit(frame, own)
     if frame.lighting is not None:

@@ -14,7 +14,7 @@ from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.lighting import albedo, detail
 from mirelight.model import Camera, Frame, Material, ProxyMesh, SplatCloud
-from mirelight.pipeline import stages
+from mirelight.pipeline import frame_diagnostics, stages
 from mirelight.pipeline.plan import plan
 
 JOB = """splats = "splats.ply"
@@ -114,6 +114,15 @@ def test_in_the_captured_light_nothing_but_the_object_changes_the_picture(folder
     assert behind.any()
     gap = np.abs(made.rgba[behind][:, :3] - objects.beauty[behind]).mean()
     assert gap > 0.1 * float(objects.beauty[behind].mean())
+
+
+def test_an_object_around_the_camera_is_told(folder: Path) -> None:
+    around = BALL.replace("drop = true\n", "").replace("[0, 3, 0]", "[0, 1.4, 5], scale = 3")
+    (folder / "around.toml").write_text(JOB + around, encoding="utf-8")
+    job = mirelight.load(folder / "around.toml")
+    frame = stages.frame(mirelight.prepare(job), job.cameras[0], job.lightings[0])
+    (found,) = frame_diagnostics.of_frame(frame, job.display)
+    assert found.kind == "objects" and "hide 100% of the picture: the camera stands in one" in found.text
 
 
 def test_light_of_four_times_the_pixels_shows_the_same_objects(folder: Path) -> None:

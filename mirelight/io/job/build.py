@@ -80,12 +80,9 @@ def build(source: Source, table: JobTable) -> Job:
     proxy = _glowing(proxy, dresses, source) if proxy else None
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
-    captured = _captured(table, lightings, assets, wrong) or _estimated(table, splats, proxy, assets, wrong)
+    lightings, captured = _captured(table, lightings, (splats, proxy), assets, wrong)
     if any(isinstance(x, AsCaptured) for x in table.lightings):
         lightings, is_moment = _as_captured(captured, relight_settings(table), wrong)
-    elif captured is not None and any(x is captured for x in lightings):
-        listed, captured = captured, _unchanged(captured, relight_settings(table))
-        lightings = tuple(captured if x is listed else x for x in lightings)
 
     def objects(tables: list[ObjectTable]) -> tuple[model.Inserted, ...]:
         return inserted.named_apart([assets.inserted(x) for x in tables])
@@ -287,13 +284,21 @@ def _of_proxy(table: JobTable, assets: Assets) -> tuple[Lighting, ...]:
 
 
 def _captured(
-    table: JobTable, lightings: tuple[Lighting, ...], assets: Assets, wrong: list[Mistake]
-) -> Lighting | None:
+    table: JobTable,
+    lightings: tuple[Lighting, ...],
+    scene: tuple[Deferred[SplatCloud] | None, Deferred[ProxyMesh] | None],
+    assets: Assets,
+    wrong: list[Mistake],
+) -> tuple[tuple[Lighting, ...], Lighting | None]:
+    """The lightings, and the captured one, which may be one of them; None where the job names none. `scene`: splats and
+    proxy, of which it may be estimated."""
     if table.captured is None or table.captured.estimate:
-        return None
-    if table.captured.lighting is not None:
-        return next(x for x in lightings if x.name == table.captured.lighting)
-    return lighting.lighting("captured", table.captured, ("captured",), assets, wrong)
+        return lightings, _estimated(table, *scene, assets, wrong)
+    if table.captured.lighting is None:
+        return lightings, lighting.lighting("captured", table.captured, ("captured",), assets, wrong)
+    named = next(x for x in lightings if x.name == table.captured.lighting)
+    left = _unchanged(named, relight_settings(table))
+    return tuple(left if x is named else x for x in lightings), left
 
 
 def _as_captured(
